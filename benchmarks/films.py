@@ -35,7 +35,8 @@ from cubicfish_cli.corner_files.observations_csv import load_corners, save_corne
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.films.source import decode, opened
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.sphere import cone_rays

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import FOLDS
 from cubicfish_cli.fitting.lenses import FixedLens

@@ -37,7 +37,7 @@ from running import MISSING, SAMPLE, Run, run_cli
 from cubicfish_cli.printing import extra
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.calibrate import Calibration
+    from cubicfish_cli.fitting.calibration import Calibration
 
 # Tests read camera.yaml as often as commands do: by the quick loader where there is one.
 yaml.SafeLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -49,7 +49,8 @@ from cubicfish_cli.library.asked import check_inputs
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+    from cubicfish_cli.fitting.calibration import Calibration
+    from cubicfish_cli.fitting.climb import RefineTarget
     from cubicfish_cli.fitting.point_fit import PointCalibration
     from cubicfish_cli.library.asked import TargetSource
     from cubicfish_cli.library.calibration_files import CalibratedFiles

@@ -23,7 +23,7 @@ from cubicfish_cli.cli.terminal import apart, print_json, print_table, print_wro
 from cubicfish_cli.films import MOST
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.calibrate import RefineTarget
+    from cubicfish_cli.fitting.climb import RefineTarget
     from cubicfish_cli.library.asked import TargetSource
 
 

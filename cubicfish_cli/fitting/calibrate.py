@@ -2,73 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.pupil import PupilEffect, pupil_effect
+from cubicfish_cli.assess.pupil import pupil_effect
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
-from cubicfish_cli.fitting.deformation import Deformation, deformations
+from cubicfish_cli.fitting.calibration import Calibration
+from cubicfish_cli.fitting.climb import Climbed, RefineTarget, climb
+from cubicfish_cli.fitting.cubic_fit import CubicResult
+from cubicfish_cli.fitting.deformation import deformations
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
-from cubicfish_cli.fitting.findings import (
-    coverage,
-    dropped_groups,
-)
-from cubicfish_cli.fitting.folds import folds_of
+from cubicfish_cli.fitting.findings import coverage, dropped_groups
 from cubicfish_cli.fitting.frame import in_references_frame
-from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import FIRMEST
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
-from cubicfish_cli.fitting.orientation import oriented
 from cubicfish_cli.fitting.photo_spread import photo_spread
-from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import (
     CHECK_ALL,
     RadialReference,
     fit_radial,
     terms_beyond,
 )
-from cubicfish_cli.fitting.reach import Reach, reach, trusted_angle_deg
-from cubicfish_cli.fitting.refinement import (
-    LEVELS,
-    Drawing,
-    Level,
-    TargetFit,
-    as_drawn,
-    refine_object,
-    to_the_bottom,
-)
+from cubicfish_cli.fitting.reach import reach, trusted_angle_deg
+from cubicfish_cli.fitting.refinement import Drawing, TargetFit, as_drawn, to_the_bottom
 from cubicfish_cli.fitting.rejection import (
     DroppedCorner,
     dropped_corners,
     strays,
-    without,
     without_gross,
     without_noisy,
 )
 from cubicfish_cli.fitting.repeats import repeated_groups
-from cubicfish_cli.fitting.stages import Progress, Stage, Stages
-from cubicfish_cli.fitting.statistics import (
-    ErrorStatistics,
-    error_statistics,
-    photo_records,
-    rms_px,
-)
-from cubicfish_cli.fitting.subset import (
-    flatness,
-    middle,
-    with_mean_weight_one,
-    world_scale,
-)
+from cubicfish_cli.fitting.stages import Progress, Stages
+from cubicfish_cli.fitting.statistics import error_statistics, rms_px
+from cubicfish_cli.fitting.subset import flatness, middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import uncertainty_record
-from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.nearest import nearest_lens
@@ -76,9 +47,8 @@ from cubicfish_cli.lenses.pupil import from_pupil
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.placement import Symmetry, renamed
+from cubicfish_cli.placement import renamed
 from cubicfish_cli.target import Target
-from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -86,13 +56,9 @@ from cubicfish_cli.words.finding import Finding
 MIN_PAIRS = 30
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
-# A sheet that is fitted too is bent a little; a target of two boards leaves a plane by far more.
-_NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _RAYS = 500
-# A richer target must lower photos' held-out errors at least to this share of the poorer one's.
-_WORTH = 0.99
 _NO_CONVERGENCE = "the fit does not converge"
 _INSTEAD_OF_DOUBTS = (
     Code.BOARD_PLACE,
@@ -103,126 +69,10 @@ _INSTEAD_OF_DOUBTS = (
     Code.SHIFTED,
     Code.TURNED,
 )
-_STAGES: dict[Level, tuple[Stage, Stage]] = {
-    "shape": ("shape", "shape held out"),
-    "points": ("points", "points held out"),
-}
-
-RefineTarget = Literal["off", "shape", "points", "auto"]
 
 
 class _UndeterminedError(FitError):
     """The corners fit, and do not determine the lens."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Calibration(Calibrated):
-    """A fitted camera and how well it fits.
-
-    Attributes:
-        camera: the camera.
-        poses: camera_from_world of each of ``pairs.images``.
-        pairs: the pairs that were used.
-        residual: (N, 2) projection less pixel of those, pixels.
-        errors: reprojection errors over the used pairs.
-        companion_rms_px: RMS of the radial reference on the same pairs.
-        held_out: cross-validated errors; None when the photos are too few.
-        held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
-        rank: numerical rank of Φ over the used rays (16 on the sphere).
-        covered_deg: angle from the axis of the farthest used corner.
-        reach: what corners say of the field's rim.
-        pupil: what it matters that the entrance pupil wanders.
-        hold: how P was held to the reference.
-        rival: how photos that were left out would rather have it held, and how likely they are
-            right; None where nothing was left out.
-        dropped: corners left out because they were grossly off.
-        unfit: photos left out, with the reason.
-        refined: what of the target was fitted: ``off``, ``shape`` or ``points``.
-        target: the target as fitted (the given one where nothing was refined); None for pairs
-            that came without one.
-        renamed: photos that show the target the other way round than they said, as its print
-            says, and the motion of the target that their corners were named anew by.
-        departures: by how much the target departs from its drawing, a board each.
-        uncertainty_grid: how far the pixels of distant points may be off, on a grid over the photo,
-            as ``uncertainty_record`` of fitting/uncertainty.py has it.
-        coverage: share of the valid field that corners cover, 0 to 1.
-        notes: what a person should know beyond the figures.
-        findings: what is likely wrong with the set-up, with its evidence.
-        made_by: where it comes from, plain data.
-
-    """
-
-    load = staticmethod(load_camera)
-
-    camera: CubicCamera
-    poses: Poses
-    pairs: Observations
-    residual: FloatArray
-    errors: ErrorStatistics
-    companion_rms_px: float
-    held_out: HeldOut | None
-    held_out_by_level: dict[Level, float]
-    rank: int
-    covered_deg: float
-    reach: Reach
-    pupil: PupilEffect
-    hold: Hold
-    rival: Rival | None
-    dropped: tuple[DroppedCorner, ...]
-    unfit: dict[str, Finding]
-    refined: Level
-    target: Target | None
-    renamed: Mapping[str, Symmetry]
-    departures: tuple[Deformation, ...]
-    uncertainty_grid: dict[str, Any]
-    coverage: float
-    notes: tuple[Finding, ...]
-    findings: tuple[Finding, ...]
-    made_by: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def remarks(self) -> tuple[Finding, ...]:
-        """What is told beside the findings: notes, photos that were left out, doubts."""
-        unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
-        doubts = (doubt for one in self.departures for doubt in one.doubts)
-        return (*self.notes, *unfit, *doubts)
-
-    def named(self, corners: Observations) -> Observations:
-        """Corners of the photos by the names that the fit gave them, of the target as fitted."""
-        return renamed(corners, self.target, self.renamed) if self.target else corners
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: ``fit`` of camera.yaml and the command's JSON."""
-        held_out = self.held_out
-        return {
-            **self.errors.as_record(),
-            "images": len(self.pairs.images),
-            "held_out_rms_px": held_out.rms_px if held_out else None,
-            "held_out_folds": held_out.folds if held_out else 0,
-            "companion_rms_px": self.companion_rms_px,
-            "companion_held_out_rms_px": held_out.companion_rms_px if held_out else None,
-            "refine_target": self.refined,
-            "held_out_by_level": dict(self.held_out_by_level),
-            "renamed_images": list(self.renamed),
-            "departures": [departure.as_record() for departure in self.departures],
-            "rank": self.rank,
-            "covered_deg": self.covered_deg,
-            "reach": self.reach.as_record(),
-            "pupil": self.pupil.as_record(),
-            "flat": flatness(self.pairs.world) < _NEARLY_FLAT,
-            "prior_weight": self.hold.weight,
-            "prior_spread": self.hold.spread,
-            "coverage": self.coverage,
-            "notes": [note.line for note in self.notes],
-            "findings": [finding.as_record() for finding in self.findings],
-            "uncertainty": self.uncertainty_grid,
-            "dropped": len(self.dropped),
-            "dropped_corners": [corner.as_record() for corner in self.dropped],
-            "unfit_images": {photo: why.line for photo, why in self.unfit.items()},
-            "per_image": photo_records(
-                self.pairs.images, self.pairs.image, self.residual, self.poses
-            ),
-        }
 
 
 def calibrate(
@@ -267,7 +117,9 @@ def calibrate(
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:
-        near = _calibrated(pairs, target, refine_target, hold_out, diagnose, stages)
+        fitted = _fitted(pairs, target, refine_target, hold_out, stages)
+        stages.begin("checks")
+        near = _assessed(fitted, pairs, target, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
         error = (
             failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
@@ -287,14 +139,31 @@ def calibrate(
     )
 
 
-def _calibrated(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fitted:
+    """What was fitted, before it is said how good it is.
+
+    Attributes:
+        drawn: the fit to the target as drawn.
+        climbed: the fit.
+        dropped: corners that were left out.
+        scale: the target's units in one unit of the fit.
+
+    """
+
+    drawn: TargetFit
+    climbed: Climbed
+    dropped: tuple[DroppedCorner, ...]
+    scale: float
+
+
+def _fitted(
     pairs: Observations,
     target: Target | None,
     refine_target: RefineTarget,
     hold_out: bool,
-    diagnose: Diagnose | None,
     stages: Stages,
-) -> Calibration:
+) -> _Fitted:
     stages.begin("start")
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
@@ -304,17 +173,29 @@ def _calibrated(
     _refuse_undetermined(rough.reference)
     drawing = Drawing(target=target, pairs=rough.reference.pairs, scale=scale)
     drawn = as_drawn(rough, drawing)
-    fit, drawing, held_out, refused = _climb(drawn, drawing, refine_target, hold_out, stages)
-    astray = strays(fit.reference.pairs, fit.cubic.residual)
-    stray = fit.reference.pairs.select(astray)
-    stray_error = np.linalg.norm(fit.cubic.residual[astray], axis=1)
+    climbed = climb(drawn, drawing, refine_target, hold_out, stages)
+    seen, residual = climbed.fit.reference.pairs, climbed.fit.cubic.residual
+    astray = strays(seen, residual)
     if astray.any():
-        fit, drawing = without(fit, astray), drawing.of(drawing.pairs.select(~astray))
-        held_out = {level: error and error.of(~astray) for level, error in held_out.items()}
-    fit = to_the_bottom(fit)
-    drawn = fit if fit.level == "off" else drawn
-    stages.begin("checks")
-    held_out_by_level = {level: error.rms_px for level, error in held_out.items() if error}
+        climbed = climbed.without(astray)
+    if target is not None:
+        gross = renamed(gross, target, climbed.drawing.renamed)
+    dropped = dropped_corners(gross, gross_error)
+    dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
+    fit = to_the_bottom(climbed.fit)
+    return _Fitted(
+        drawn=fit if fit.level == "off" else drawn,
+        climbed=replace(climbed, fit=fit),
+        dropped=dropped,
+        scale=scale,
+    )
+
+
+def _assessed(
+    fitted: _Fitted, pairs: Observations, target: Target | None, diagnose: Diagnose | None
+) -> Calibration:
+    climbed, scale = fitted.climbed, fitted.scale
+    fit, drawing, held_out = climbed.fit, climbed.drawing, climbed.held_out
     cubic, reference = fit.cubic, fit.reference
     used = drawing.pairs.with_world(reference.pairs.world * scale)
     refined = fit.refined_target(drawing)
@@ -327,7 +208,7 @@ def _calibrated(
         units=None if target is None else target.units,
     )
     places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
-    spread = photo_spread(cubic, reference, places, _in_doubt(fit, held_out, refused))
+    spread = photo_spread(cubic, reference, places, climbed.in_doubt)
     points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
     effect = pupil_effect(camera, points * scale, reference.covered)
     points = from_pupil(points, cubic.lens.travel)
@@ -336,20 +217,15 @@ def _calibrated(
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_record(spread, camera)
     rim = reach(camera, points, cubic.residual, spread.sigma_px)
-    poses = cubic.poses.scaled(scale)
-    camera, poses = in_references_frame(camera, poses, reference.covered)
-    share = coverage(used.pixel, camera.outline(), pairs.image_size)
-    if target is not None:
-        gross = renamed(gross, target, drawing.renamed)
-    dropped = dropped_corners(gross, gross_error) + dropped_corners(stray, stray_error)
-    notes = dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])
+    camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
+    dropped = fitted.dropped
     findings: Sequence[Finding] = ()
     if diagnose is not None:
         findings = diagnose(
             FitEvidence(
                 pairs=pairs,
                 target=target,
-                drawn=drawn,
+                drawn=fitted.drawn,
                 fit=fit,
                 drawing=drawing,
                 dropped=[(corner.image, corner.board) for corner in dropped],
@@ -357,6 +233,7 @@ def _calibrated(
         )
     # What is put down to one board, or to the lens, is not doubted of every board.
     wrong = any(finding.code in _INSTEAD_OF_DOUBTS for finding in findings)
+    departures = deformations(target, refined, doubted=not wrong) if target and refined else ()
     return Calibration(
         camera=camera,
         poses=poses,
@@ -365,7 +242,7 @@ def _calibrated(
         errors=error_statistics(cubic.residual),
         companion_rms_px=rms_px(reference.residual),
         held_out=held_out.get(fit.level),
-        held_out_by_level=held_out_by_level,
+        held_out_by_level={level: error.rms_px for level, error in held_out.items() if error},
         rank=_rank(reference, cubic),
         covered_deg=covered_deg,
         reach=rim,
@@ -377,110 +254,12 @@ def _calibrated(
         refined=fit.level,
         target=refined,
         renamed=drawing.renamed,
-        departures=tuple(deformations(target, refined, doubted=not wrong))
-        if target and refined
-        else (),
+        departures=tuple(departures),
         uncertainty_grid=uncertainty,
-        coverage=share,
-        notes=tuple(notes),
+        coverage=coverage(used.pixel, camera.outline(), pairs.image_size),
+        notes=tuple(dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])),
         findings=tuple(findings),
     )
-
-
-Judged = tuple[TargetFit, HeldOut | None, Drawing]
-
-
-def _climb(
-    fit: TargetFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
-) -> tuple[TargetFit, Drawing, dict[Level, HeldOut | None], TargetFit | None]:
-    """Refine the target up to the level asked for, or as far as held-out photos gain by it.
-
-    The drawing's pairs have the fit's names. The last is a richer fit by which photos that were
-    left out did not gain.
-    """
-    measured: dict[Level, HeldOut | None] = {}
-    auto = refine_target == "auto"
-    if auto and (drawing.target is None or not hold_out):
-        refine_target = "off"
-    if hold_out and (auto or refine_target == "off"):
-        fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
-    if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
-        return fit, drawing, measured, None
-    groups = folds_of(fit.reference)
-    for level in LEVELS[1:]:
-        fitting, holding = _STAGES[level]
-        stages.begin(fitting)
-        starts = oriented(fit, drawing) if level == "points" else [(fit, drawing)]
-        judge = hold_out and (auto or level == refine_target)
-        found: list[Judged] = [
-            (refine_object(start, own, level, groups), None, own)
-            for start, own in (starts if judge else starts[-1:])
-        ]
-        if judge:
-            progress = partial(stages.begin, holding)
-            found = [(*_judged(one, progress), own) for one, _, own in found]
-        richer, error, own = _better_named(found)
-        if judge:
-            measured[level] = error
-        if auto:
-            before, after = measured[fit.level], measured[level]
-            if before is None or after is None or after.times(before) > _WORTH:
-                return fit, drawing, measured, richer
-        fit, drawing = richer, own
-        if level == refine_target:
-            break
-    return fit, drawing, measured, None
-
-
-def _better_named(judged: Sequence[Judged]) -> Judged:
-    """Of fits with the names that were given, and with likelier ones, if photos agree."""
-    (*_, given, _), (*_, likelier, _) = judged[0], judged[-1]
-    if given is None or likelier is None or likelier.times(given) > 1:
-        return judged[0]
-    return judged[-1]
-
-
-def _in_doubt(
-    fit: TargetFit, measured: Mapping[Level, HeldOut | None], refused: TargetFit | None
-) -> list[tuple[CubicFit, float]]:
-    """The lens of a richer fit, and how likely it is the better one.
-
-    A few photos may gain nothing by a refined target and be bent by its departures all the same.
-    """
-    if refused is None:
-        return []
-    mine, other = measured[fit.level], measured[refused.level]
-    return [(refused.cubic.lens, mine.doubt(other))] if mine and other else []
-
-
-def _judged(
-    fit: TargetFit, progress: Callable[[int, int], None]
-) -> tuple[TargetFit, HeldOut | None]:
-    """The held-out error, which has the last word on how P is held.
-
-    The choice was made to first order. Where the cubic is worse than its reference on photos that
-    were left out, its pupil stands still, or it is held as firmly as can be, or both, whichever is
-    best.
-    """
-    held_out = held_out_error(fit, progress)
-    if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
-        return fit, held_out
-    best, error = fit, held_out
-    central = replace(fit.cubic.hold, central=True)
-    for hold in (central, FIRMEST, replace(FIRMEST, central=True)):
-        cubic = fit_cubic(
-            fit.reference,
-            hold,
-            world=fit.cubic.fit.world,
-            start=fit.cubic,
-            relative_decrease=NEAR_DECREASE,
-        )
-        firm = replace(fit, cubic=cubic)
-        measured = held_out_error(firm, progress)
-        if measured is not None and measured.rms_px < error.rms_px:
-            rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
-            best, error = replace(firm, cubic=replace(cubic, rival=rival)), measured
-    return best, error
 
 
 def _refuse_too_little(pairs: Observations) -> None:

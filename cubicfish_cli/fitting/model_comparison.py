@@ -12,7 +12,7 @@ import numpy as np
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of

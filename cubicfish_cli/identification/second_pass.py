@@ -16,7 +16,8 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.executors.pool import Executor, photos_done, settled
-from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.robust import gross_px
 from cubicfish_cli.identification.identified import Detection, PhotoReport
 from cubicfish_cli.lenses.cubic import CubicCamera

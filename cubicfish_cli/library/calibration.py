@@ -16,7 +16,8 @@ from cubicfish_cli.errors import CameraFileError, CorrespondenceError, FitError
 from cubicfish_cli.files import write_text
 from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
-from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+from cubicfish_cli.fitting.calibration import Calibration
+from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import CameraFile

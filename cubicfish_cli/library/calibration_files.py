@@ -12,7 +12,8 @@ from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.assess.camera_facts import CameraFacts
 from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.errors import UsageError
-from cubicfish_cli.fitting.calibrate import Calibration, RefineTarget
+from cubicfish_cli.fitting.calibration import Calibration
+from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.model_comparison import compare_models
 from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
 from cubicfish_cli.library.asked import (

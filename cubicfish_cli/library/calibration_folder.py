@@ -11,7 +11,7 @@ from pathlib import Path
 from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import Content, refuse_existing, write_files
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations

@@ -16,7 +16,7 @@ from cubicfish_cli.errors import (
 from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.identification.identified import Detection, line_of
 from cubicfish_cli.library.asked import (

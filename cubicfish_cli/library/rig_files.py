@@ -14,7 +14,7 @@ from cubicfish_cli.errors import CorrespondenceError, UsageError
 from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording, label_of
-from cubicfish_cli.fitting.calibrate import RefineTarget
+from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration
 from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
 from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera

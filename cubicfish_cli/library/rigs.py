@@ -14,7 +14,7 @@ from cubicfish_cli import __version__
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import CorrespondenceError, FitError
 from cubicfish_cli.files import Content, write_files
-from cubicfish_cli.fitting.calibrate import RefineTarget
+from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.rig import calibrate as fitting
 from cubicfish_cli.fitting.rig import compare as rig_comparison
 from cubicfish_cli.fitting.rig import evaluate as rig_evaluation

@@ -20,7 +20,7 @@ from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import PhotoError, ViewError
 from cubicfish_cli.files import sha256_of
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.lenses.cubic import CubicCamera

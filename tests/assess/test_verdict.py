@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.assess.verdict import evaluation_verdict, photo_verdicts, verdict
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, joined
 

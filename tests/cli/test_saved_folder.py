@@ -8,7 +8,7 @@ import pytest
 from running import SAMPLE, Run
 
 from cubicfish_cli import load_corners, save_camera, save_corners
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.target import load_target
 
 TARGET = SAMPLE / "target.yaml"

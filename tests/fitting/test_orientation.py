@@ -7,7 +7,8 @@ import pytest
 import synthetic
 from symmetric_board import drawn, misnamed, photos
 
-from cubicfish_cli.fitting.calibrate import _better_named, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.climb import better_named
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.held_out import HeldOut
 from cubicfish_cli.fitting.refinement import Drawing
@@ -82,8 +83,8 @@ def test_names_that_photos_left_out_speak_against_are_not_taken() -> None:
     )
     for likelier, taken in ((better, better), (worse, given), (None, given)):
         judged = [(fit, given, drawing), (fit, likelier, drawing)]
-        assert _better_named(judged)[1] is taken
-    assert _better_named([(fit, given, drawing)])[1] is given
+        assert better_named(judged)[1] is taken
+    assert better_named([(fit, given, drawing)])[1] is given
 
 
 def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:

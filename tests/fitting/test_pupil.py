@@ -7,7 +7,8 @@ import pytest
 import synthetic
 
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.radial_reference import fit_radial

@@ -6,7 +6,7 @@ import pytest
 from symmetric_board import drawn, misnamed, photos
 
 from cubicfish_cli import calibrate_files, evaluate_files, load_corners, save_corners
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.report.from_files import facts_of_files
 from cubicfish_cli.target import target_text
 

@@ -24,7 +24,7 @@ pytest.importorskip("jinja2")
 import matplotlib as mpl
 
 from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.fitting.calibrate import Calibration
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.printing.extra import drawing as plain_drawing

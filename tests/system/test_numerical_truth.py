@@ -15,7 +15,8 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.calibrated import save_camera
 from cubicfish_cli.formats.camera_yaml import load_camera

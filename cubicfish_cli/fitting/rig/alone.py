@@ -10,7 +10,8 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.calibrate import RefineTarget, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
 from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.fit_lens import FitLens

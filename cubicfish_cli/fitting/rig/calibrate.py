@@ -14,7 +14,7 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.calibrate import RefineTarget
+from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame

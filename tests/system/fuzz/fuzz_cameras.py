@@ -6,7 +6,8 @@ from functools import cache
 from pathlib import Path
 
 from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.fitting.calibrate import Calibration, calibrate
+from cubicfish_cli.fitting.calibrate import calibrate
+from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.point_fit import calibrate_points
 from cubicfish_cli.formats.calibrated import save_camera
 from cubicfish_cli.lenses.cubic import CubicCamera

@@ -1,0 +1,140 @@
+"""How far the target is refined and how P is held: photos left out have the last word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
+
+from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, Rival, fit_cubic
+from cubicfish_cli.fitting.folds import folds_of
+from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
+from cubicfish_cli.fitting.hold import FIRMEST
+from cubicfish_cli.fitting.lenses import CubicFit
+from cubicfish_cli.fitting.orientation import oriented
+from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, TargetFit, refine_object
+from cubicfish_cli.fitting.rejection import without
+from cubicfish_cli.fitting.stages import Stage, Stages
+from cubicfish_cli.types import BoolArray
+
+# A richer target must lower photos' held-out errors at least to this share of the poorer one's.
+_WORTH = 0.99
+_STAGES: dict[Level, tuple[Stage, Stage]] = {
+    "shape": ("shape", "shape held out"),
+    "points": ("points", "points held out"),
+}
+RefineTarget = Literal["off", "shape", "points", "auto"]
+Judged = tuple[TargetFit, HeldOut | None, Drawing]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Climbed:
+    """A fit at the level of the target that was asked for, or that photos left out speak for.
+
+    Attributes:
+        fit: the fit.
+        drawing: the target as drawn; its pairs have the fit's names.
+        held_out: the held-out error at each level that was judged; None where photos are too few.
+        refused: a richer fit by which photos that were left out did not gain.
+
+    """
+
+    fit: TargetFit
+    drawing: Drawing
+    held_out: Mapping[Level, HeldOut | None]
+    refused: TargetFit | None = None
+
+    def without(self, wrong: BoolArray) -> Climbed:
+        """The same of all pairs but some (N,)."""
+        held_out = {level: error and error.of(~wrong) for level, error in self.held_out.items()}
+        drawing = self.drawing.of(self.drawing.pairs.select(~wrong))
+        return replace(self, fit=without(self.fit, wrong), drawing=drawing, held_out=held_out)
+
+    @property
+    def in_doubt(self) -> list[tuple[CubicFit, float]]:
+        """The lens of a richer fit, and how likely it is the better one.
+
+        A few photos may gain nothing by a refined target and be bent by its departures all the
+        same.
+        """
+        if self.refused is None:
+            return []
+        mine, other = self.held_out[self.fit.level], self.held_out[self.refused.level]
+        return [(self.refused.cubic.lens, mine.doubt(other))] if mine and other else []
+
+
+def climb(
+    fit: TargetFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
+) -> Climbed:
+    """Refine the target up to the level asked for, or as far as held-out photos gain by it."""
+    measured: dict[Level, HeldOut | None] = {}
+    auto = refine_target == "auto"
+    if auto and (drawing.target is None or not hold_out):
+        refine_target = "off"
+    if hold_out and (auto or refine_target == "off"):
+        fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
+    if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
+        return Climbed(fit=fit, drawing=drawing, held_out=measured)
+    groups = folds_of(fit.reference)
+    for level in LEVELS[1:]:
+        fitting, holding = _STAGES[level]
+        stages.begin(fitting)
+        starts = oriented(fit, drawing) if level == "points" else [(fit, drawing)]
+        judge = hold_out and (auto or level == refine_target)
+        found: list[Judged] = [
+            (refine_object(start, own, level, groups), None, own)
+            for start, own in (starts if judge else starts[-1:])
+        ]
+        if judge:
+            progress = partial(stages.begin, holding)
+            found = [(*_judged(one, progress), own) for one, _, own in found]
+        richer, error, own = better_named(found)
+        if judge:
+            measured[level] = error
+        if auto:
+            before, after = measured[fit.level], measured[level]
+            if before is None or after is None or after.times(before) > _WORTH:
+                return Climbed(fit=fit, drawing=drawing, held_out=measured, refused=richer)
+        fit, drawing = richer, own
+        if level == refine_target:
+            break
+    return Climbed(fit=fit, drawing=drawing, held_out=measured)
+
+
+def better_named(judged: Sequence[Judged]) -> Judged:
+    """Of fits with the names that were given, and with likelier ones, if photos agree."""
+    (*_, given, _), (*_, likelier, _) = judged[0], judged[-1]
+    if given is None or likelier is None or likelier.times(given) > 1:
+        return judged[0]
+    return judged[-1]
+
+
+def _judged(
+    fit: TargetFit, progress: Callable[[int, int], None]
+) -> tuple[TargetFit, HeldOut | None]:
+    """The held-out error, which has the last word on how P is held.
+
+    The choice was made to first order. Where the cubic is worse than its reference on photos that
+    were left out, its pupil stands still, or it is held as firmly as can be, or both, whichever is
+    best.
+    """
+    held_out = held_out_error(fit, progress)
+    if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
+        return fit, held_out
+    best, error = fit, held_out
+    central = replace(fit.cubic.hold, central=True)
+    for hold in (central, FIRMEST, replace(FIRMEST, central=True)):
+        cubic = fit_cubic(
+            fit.reference,
+            hold,
+            world=fit.cubic.fit.world,
+            start=fit.cubic,
+            relative_decrease=NEAR_DECREASE,
+        )
+        firm = replace(fit, cubic=cubic)
+        measured = held_out_error(firm, progress)
+        if measured is not None and measured.rms_px < error.rms_px:
+            rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
+            best, error = replace(firm, cubic=replace(cubic, rival=rival)), measured
+    return best, error
