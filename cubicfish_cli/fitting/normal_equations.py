@@ -426,9 +426,7 @@ class NormalSums:
         whole[:, :, 6 + count] = terms.residual
         if free:
             whole[:, :, 7 + count :] = terms.d_corner
-        # Few corners are so far off that they weigh less than others.
-        light = np.flatnonzero(root != 1)
-        whole[light] *= root[light, None, None]
+        whole *= root[:, None, None]
         rows = whole[:, :, : count + 7]
         bounds = np.searchsorted(image, np.arange(photos.start, photos.stop + 1))
         each = np.diff(bounds)
