@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
+from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import (
     FIRST_SPREAD,
@@ -286,7 +287,8 @@ def _fitted(
     """Places, shots and clocks first, the lenses held; then all at once.
 
     Returns:
-        The fit, the pairs as of their shots' moments, and what clocks say.
+        The fit, in which photos count by their noise; the pairs as of their shots' moments, which
+        all count alike, and what clocks say.
 
     """
     pairs, rough = drawing.pairs, _ROUGH_DECREASE
@@ -296,10 +298,14 @@ def _fitted(
     clocks = None
     if moving is not None:
         fit, pairs, clocks = _on_time(fit, pairs, moving)
+    alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
-        spread = FIRST_SPREAD if level == "points" else None
         world = free_world(drawing.of(pairs), noise=noise_px(fit.residual), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
+        fit, spread = settled_spread(fit, pairs, spread)
+    # Photos that are not quite of one moment, too, say less than others.
+    pairs = weighed(pairs, fit.residual)
+    if level != "off":
         fit, _ = settled_spread(fit, pairs, spread)
     if any(isinstance(one.lens, CubicFit) for one in singly):
         joint = adjust(
@@ -310,11 +316,11 @@ def _fitted(
             world=fit.world,
             relative_decrease=rough,
         )
-        joint = _finely(joint, pairs)
+        joint = _finely(joint, weighed(alike, joint.residual))
         cameras = (one.as_camera(own) for own, one in zip(joint.lens.lenses, singly, strict=True))
         if all(check_validity(one.P, one.max_angle_deg).valid for one in cameras):
-            return joint, pairs, clocks
-    return _finely(fit, pairs), pairs, clocks
+            return joint, alike, clocks
+    return _finely(fit, pairs), alike, clocks
 
 
 def _finely(fit: Adjustment[RigLens], pairs: Observations) -> Adjustment[RigLens]:
@@ -347,7 +353,8 @@ def _judged(
     target: Target | None,
 ) -> tuple[tuple[PlacedCamera, ...], Poses, float | None]:
     """The cameras and the shots' poses in the target's units, and the held-out RMS."""
-    fit, lens, pairs, clocks = evidence.fit, evidence.lens, evidence.pairs, evidence.clocks
+    fit, lens, clocks = evidence.fit, evidence.lens, evidence.clocks
+    pairs = fit.pairs.with_world(fit.world.points)
     scale, limit = evidence.scale, huber_px(fit.residual)
     covariance = place_covariances(
         fit,

@@ -15,6 +15,7 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.linearise import linearised, views_of
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.rig import calibrate as rig_fit
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.fitting.rig.clocks import Moving
 from cubicfish_cli.fitting.rig.evaluate import evaluate_rig
@@ -269,6 +270,22 @@ def test_one_shot_in_which_something_moved_is_named() -> None:
     wrong = replace(pairs[1], pixel=np.where(own[:, None], moved[1].pixel, pairs[1].pixel))
     (found,) = fitted((pairs[0], wrong)).findings
     assert (found.code, found.shots) == ("shot_apart", (pairs[1].images[4],))
+
+
+@pytest.mark.slow
+def test_shots_that_are_not_quite_at_once_count_for_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs, _ = simulated()
+    moved, _ = in_motion(late=(0.0, 0.01))
+    own = np.isin(pairs[1].image, (2, 5, 7))
+    shaken = replace(pairs[1], pixel=np.where(own[:, None], moved[1].pixel, pairs[1].pixel))
+
+    def off() -> float:
+        place, clean = fitted((pairs[0], shaken)).cameras[1], plain().cameras[1]
+        return float(np.linalg.norm(place.position - clean.position))
+
+    weighed = off()
+    monkeypatch.setattr(rig_fit, "weighed", lambda pairs, residual: pairs)
+    assert weighed < 0.75 * off()
 
 
 @pytest.mark.slow
