@@ -369,8 +369,8 @@ def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
 
 def _film(target: Target, source: Source, asked: FilmOptions, look: Look, seed: int) -> _Scene:
     """A film of a hand that moves the target."""
+    from cubicfish_cli.films.frame_files import refuse_odd, write_film
     from cubicfish_cli.films.source import library
-    from cubicfish_cli.films.write import refuse_odd, write_film
     from cubicfish_cli.rendering.film import Film, Shutter, hand_path
 
     shutter = Shutter(
