@@ -6,12 +6,11 @@ import hashlib
 import shutil
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.executors.pool import map_photos, workers_for
 from cubicfish_cli.files import refuse_existing, whole_file
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.candidates import REPEATED, Candidate, candidates, kept_of, passed_over
@@ -216,13 +215,10 @@ def choose_photos(
         raise DetectionError("none of the photos can be read: check the files")
     size = known.most_common(1)[0][0]
     usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
-    seen, progress = [], run.listener.counting("Measuring sharpness")
-    for sharp in map_photos(_sharpness, usual, workers_for(run.jobs, len(usual))):
-        seen.append(Seen(patches=(), sharpness=sharp))
-        progress(len(seen), len(usual))
+    sharp = replace(run, executor=None).work("Measuring sharpness").done(_sharpness, usual)
     search = Search(
         names=[photo.name for photo in usual],
-        seen=seen,
+        seen=[Seen(patches=(), sharpness=one) for one in sharp],
         size=size,
         most=most,
         targets=_targets(target),

@@ -211,11 +211,9 @@ def _chosen(
         rows = np.flatnonzero(found.frame[:, column] >= 0).tolist()
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
-        progress = run.listener.counting(f"Finding corners in {name}")
         try:
-            patches = found_in(
-                photos, targets, jobs=run.jobs, cache=run.cache, progress=progress
-            ).patches
+            work = run.work(f"Finding corners in {name}")
+            patches = found_in(photos, targets, work, run.cache).patches
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
         for row, index, photo in zip(rows, frames, photos, strict=True):
