@@ -24,7 +24,6 @@ from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
 from cubicfish_cli.listener import Count
 from cubicfish_cli.observations import MAX_SIDE
-from cubicfish_cli.rendering.near import NearLens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
     OutsideLens,
@@ -47,7 +46,7 @@ from cubicfish_cli.rendering.truth import (
     pose_table_text,
     true_corners_text,
 )
-from cubicfish_cli.rendering.views import WholeLens
+from cubicfish_cli.rendering.views import NearLens, WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
