@@ -33,6 +33,7 @@ import numpy as np
 
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.films.source import decode, opened
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
@@ -119,12 +120,12 @@ def measured(folder: Path, target_file: Path, most: int, every: int) -> tuple[fl
     usual, one = decoding(film), decoding(film, threads=1)
     table = folder / ("all_corners.csv" if every == 1 else f"all_corners_{every}.csv")
     if not table.exists():
-        save_corners(table, detect_corners(photos_of(film, every), target, jobs=1).corners)
+        save_corners(table, detect_corners(photos_of(film, every), target, Work(jobs=1)).corners)
     pairs = load_corners(table, target)
     chosen = find_photos([out])
     equal = [int(one) for one in np.linspace(0, len(pairs.images) - 1, most).round()]
     fits = [
-        fitted(detect_corners(chosen, target, jobs=1).corners.with_target(target), target),
+        fitted(detect_corners(chosen, target, Work(jobs=1)).corners.with_target(target), target),
         fitted(pairs, target),
         fitted(select_photos(pairs, np.unique(equal)), target),
     ]

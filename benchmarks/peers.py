@@ -29,6 +29,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import FitError
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.fit_lens import FitLens
@@ -58,7 +59,9 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     from cubicfish_cli.library.detection import detect_corners
     from cubicfish_cli.photos import find_photos
 
-    return detect_corners(find_photos([data / "images"]), target).corners.with_target(target)
+    return detect_corners(find_photos([data / "images"]), target, Work()).corners.with_target(
+        target
+    )
 
 
 def grid_of(pairs: Observations, target: Target) -> FloatArray:

@@ -29,12 +29,12 @@ from cubicfish_cli.library.calibration import save_camera as save_camera
 from cubicfish_cli.library.calibration import save_target as save_target
 from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.calibration_files import calibrate_files as calibrate_files
+from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
 from cubicfish_cli.library.describing import compare_files as compare_files
 from cubicfish_cli.library.describing import compare_rig_files as compare_rig_files
 from cubicfish_cli.library.describing import info_files as info_files
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.detection import detect_files as detect_files
-from cubicfish_cli.library.evaluation_files import evaluate_files as evaluate_files
 from cubicfish_cli.library.exporting import export_camera as export_camera
 from cubicfish_cli.library.exporting import export_files as export_files
 from cubicfish_cli.library.frames import ChosenFrames as ChosenFrames

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,14 +9,12 @@ from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, option, record
 from cubicfish_cli.cli.progress import call
-from cubicfish_cli.cli.streams import text_width
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 
 if TYPE_CHECKING:
     from cubicfish_cli.advice.advise import Advice, Proposal
     from cubicfish_cli.assess.verdict import Verdict
 
-_LINE = 96
 _MOST_PARTS = 4
 
 
@@ -94,17 +91,17 @@ def _print(advice: Advice, judged: Verdict) -> None:
     result(f"{'coverage':<12}{100 * advice.gaps.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:
         if judged.asks_for_photos:
-            _paragraph(f"Heed the verdict first: {judged.line}.")
+            result(f"Heed the verdict first: {judged.line}.")
             result("By the uncertainty alone more photos are not needed.")
         else:
             result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
-        _paragraph("Not enough: " + "; ".join(reason.line for reason in advice.reasons) + ".")
+        result("Not enough: " + "; ".join(reason.line for reason in advice.reasons) + ".")
         result(_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
-            _paragraph(_take_these(advice))
+            result(_take_these(advice))
         for number, proposal in enumerate(advice.proposals, start=1):
             _print_proposal(number, proposal)
         if advice.proposals:
@@ -146,24 +143,15 @@ def _print_gaps(advice: Advice) -> None:
             result(f"  and {count(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()
     for line in (*advice.gaps.tilts, *advice.gaps.distances):
-        _paragraph(f"Missing: {line}.")
+        result(f"Missing: {line}.")
     if advice.gaps.tilts or advice.gaps.distances:
         result()
 
 
 def _print_proposal(number: int, proposal: Proposal) -> None:
-    _paragraph(f"Put {proposal.words}.", first=f"  {number}  ", rest="     ")
-    _paragraph(
-        f"Lowers the uncertainty there from {proposal.here_before_px:.3f} to "
+    result(f"  {number}  Put {proposal.words}.")
+    result(
+        f"     Lowers the uncertainty there from {proposal.here_before_px:.3f} to "
         f"{proposal.here_after_px:.3f} px, over the field from {proposal.before.median_px:.3f} to "
-        f"{proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians).",
-        first="     ",
-        rest="     ",
+        f"{proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians)."
     )
-
-
-def _paragraph(text: str, first: str = "", rest: str = "") -> None:
-    for line in textwrap.wrap(
-        text, text_width(_LINE), initial_indent=first, subsequent_indent=rest
-    ):
-        result(line)

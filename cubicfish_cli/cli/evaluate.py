@@ -28,7 +28,7 @@ from cubicfish_cli.library.asked import check_inputs
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.asked import TargetSource
-    from cubicfish_cli.library.evaluation_files import EvaluatedFiles
+    from cubicfish_cli.library.calibration_files import EvaluatedFiles
     from cubicfish_cli.words.finding import Finding
 
 
@@ -70,7 +70,7 @@ def command(given: Asked) -> None:
         _evaluate_rig(rig, given)
         return
     check_inputs(given.inputs, None, given.target)
-    from cubicfish_cli.library.evaluation_files import evaluate_files
+    from cubicfish_cli.library.calibration_files import evaluate_files
 
     model = options.model_path(given.model)
     made = call(evaluate_files, given, camera=model)

@@ -6,7 +6,6 @@ import codecs
 import os
 import re
 import shutil
-import sys
 import unicodedata
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal, TextIO
@@ -37,12 +36,6 @@ def columns_of(stream: TextIO) -> int | None:
         except (OSError, ValueError):
             columns = 0
     return max(columns, _FEWEST_COLUMNS) if columns > 0 else shutil.get_terminal_size().columns
-
-
-def text_width(most: int) -> int:
-    """How wide paragraphs on stdout may be: as its terminal is, and at most so many cells."""
-    columns = columns_of(sys.stdout)
-    return most if columns is None else min(most, columns)
 
 
 def can_redraw(stream: TextIO) -> bool:

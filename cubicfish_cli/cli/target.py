@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import sys
-import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +16,6 @@ from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import COUNTS, as_command, common_options, examples, option, record
 from cubicfish_cli.cli.progress import call, keep_fonts
-from cubicfish_cli.cli.streams import columns_of, text_width
 from cubicfish_cli.cli.terminal import (
     Column,
     Row,
@@ -34,7 +31,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.library.target_files import PrintedFiles, TargetCheck
 
 
-_LABEL, _LINE = 12, 96
+_LABEL = 12
 
 
 @record
@@ -96,20 +93,11 @@ def _print(checked: TargetCheck) -> None:
     )
     result(f"\nlengths in {target.units}; the print includes the outer squares\n")
     planes = count(facts.planes, "plane")
-    _paragraph("Target", f"{count(facts.corners, 'corner')} on {planes}")
+    result(f"{'Target':<{_LABEL}}{count(facts.corners, 'corner')} on {planes}")
     before = ""
     for label, text in checked.advice:
-        _paragraph("" if label == before else label, text)
+        result(f"{'' if label == before else label:<{_LABEL}}{text}")
         before = label
-
-
-def _paragraph(label: str, text: str) -> None:
-    lines = [text]  # what is no terminal gets a line as a line, as everywhere
-    if columns_of(sys.stdout) is not None:
-        width = text_width(_LINE) - _LABEL
-        lines = textwrap.wrap(text, width, break_on_hyphens=False, break_long_words=False)
-    for number, line in enumerate(lines):
-        result(f"{label if number == 0 else '':<{_LABEL}}{line}")
 
 
 def _row(board: Board) -> tuple[str, ...]:

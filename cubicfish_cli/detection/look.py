@@ -25,7 +25,7 @@ from cubicfish_cli.detection.finder import MOST_PIXELS, find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.errors import OutputError, PhotoError
-from cubicfish_cli.executors.pool import photos_done, settled
+from cubicfish_cli.executors.pool import Work, settled
 from cubicfish_cli.files import whole_file
 from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target
@@ -172,18 +172,13 @@ def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> 
 
 
 def nameless_grids(
-    photos: Sequence[Photo],
-    *,
-    jobs: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    cache: GridCache | None = None,
+    photos: Sequence[Photo], work: Work, cache: GridCache | None = None
 ) -> list[FoundGrids | None]:
     """Find the checkerboards in photos on disk, where nobody says which target they show.
 
     Args:
         photos: where the photos are.
-        jobs: processes to use; None for one per processor.
-        progress: called with photos done and all photos.
+        work: who does it.
         cache: what was found in photos that were searched before; None searches them all.
 
     Returns:
@@ -191,7 +186,7 @@ def nameless_grids(
 
     """
     look = partial(look_at, target=None, cache=cache)
-    return [one.grids for one in photos_done(look, photos, jobs=jobs, progress=progress)]
+    return [one.grids for one in work.done(look, photos)]
 
 
 def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:

@@ -152,7 +152,7 @@ CANCELLED = (concurrent.futures.CancelledError, asyncio.CancelledError)
 """What becomes of a task whose scheduler is gone."""
 
 _ANSWER_S = 15.0
-_POLL_S = 1.0
+_POLL_S, _LOOK_S = 1.0, 0.01
 # Enough that no worker waits for the network, few enough that the scheduler does not notice.
 _TASKS_A_THREAD = 4
 
@@ -248,16 +248,14 @@ class Cluster:
     def _each(
         self, wanted: bytes, items: Sequence[Item]
     ) -> Iterator[tuple[int, Answer | CubicfishError]]:
+        from distributed import as_completed
+
         # The answer of a task, unlike data that is scattered, is made again when it is lost.
         kept = self._client.submit(bytes, wanted, pure=False)
+        # It fetches answers on its own thread: one that is lost with its worker may never come.
+        finished = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
         numbers = iter(range(len(items)))
-        pending: dict[str, tuple[int, Any]] = {}
-        finished: SimpleQueue[Any] = SimpleQueue()
-        answers: SimpleQueue[list[tuple[str, Any, BaseException | None]]] = SimpleQueue()
-        collector = threading.Thread(
-            target=_collect, args=(self._client, finished, answers), daemon=True
-        )
-        collector.start()
+        pending: dict[Any, int] = {}
         done, so_far = 0, ""
         try:
             while done < len(items):
@@ -269,21 +267,21 @@ class Cluster:
                 if batch:
                     chosen = [pickle.dumps(items[number]) for number in batch]
                     futures = self._client.map(task(), [kept] * len(batch), chosen, pure=False)
-                    for number, future in zip(batch, futures, strict=True):
-                        pending[future.key] = (number, future)
-                        future.add_done_callback(finished.put)
-                try:
-                    some = answers.get(timeout=_POLL_S)
-                except Empty:
-                    continue
-                for key, answer, problem in some:
-                    number, _ = pending.pop(key)
+                    pending |= zip(futures, batch, strict=True)
+                    finished.update(futures)
+                some = finished.next_batch(block=False)
+                if not some:
+                    time.sleep(_LOOK_S)
+                for future, answer in some:
                     done += 1
-                    yield number, answer if problem is None else self._explained(problem, so_far)
+                    number = pending.pop(future)
+                    if future.status != "finished":
+                        # Of what failed: its type, the exception and its traceback.
+                        why = answer if isinstance(answer, BaseException) else answer[1]
+                        answer = self._explained(why, so_far)
+                    yield number, answer
         except CANCELLED as problem:
             raise self._lost(so_far) from problem
-        finally:
-            finished.put(None)
 
     def _explained(self, problem: BaseException, so_far: str) -> ClusterError:
         """What became of a task that gave no answer, where the others may go on."""
@@ -324,32 +322,6 @@ class Cluster:
             f"the scheduler at {self._address} does not answer any more{so_far}: start it and its "
             "workers, and run this again"
         )
-
-
-def _collect(
-    client: Any,
-    finished: SimpleQueue[Any],
-    answers: SimpleQueue[list[tuple[str, Any, BaseException | None]]],
-) -> None:
-    """Fetch the answers of finished tasks, many at a time, until None comes."""
-    while (first := finished.get()) is not None:
-        batch = [first]
-        with suppress(Empty):
-            while (more := finished.get_nowait()) is not None:
-                batch.append(more)
-            return
-        try:
-            found = client.gather(batch)
-            answers.put([(f.key, one, None) for f, one in zip(batch, found, strict=True)])
-        except BaseException:  # of one of them: whose is it?
-            answers.put([_answer(future) for future in batch])
-
-
-def _answer(future: Any) -> tuple[str, Any, BaseException | None]:
-    try:
-        return future.key, future.result(), None
-    except BaseException as problem:
-        return future.key, None, problem
 
 
 def _minor(python: str) -> str:

@@ -16,6 +16,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
@@ -125,30 +126,28 @@ def map_photos(
     yield from _in_order(each_by_processes(work, items, workers, _context()))
 
 
-def photos_done(
-    work: Callable[[Photo], Answer],
-    items: Sequence[Photo],
-    *,
-    jobs: int | None,
-    progress: Callable[[int, int], None] | None,
-    executor: Executor | None = None,
-) -> list[Answer]:
-    """The answers of :func:`map_photos`.
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """Who looks at many photos, and who hears how far that is.
 
-    Args:
-        work: as there.
-        items: as there.
+    Attributes:
         jobs: processes to use; None for one per processor.
         progress: called with items done and all items.
-        executor: as there.
+        executor: who does it instead of processes here.
 
     """
-    answers: list[Answer] = []
-    for answer in map_photos(work, items, workers_for(jobs, len(items)), executor):
-        answers.append(answer)
-        if progress is not None:
-            progress(len(answers), len(items))
-    return answers
+
+    jobs: int | None = None
+    progress: Callable[[int, int], None] = lambda done, total: None
+    executor: Executor | None = None
+
+    def done(self, work: Callable[[Photo], Answer], items: Sequence[Photo]) -> list[Answer]:
+        """The answers of :func:`map_photos`."""
+        answers: list[Answer] = []
+        for answer in map_photos(work, items, workers_for(self.jobs, len(items)), self.executor):
+            answers.append(answer)
+            self.progress(len(answers), len(items))
+        return answers
 
 
 def _by_machines(

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.films.choose import Scale, Seen
+from cubicfish_cli.films.frame_files import brightness, load_frame
 from cubicfish_cli.films.measure import Grey, motion, small_picture
-from cubicfish_cli.films.raw import brightness, load_frame
 from cubicfish_cli.films.scan import Measured, still_px
 from cubicfish_cli.films.source import Film
 from cubicfish_cli.frame_names import frame_name
@@ -36,7 +36,7 @@ class Candidate:
     Attributes:
         film, index: the film's number, and the frame's place in it.
         name: what its picture is called.
-        path: its file, see :mod:`cubicfish_cli.films.raw`.
+        path: its file, see :mod:`cubicfish_cli.films.frame_files`.
         seen: what was measured of it.
 
     """

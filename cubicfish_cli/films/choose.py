@@ -125,27 +125,27 @@ class Gains(Protocol):
 class Coverage:
     """Corners in parts of the picture, and boards seen from some side in wider parts.
 
-    Each such thing counts as measurements do, the n-th less than the one before.
+    Of several cameras those of each, and what each two of them show at once. Each such thing counts
+    as measurements do, the n-th less than the one before.
     """
 
     def __init__(
-        self, pictures: Sequence[Seen], size: tuple[int, int], quality: FloatArray
+        self,
+        shots: Sequence[Sequence[Seen]],
+        sizes: Sequence[tuple[int, int]],
+        quality: FloatArray,
     ) -> None:
-        """Look at what each of the pictures shows.
+        """Look at what each of the shots shows.
 
         Args:
-            pictures: all of them.
-            size: (width, height) of them.
-            quality: (N,) how much each weighs, 0 to 1.
+            shots: for each a picture of every camera.
+            sizes: (width, height) of each camera's pictures.
+            quality: (S, C) how much each picture weighs, 0 to 1.
 
         """
         self._shown = [
-            weight * _shown(picture, size)
-            for picture, weight in zip(pictures, quality, strict=True)
+            _shown_at_once(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
         ]
-        self._begin()
-
-    def _begin(self) -> None:
         self._known = np.zeros_like(self._shown[0])
         # A share of what the first may add.
         self.flat = 0.02 * max(self.of(number) for number in range(len(self._shown)))
@@ -166,7 +166,7 @@ def choose(
     still_px: float,
     gains_of: Callable[[FloatArray], Gains | None] = lambda quality: None,
 ) -> Choice:
-    """Choose at most ``most`` pictures.
+    """Choose at most ``most`` pictures of one camera; see :func:`choose_shots`.
 
     Args:
         pictures: all of them.
@@ -177,22 +177,8 @@ def choose(
             :class:`Coverage`.
 
     """
-    why = ["" if picture.corners else "no corners" for picture in pictures]
-    usable = [index for index, picture in enumerate(pictures) if picture.corners]
-    if not usable:
-        return Choice(order=(), gain=np.full(len(pictures), np.nan), why_not=tuple(why))
-    scale = Scale.of([pictures[index] for index in usable], still_px)
-    quality = np.array([scale.quality(picture) for picture in pictures])
-    spoilt = {
-        index: word for index in usable if (word := scale.spoilt(pictures[index])) is not None
-    }
-    gains = gains_of(quality) or Coverage(pictures, size, quality)
-
-    def same(one: int, other: int) -> bool:
-        apart = _apart(pictures[one], pictures[other])
-        return apart is not None and apart < _SAME_VIEW * float(np.hypot(*size))
-
-    return _greedy(usable, why, spoilt, gains, same, most)
+    shots = [[picture] for picture in pictures]
+    return choose_shots(shots, [size], most, [still_px], lambda quality: gains_of(quality[:, 0]))
 
 
 def choose_shots(
@@ -200,6 +186,7 @@ def choose_shots(
     sizes: Sequence[tuple[int, int]],
     most: int,
     still_px: Sequence[float],
+    gains_of: Callable[[FloatArray], Gains | None] = lambda quality: None,
 ) -> Choice:
     """Choose at most ``most`` shots of several cameras, each a picture of every camera.
 
@@ -211,6 +198,8 @@ def choose_shots(
         sizes: (width, height) of each camera's pictures.
         most: how many may be chosen.
         still_px: for each camera the motion below which a picture counts as still, pixels.
+        gains_of: the pictures' quality (S, C), 0 to 1 -> what tells what shots add; None for
+            :class:`Coverage`.
 
     """
     nothing = Seen(patches=(), sharpness=0.0)
@@ -239,7 +228,8 @@ def choose_shots(
         pairs = zip(pictures[one], pictures[other], sizes, strict=True)
         return all(_same_view(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
 
-    return _greedy(usable, why, spoilt, ShotCoverage(pictures, sizes, quality), same, most)
+    gains = gains_of(quality) or Coverage(pictures, sizes, quality)
+    return _greedy(usable, why, spoilt, gains, same, most)
 
 
 def _same_view(one: Seen, other: Seen, size: tuple[int, int]) -> bool:
@@ -247,29 +237,6 @@ def _same_view(one: Seen, other: Seen, size: tuple[int, int]) -> bool:
         return False
     apart = _apart(one, other)
     return apart is not None and apart < _SAME_VIEW * float(np.hypot(*size))
-
-
-class ShotCoverage(Coverage):
-    """What the pictures of a shot show their cameras, and what each two cameras show at once."""
-
-    def __init__(
-        self,
-        shots: Sequence[Sequence[Seen]],
-        sizes: Sequence[tuple[int, int]],
-        quality: FloatArray,
-    ) -> None:
-        """Look at what each of the shots shows.
-
-        Args:
-            shots: for each a picture of every camera.
-            sizes: (width, height) of each camera's pictures.
-            quality: (S, C) how much each picture weighs, 0 to 1.
-
-        """
-        self._shown = [
-            _shown_at_once(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
-        ]
-        self._begin()
 
 
 def _shown_at_once(

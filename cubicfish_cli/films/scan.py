@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import OutputError, PhotoError
 from cubicfish_cli.files import whole_file, write_text
+from cubicfish_cli.films.frame_files import SUFFIX, brightness, save_frame
 from cubicfish_cli.films.measure import motion, sharpness, small_picture
-from cubicfish_cli.films.raw import SUFFIX, brightness, save_frame
 from cubicfish_cli.films.source import Film, decode, opened
 from cubicfish_cli.photos import shown
 
@@ -38,7 +38,7 @@ class Measured:
         time: seconds from its beginning, of each frame.
         sharpness: see :mod:`cubicfish_cli.films.measure`.
         motion: to the nearer of both neighbours, pixels.
-        kept: frames (by index) that were kept -> their files, see :mod:`cubicfish_cli.films.raw`.
+        kept: frames (by index) that were kept -> their files, see :mod:`~.frame_files`.
         turned_deg: how far players are told to turn the film.
         interlaced: whether frames are two half pictures of different times.
         problem: one line where the film ends before its end.

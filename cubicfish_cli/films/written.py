@@ -1,30 +1,59 @@
-"""Writing the chosen frames, frames.csv and the contact sheet together or not at all."""
+"""What is written of films: the chosen frames, frames.csv and the contact sheet, all or none.
+
+frames.csv has every frame, its measures, and whether it was chosen. The sheet is no picture, since
+a folder's pictures are the photos to calibrate from.
+"""
 
 from __future__ import annotations
 
+import csv
+import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli import __version__
+from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.films.candidates import Candidate
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.raw import load_frame
+from cubicfish_cli.films.frame_files import load_frame, write_frame
 from cubicfish_cli.films.scan import Measured
-from cubicfish_cli.films.sheet import NAME as SHEET
-from cubicfish_cli.films.sheet import Shown, sheet
-from cubicfish_cli.films.table import NAME as TABLE
-from cubicfish_cli.films.table import FrameRow, photos_of_table, write_rows
-from cubicfish_cli.films.write import write_frame
-from cubicfish_cli.photos import shown
+from cubicfish_cli.films.source import Film
+from cubicfish_cli.photos import Picture, read_picture, shown
 
+TABLE, SHEET = "frames.csv", "contact_sheet.html"
+COLUMNS = ("film", "time", "sharpness", "motion", "corners", "gain", "chosen", "photo")
 PASSED_OVER = "not looked at: a neighbour is sharper or stiller"
+_MARK = "# cubicfish frames 1, "
+_FIRST_BYTES = 1_000_000
 _MOST_NAMED = 4
+_WIDTH, _QUALITY = 240, 80
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Chosen frames</title>
+<meta name="viewport" content="width=device-width">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; \
+style-src 'unsafe-inline'">
+<style>
+:root {{ color-scheme: light dark; }}
+body {{ font: 13px/1.4 system-ui, sans-serif; margin: 1em; }}
+h1 {{ font-size: 20px; margin: 0 0 .3em; }} p {{ margin: 0 0 1.2em; max-width: 60em; }}
+main {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(240px, 1fr)); gap: 1em; }}
+figure {{ margin: 0; }} img, svg {{ width: 100%; display: block; background: #000; }}
+figcaption {{ overflow-wrap: anywhere; margin-top: .3em; }}
+path {{ stroke: #4fc3f7; stroke-linecap: round; }}
+</style></head><body><h1>{title}</h1><p>{about}</p><main>
+{figures}
+</main></body></html>
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,32 +81,13 @@ class Chosen:
         """Numbers of the frames that were chosen, in the films' order."""
         return [at for at, why in enumerate(self.why_not) if not why]
 
-    def rows(self) -> Iterator[FrameRow]:
-        """All frames of the films, one after the other."""
-        place = {(frame.film, frame.index): at for at, frame in enumerate(self.frames)}
-        for number, film in enumerate(self.measured):
-            for index in range(len(film)):
-                at = place.get((number, index))
-                looked_at = at in self.looked_at
-                gain = math.nan if at is None or not looked_at else float(self.gain[at])
-                yield FrameRow(
-                    film=str(film.film.path),
-                    time=film.time[index],
-                    sharpness=film.sharpness[index],
-                    motion=film.motion[index],
-                    corners=None if at is None or not looked_at else self.seen[at].corners,
-                    gain=gain if math.isfinite(gain) else None,
-                    why_not=PASSED_OVER if at is None else self.why_not[at],
-                    photo="" if at is None or self.why_not[at] else self.frames[at].name,
-                )
-
 
 def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwrite: bool) -> None:
     """Write table, sheet and pictures; pictures of an earlier choice go.
 
     Args:
         folder: where.
-        of: what the choice depends on; see :func:`cubicfish_cli.films.table.depends_on`.
+        of: what the choice depends on; see :func:`depends_on`.
         chosen: what was chosen.
         overwrite: whether files of an earlier choice may be replaced.
 
@@ -90,37 +100,131 @@ def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwri
     old = [folder / name for name in photos_of_table(paths[0])] if overwrite else []
     obsolete = [path for path in old if path not in paths]
     with whole_files(paths, overwrite=overwrite, obsolete=obsolete) as (table, page, *pictures):
-        write_rows(table, of, chosen.rows())
+        _write_table(table, of, chosen)
         for picture, frame in zip(pictures, frames, strict=True):
             write_frame(picture, load_frame(frame.path))
         write_text(page, _sheet(chosen, pictures), overwrite=False)
 
 
+def _write_table(path: Path, of: Mapping[str, Any], chosen: Chosen) -> None:
+    """All frames of the films, one after the other."""
+    place = {(frame.film, frame.index): at for at, frame in enumerate(chosen.frames)}
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"{_MARK}{json.dumps(of)}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for number, film in enumerate(chosen.measured):
+            for index in range(len(film)):
+                at = place.get((number, index))
+                corners, gain, why_not, photo = "", "", PASSED_OVER, ""
+                if at is not None:
+                    why_not = chosen.why_not[at]
+                    photo = "" if why_not else chosen.frames[at].name
+                    if at in chosen.looked_at:
+                        corners, value = str(chosen.seen[at].corners), float(chosen.gain[at])
+                        gain = f"{value:.3f}" if math.isfinite(value) else ""
+                writer.writerow(
+                    (
+                        film.film.path,
+                        f"{film.time[index]:.6f}",
+                        f"{film.sharpness[index]:.4f}",
+                        f"{film.motion[index]:.3f}",
+                        corners,
+                        gain,
+                        why_not or "yes",
+                        photo,
+                    )
+                )
+
+
+def photos_of_table(path: Path) -> list[str]:
+    """Names of the pictures that were written beside a table; none where it cannot be read.
+
+    A name that leads out of the folder is no name of a picture.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            if not file.readline(_FIRST_BYTES).startswith(_MARK):
+                return []
+            names = [row.get("photo") or "" for row in csv.DictReader(file)]
+    except (OSError, ValueError, csv.Error):
+        return []
+    return [name for name in names if name and Path(name).name == name and name.endswith(".png")]
+
+
+def depends_on(films: Sequence[Film], most: int, target_sha256: str | None) -> dict[str, Any]:
+    """What a choice depends on: the films as they are now, how many may be chosen, the target."""
+    return {
+        "films": [[str(film.path.resolve()), *film.stamp] for film in films],
+        "most": most,
+        "target": target_sha256,
+        "version": __version__,
+    }
+
+
+def is_of(path: Path, of: Mapping[str, Any]) -> bool:
+    """Whether a table's choice depended on just this."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            line = file.readline(_FIRST_BYTES)
+        return line.startswith(_MARK) and json.loads(line.removeprefix(_MARK)) == of
+    except (OSError, ValueError):
+        return False
+
+
 def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
+    """The contact sheet: chosen frames, small and side by side, in one page."""
     numbers = chosen.numbers
     every = sum(len(film) for film in chosen.measured)
     several = len(chosen.measured) > 1
-    frames = []
+    corners = np.concatenate([chosen.seen[at].pixel for at in numbers])
+    drawn = _map(corners, chosen.measured[0].film.size)
+    figures = [_figure(drawn, "All corners", "of the chosen frames, seen at a glance")]
     for at, path in zip(numbers, pictures, strict=True):
         frame, seen = chosen.frames[at], chosen.seen[at]
         film = chosen.measured[frame.film]
-        frames.append(
-            Shown(
-                path=path,
-                head=f"{film.film.label} " * several + f"{film.time[frame.index]:.3f} s",
-                words=f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion "
+        figures.append(
+            _figure(
+                f'<img alt="" src="data:image/jpeg;base64,{_small(path)}">',
+                f"{film.film.label} " * several + f"{film.time[frame.index]:.3f} s",
+                f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion "
                 f"{seen.motion:.1f} px, gain {chosen.gain[at]:.2f}",
             )
         )
-    return sheet(
-        f"{len(numbers)} frame{'s' * (len(numbers) != 1)} of {listed(chosen.measured)}",
+    title = f"{len(numbers)} frame{'s' * (len(numbers) != 1)} of {listed(chosen.measured)}"
+    about = (
         f"Chosen of {every:,} frames; boards were looked for in {len(chosen.looked_at):,}. Gain is "
         "what a frame added to those chosen before it. frames.csv says of every frame why it was "
-        "not chosen.",
-        frames,
-        np.concatenate([chosen.seen[at].pixel for at in numbers]),
-        chosen.measured[0].film.size,
+        "not chosen."
     )
+    return _PAGE.format(title=escape(title), about=escape(about), figures="\n".join(figures))
+
+
+def _figure(image: str, head: str, words: str) -> str:
+    caption = f"<figcaption><b>{escape(head)}</b><br>{escape(words)}</figcaption>"
+    return f"<figure>{image}{caption}</figure>"
+
+
+def _map(corners: npt.NDArray[np.float64], size: Sequence[int]) -> str:
+    """Where corners (N, 2) are in the picture, as a drawing."""
+    dots = "".join(f"M{x:.0f} {y:.0f}h0" for x, y in corners)
+    width = max(1, round(size[0] / 120))
+    box = f"0 0 {size[0]} {size[1]}"
+    return f'<svg viewBox="{box}" role="img"><path stroke-width="{width}" d="{dots}"/></svg>'
+
+
+def _small(path: Path) -> str:
+    picture: Picture = read_picture(path)
+    height, width = picture.shape[:2]
+    size = (min(width, _WIDTH), max(1, round(height * min(1.0, _WIDTH / width))))
+    done, data = cv2.imencode(
+        ".jpg",
+        cv2.resize(picture, size, interpolation=cv2.INTER_AREA),
+        [cv2.IMWRITE_JPEG_QUALITY, _QUALITY],
+    )
+    if not done:
+        raise PhotoError(f"{path} cannot be shown small")
+    return b64encode(data.tobytes()).decode()
 
 
 def listed(films: Sequence[Measured]) -> str:

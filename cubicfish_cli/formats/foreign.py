@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,6 @@ from typing import Any
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_format import (
     CameraFormat,
-    LensRig,
-    Poses,
     read_bounded,
     read_bounded_bytes,
 )
@@ -28,59 +26,10 @@ WRITTEN: Mapping[str, CameraFormat] = {
 }
 """The format of each name that one is written under."""
 
-LENS_OF: Mapping[str, type[Lens]] = {name: made.lenses[name] for name, made in WRITTEN.items()}
-"""Format -> the lens that it holds."""
-
-FILE_NAMES = {name: made.file_name for name, made in WRITTEN.items()}
-"""Format -> what its file is usually called."""
-
-FRONT_ONLY = {name: what for made in _FORMATS.values() for name, what in made.front_only.items()}
-"""Format -> what reads it and divides by z first: it sees nothing behind, whatever the lens."""
-
-RIG_FILE_NAMES = {name: made.rig[0] for name, made in WRITTEN.items() if made.rig is not None}
-"""Format that holds rigs -> what its file is usually called, or the folder of its files."""
-
 OWN_FIELD = "the camera is trusted to"
 """What stands in our own files before the half-angle of the field, degrees."""
 
 _SNIFFED_BYTES = 64_000_000
-
-
-def foreign_text(name: str, lens: Any, note: Sequence[str], poses: Poses) -> str:
-    """The text of a file in a format of :data:`LENS_OF`.
-
-    Args:
-        name: the format.
-        lens: of its model.
-        note: how the lens was made, a line each; they go in as comments where there are any.
-        poses: of the photos, for formats that hold them.
-
-    Raises:
-        CameraFileError: the format does not take such values.
-
-    """
-    return WRITTEN[name].write(lens, note, poses)
-
-
-def rig_texts(name: str, rig: LensRig, path: Path) -> dict[Path, str]:
-    """The files of a rig in a format of :data:`RIG_FILE_NAMES`: path -> text.
-
-    Args:
-        name: the format.
-        rig: lenses of its model, and where they stand.
-        path: of the file, or of the folder of several.
-
-    Raises:
-        CameraFileError: the format does not take such a rig, such lenses or such units.
-
-    """
-    holds_rigs = WRITTEN[name].rig
-    if holds_rigs is None:
-        raise ValueError(f"the format {name} holds one camera")
-    made = holds_rigs[1](rig)
-    if isinstance(made, str):
-        return {path: made}
-    return {path / own: text for own, text in made.items()}
 
 
 def read_foreign(

@@ -17,10 +17,12 @@ one (``!!opencv-matrix``, ``type_id``) is left out.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
@@ -396,90 +398,49 @@ def read_file_storage(path: Path) -> dict[str, Any]:
     return mapping(path, parse_plain_yaml(path, text, error=CameraFileError), "the file")
 
 
-class _Element:
-    """An element that is being read."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.children: list[tuple[str, Any]] = []
-        self.names: set[str] = set()
-        self.text: list[str] = []
-
-
-class _Xml:
-    """Expat's handlers: a stack of open elements, and what the outermost one held."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.open: list[_Element] = []
-        self.value: Any = None
-        # The declaration's encoding is overruled: the text was decoded already.
-        self.parser = expat.ParserCreate("utf-8")
-        self.parser.buffer_text = True
-        self.parser.StartDoctypeDeclHandler = self._refuse_doctype
-        self.parser.EntityDeclHandler = self._refuse_doctype
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.CharacterDataHandler = self._characters
-
-    @property
-    def where(self) -> str:
-        return f"{self.path}, line {self.parser.CurrentLineNumber}"
-
-    def _refuse_doctype(self, *_: object) -> NoReturn:
-        raise CameraFileError(
-            f"{self.where}: document types and entities (<!DOCTYPE, <!ENTITY) are not allowed: "
-            "plain data only"
-        )
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        if not self.open and name != _ROOT:
-            raise CameraFileError(
-                f"{self.where}: the outermost element is {quoted(name)}, not {_ROOT}: is it "
-                "OpenCV's FileStorage?"
-            )
-        if len(self.open) >= MAX_DEPTH:
-            raise CameraFileError(f"{self.where}: nested more than {MAX_DEPTH} levels deep")
-        self.open.append(_Element(name))
-
-    def _characters(self, text: str) -> None:
-        self.open[-1].text.append(text)
-
-    def _end(self, name: str) -> None:
-        element = self.open.pop()
-        text = "".join(element.text).strip()
-        value: Any
-        if not element.children:
-            # A storage without anything is a mapping, and anything else without anything nothing.
-            value = _values(text) if self.open or text else {}
-        elif text:
-            raise CameraFileError(f"{self.where}: {quoted(name)} holds text beside elements")
-        elif all(child == "_" for child, _ in element.children):
-            value = [one for _, one in element.children]
-        elif any(child == "_" for child, _ in element.children):
-            raise CameraFileError(f"{self.where}: {quoted(name)} holds a list beside names")
-        else:
-            value = dict(element.children)
-        if not self.open:
-            self.value = value
-            return
-        parent = self.open[-1]
-        if name != "_" and name in parent.names:
-            raise CameraFileError(
-                f"{self.where}: {quoted(name)} is there twice in {quoted(parent.name)}"
-            )
-        parent.names.add(name)
-        parent.children.append((name, value))
-
-
 def _parse_xml(path: Path, text: str) -> Any:
-    reader = _Xml(path)
+    refused = re.search("<!(?:DOCTYPE|ENTITY)", text)
+    if refused is not None:
+        raise CameraFileError(
+            f"{path}, line {text.count(chr(10), 0, refused.start()) + 1}: document types and "
+            "entities (<!DOCTYPE, <!ENTITY) are not allowed: plain data only"
+        )
     try:
-        reader.parser.Parse(text.lstrip().encode("utf-8", "surrogatepass"), True)
-    except expat.ExpatError as problem:
+        root = ElementTree.fromstring(text.lstrip())
+    except ElementTree.ParseError as problem:
         what = expat.ErrorString(problem.code)
-        raise CameraFileError(f"{path}, line {problem.lineno}: not valid XML: {what}") from problem
-    return reader.value
+        raise CameraFileError(
+            f"{path}, line {problem.position[0]}: not valid XML: {what}"
+        ) from problem
+    if root.tag != _ROOT:
+        raise CameraFileError(
+            f"{path}: the outermost element is {quoted(root.tag)}, not {_ROOT}: is it OpenCV's "
+            "FileStorage?"
+        )
+    return _of_element(path, root, 1)
+
+
+def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
+    """What an element holds: a mapping, a list where children are called ``_``, or a value."""
+    name = quoted(element.tag)
+    if depth > MAX_DEPTH:
+        raise CameraFileError(f"{path}: nested more than {MAX_DEPTH} levels deep")
+    text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
+    if not len(element):
+        # A storage without anything is a mapping, and anything else without anything nothing.
+        return _values(text) if depth > 1 or text else {}
+    if text:
+        raise CameraFileError(f"{path}: {name} holds text beside elements")
+    names = Counter(child.tag for child in element)
+    values = [_of_element(path, child, depth + 1) for child in element]
+    if [*names] == ["_"]:
+        return values
+    if "_" in names:
+        raise CameraFileError(f"{path}: {name} holds a list beside names")
+    twice, count = names.most_common(1)[0]
+    if count > 1:
+        raise CameraFileError(f"{path}: {quoted(twice)} is there twice in {name}")
+    return dict(zip(names, values, strict=True))
 
 
 def _values(text: str) -> Any:

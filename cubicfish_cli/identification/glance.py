@@ -8,7 +8,7 @@ photos or target that do not fit: a closer look tells that.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -24,7 +24,7 @@ from cubicfish_cli.detection.links import find_patches
 from cubicfish_cli.detection.markers import MarkedCorners, outlined_corners
 from cubicfish_cli.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.executors.pool import map_photos, workers_for
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.identification.identified import marked_corners
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.observations import Observations
@@ -90,31 +90,20 @@ class Looked(Protocol):
         ...
 
 
-def glance(
-    pictures: Sequence[Looked],
-    target: Target | None,
-    *,
-    jobs: int | None = 1,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Glimpse | None]:
+def glance(pictures: Sequence[Looked], target: Target | None, work: Work) -> list[Glimpse | None]:
     """What each picture shows: corners named by markers, or grids of checkerboards.
 
     Args:
         pictures: photos, or whatever else is looked at.
         target: the calibration target; None looks for any checkerboard.
-        jobs: processes to use; None for one per processor.
-        progress: called with pictures done and all pictures.
+        work: who does it.
 
     Returns:
         None for each that cannot be read.
 
     """
-    found: list[Glimpse | None] = []
     look = partial(_look, marked=target if target is not None and target.has_markers else None)
-    for one in map_photos(look, pictures, workers_for(jobs, len(pictures))):
-        found.append(one)
-        progress(len(found), len(pictures))
-    return found
+    return work.done(look, pictures)
 
 
 def named_at_a_glance(

@@ -6,7 +6,7 @@ corner there, by the same tests as in the first pass, it is added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.executors.pool import Executor, photos_done, settled
+from cubicfish_cli.executors.pool import Work, settled
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.robust import gross_px
@@ -69,10 +69,7 @@ def second_pass(
     photos: Sequence[Photo],
     detection: Detection,
     target: Target,
-    *,
-    jobs: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    executor: Executor | None = None,
+    work: Work,
 ) -> Detection:
     """Add the corners that a camera fitted to the first pass predicts and the photos show.
 
@@ -82,9 +79,7 @@ def second_pass(
         photos: the photos that ``detection`` is of, in its order.
         detection: the first pass.
         target: the calibration target.
-        jobs: processes to use; None for one per processor.
-        progress: called with photos done and all photos.
-        executor: who looks at the photos instead of processes here.
+        work: who looks at the photos.
 
     Returns:
         The detection with the added corners; the same one where no camera can be fitted.
@@ -102,7 +97,7 @@ def second_pass(
         )
     except FitError:
         return detection
-    seen = photos if executor is None else [photo.absolute() for photo in photos]
+    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
     by_name = {photo.name: photo for photo in seen}
     exact = {report.name for report in detection.photos if report.exact}
     predictions = [
@@ -110,7 +105,7 @@ def second_pass(
         for number, name in enumerate(fit.pairs.images)
         if name in exact
     ]
-    found = photos_done(_look, predictions, jobs=jobs, progress=progress, executor=executor)
+    found = work.done(_look, predictions)
     return _with_added(detection, found)
 
 

@@ -19,7 +19,7 @@ from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish_cli.executors.pool import Executor
+    from cubicfish_cli.executors.pool import Executor, Work
     from cubicfish_cli.files import Fingerprint
     from cubicfish_cli.photos import Photo
     from cubicfish_cli.target import Target
@@ -55,6 +55,13 @@ class Run:
     def __post_init__(self) -> None:
         if self.anew:
             object.__setattr__(self, "cache", None)
+
+    def work(self, step: str) -> Work:
+        """Who looks at photos in a step, which begins now."""
+        from cubicfish_cli.executors.pool import Work
+
+        progress = self.listener.counting(step)
+        return Work(jobs=self.jobs, progress=progress, executor=self.executor)
 
 
 RUN: Run = Run()

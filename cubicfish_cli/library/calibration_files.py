@@ -1,37 +1,68 @@
-"""Photos, films or tables -> a fit, and the folder of the calibration."""
+"""Photos, films or tables -> a fit and its folder, or how a camera does on them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal
 
 from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.assess.camera_facts import CameraFacts
-from cubicfish_cli.assess.verdict import Verdict
-from cubicfish_cli.errors import UsageError
+from cubicfish_cli.assess.uncertainty import uncertainty_at
+from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict
+from cubicfish_cli.corner_files.observations_csv import save_corners
+from cubicfish_cli.errors import OutputError, UsageError
+from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.climb import RefineTarget
+from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
 from cubicfish_cli.fitting.model_comparison import compare_models
 from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
+from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import (
     RUN,
     Run,
     StrPath,
     TargetSource,
     check_inputs,
+    in_folder,
     made_at,
     made_by_record,
     paths_of,
 )
 from cubicfish_cli.library.calibration import calibrate
-from cubicfish_cli.library.calibration_folder import NAMES, CalibrationFolder, contents_of
-from cubicfish_cli.library.inputs import Inputs, load_inputs, recorded_as, with_frames
+from cubicfish_cli.library.inputs import (
+    Inputs,
+    load_inputs,
+    recorded_as,
+    refuse_other_sizes,
+    with_frames,
+)
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.photos import MAX_PIXELS
 from cubicfish_cli.printing import extra
-from cubicfish_cli.target import Target
+from cubicfish_cli.target import Target, target_text
+from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.words.codes import Event
+
+NAMES = {
+    "camera": "camera.yaml",
+    "map": "undistort_map.npz",
+    "target": "target.refined.yaml",
+    "report": "report.html",
+    "corners": "corners.csv",
+    "drawn": "target.yaml",
+}
+"""Of its files by what they hold; the camera is the first to go and the last to be there."""
+
+# Made by a calibration only, and true of its camera only. A corners.csv may be the user's own.
+_ITS_OWN = ("map", "target", "report")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,16 +158,20 @@ def calibrate_files(
     check_inputs(paths, pairs, source)
     made_at()  # said before the work if it cannot be
     read = [path for path in (*paths, source.path, pairs) if path is not None]
-    place = CalibrationFolder(path=Path(folder), inputs=read)
+    goals = {kind: Path(folder) / name for kind, name in NAMES.items()}
     # Corners that were read from this very file need not be written again.
-    with_corners = bool(paths) and not place.has_input("corners")
+    with_corners = bool(paths) and not _is_among(read, goals["corners"])
     with_page = report and not extra.missing(extra.REPORT)
     kinds = {"report": with_page, "corners": with_corners, "drawn": source.needs_file}
     own = [kind for kind, wanted in kinds.items() if wanted]
-    place.refuse("camera", "map", "target", *own, overwrite=run.overwrite)
-    if refine_target != "off":
-        place.refuse_input("target")
-    photos = with_frames(paths, place.path / "frames", source, best, run)
+    kinds_refused = ("camera", "map", "target", *own)
+    refuse_existing(*(goals[kind] for kind in kinds_refused), overwrite=run.overwrite)
+    if refine_target != "off" and _is_among(read, goals["target"]):
+        raise OutputError(
+            f"{goals['target']} would be replaced, and is what this calibration is made from: "
+            "choose another folder with -o"
+        )
+    photos = with_frames(paths, Path(folder) / "frames", source, best, run)
     loaded = load_inputs(
         photos, source, run, correspondences=pairs, image_size=image_size, best=best
     )
@@ -145,17 +180,24 @@ def calibrate_files(
     named = {} if title is None else {"title": title}
     made_by = {**named, **made_by_record(command, asked, loaded.target_file, loaded.files)}
     if drawn is not None:
-        made_by["target"] = recorded_as(drawn, place.path / NAMES["drawn"])
+        made_by["target"] = recorded_as(drawn, goals["drawn"])
     fitted = replace(fitted, made_by=made_by)
     loaded = loaded.named_by(fitted)
-    contents = contents_of(fitted, loaded.corners if with_corners else None, drawn)
+    contents = _contents(fitted, loaded.corners if with_corners else None, drawn)
     if contents.get("map") is None and lift == "ray":
         width, height = fitted.camera.image_size
         run.listener.tell(Event.NO_MAP, width=width, height=height)
     if with_page:
         contents["report"] = _page(fitted, loaded, run)
     run.listener.progress("Writing")
-    files, removed = place.write(contents, overwrite=run.overwrite)
+    files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
+    others = [goals[kind] for kind in _ITS_OWN if kind not in files]
+    obsolete = [path for path in others if path.is_file() and not _is_among(read, path)]
+    write_files(
+        {path: contents[kind] or "" for kind, path in files.items()},
+        overwrite=run.overwrite,
+        obsolete=obsolete if run.overwrite else (),
+    )
     record, advice, models = fitted.as_record(), None, None
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, record, fitted.pairs)
@@ -171,10 +213,40 @@ def calibrate_files(
         facts=fitted.facts,
         verdict=fitted.verdict,
         files=files,
-        removed=removed,
+        removed=[path for path in obsolete if not path.exists()],
         advice=advice,
         models=models,
     )
+
+
+def _is_among(inputs: Sequence[Path], path: Path) -> bool:
+    """Whether a file is one of those that the calibration is made from."""
+    return path.exists() and any(one.exists() and path.samefile(one) for one in inputs)
+
+
+def _contents(
+    fitted: Calibration | PointCalibration,
+    corners: Observations | None,
+    drawn: str | None,
+) -> dict[str, Content | None]:
+    """What is written of a fit of either lift, but for the report, by the names in :data:`NAMES`.
+
+    ``map`` is None where it would take gigabytes.
+    """
+    contents: dict[str, Content | None] = {"drawn": drawn, "camera": fitted.text()}
+    if corners is not None:
+        contents["corners"] = partial(save_corners, corners=corners, overwrite=False)
+    if isinstance(fitted, Calibration):
+        contents["map"] = _map(fitted.camera)
+        if fitted.refined != "off" and fitted.target is not None:
+            contents["target"] = target_text(fitted.target)
+    return contents
+
+
+def _map(camera: CubicCamera) -> Content | None:
+    if math.prod(camera.image_size) > MAX_PIXELS:
+        return None
+    return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
 
 
 def _fit(
@@ -215,3 +287,64 @@ def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> s
         return None
     run.listener.tell(Event.PAGE_TOOK, seconds=perf_counter() - start)
     return page
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluatedFiles:
+    """What became of :func:`evaluate_files`.
+
+    Attributes:
+        evaluation: the errors.
+        inputs: what they were measured on.
+        record: both as plain data: what ``cubicfish evaluate --json`` prints.
+        camera: the camera.
+        verdict: how well it does there.
+
+    """
+
+    evaluation: Evaluation
+    inputs: Inputs
+    record: dict[str, Any]
+    camera: CubicCamera
+    verdict: Verdict
+
+
+def evaluate_files(
+    camera: StrPath,
+    inputs: StrPath | Sequence[StrPath],
+    target: TargetSource | Target | StrPath | None = None,
+    *,
+    image_size: tuple[int, int] | None = None,
+    run: Run = RUN,
+) -> EvaluatedFiles:
+    """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
+
+    Args:
+        camera: its file, or the folder of that.
+        inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
+        target: the calibration target, or its file; 2D-3D pairs need none.
+        image_size: (width, height) of the photos, for tables that do not say.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, or no photo can be placed.
+
+    """
+    paths, source = paths_of(inputs), TargetSource.of(target)
+    check_inputs(paths, None, source)
+    file = load_camera(in_folder(Path(camera)))
+    size = file.camera.image_size
+    refuse_other_sizes(paths, size)
+    loaded = load_inputs(paths, source, run, image_size=image_size or size)
+    run.listener.progress("Fitting poses")
+    evaluation = evaluate(file.camera, loaded.pairs)
+    sigma = uncertainty_at(file.fit, evaluation.pairs.pixel)
+    record = {**evaluation.as_record(), "uncertainty": sigma, **loaded.remarks()}
+    return EvaluatedFiles(
+        evaluation=evaluation,
+        inputs=loaded,
+        record=record,
+        camera=file.camera,
+        verdict=evaluation_verdict(record, file.fit, size),
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,7 +23,7 @@ from cubicfish_cli.detection.markers import MarkedCorners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, OutputError, PhotoError
-from cubicfish_cli.executors.pool import Executor, photos_done
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.identification.identified import (
     Detection,
@@ -96,42 +96,27 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
         DetectionError: no corner could be named in any photo.
 
     """
-    listener, jobs, executor = run.listener, run.jobs, run.executor
-    listener.tell(Event.LOOKING, photos=len(photos))
-    progress = listener.counting("Finding corners")
-    detection = first_look(
-        photos, targets, jobs=jobs, progress=progress, cache=run.cache, executor=executor
-    )
+    run.listener.tell(Event.LOOKING, photos=len(photos))
+    detection = first_look(photos, targets, run.work("Finding corners"), run.cache)
     target = detection.corners.target
     if target is not None:
-        progress = listener.counting("Looking again")
-        detection = second_pass(
-            photos, detection, target, jobs=jobs, progress=progress, executor=executor
-        )
+        detection = second_pass(photos, detection, target, run.work("Looking again"))
     added = sum(photo.added for photo in detection.photos)
     if added:
-        listener.tell(Event.LOOKED_AGAIN, corners=added)
+        run.listener.tell(Event.LOOKED_AGAIN, corners=added)
     return detection
 
 
 def first_look(
-    photos: Sequence[Photo],
-    targets: Sequence[Target],
-    *,
-    jobs: int | None,
-    progress: Callable[[int, int], None] | None = None,
-    cache: StrPath | None = None,
-    executor: Executor | None = None,
+    photos: Sequence[Photo], targets: Sequence[Target], work: Work, cache: StrPath | None = None
 ) -> Detection:
     """Find and name the corners of the one of several targets that explains most of them.
 
     Args:
         photos: the photos.
         targets: at least one; ``corners.target`` of the result says which it is.
-        jobs: processes to use; None for one per processor.
-        progress: called with photos done and all photos.
+        work: who looks at the photos.
         cache: a folder in which what is found in files is kept.
-        executor: who looks at the photos instead of processes here.
 
     Raises:
         DetectionError: no corner could be named by any of them; the text is that of the last.
@@ -141,13 +126,10 @@ def first_look(
         if cache is None and len(targets) > 1:  # photos are searched once for all targets
             cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         grids = None if cache is None else GridCache(folder=Path(cache).absolute())
-        look = partial(
-            detect_corners, photos, jobs=jobs, progress=progress, cache=grids, executor=executor
-        )
         found: list[Detection] = []
         for number, target in enumerate(targets, start=1):
             try:
-                found.append(look(target))
+                found.append(detect_corners(photos, target, work, grids))
             except DetectionError:  # the last says why, where none does better
                 if number == len(targets) and not found:
                     raise
@@ -203,33 +185,28 @@ _REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_
 def detect_corners(
     photos: Sequence[Photo],
     target: Target,
-    *,
-    jobs: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    work: Work,
     cache: GridCache | None = None,
-    executor: Executor | None = None,
 ) -> Detection:
     """Find and name the corners of ``target`` in photos.
 
     Photos that cannot be read, or are not of the size that most have, are reported and passed
-    over. The result does not depend on ``jobs``.
+    over. The result does not depend on who does the work.
 
     Args:
         photos: where the photos are.
         target: the calibration target.
-        jobs: processes to use; None for one per processor.
-        progress: called with photos done and all photos.
+        work: who looks at the photos.
         cache: what was found in photos that were searched before; None searches them all.
-        executor: who looks at the photos instead of processes here.
 
     Raises:
-        ClusterError: ``executor`` cannot do the work.
+        ClusterError: the executor cannot do the work.
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
     look = partial(look_at, target=target, cache=cache)
-    seen = photos if executor is None else [photo.absolute() for photo in photos]
-    found = photos_done(look, seen, jobs=jobs, progress=progress, executor=executor)
+    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
+    found = work.done(look, seen)
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))

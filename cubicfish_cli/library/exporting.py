@@ -27,14 +27,8 @@ from cubicfish_cli.formats.camera_format import (
 )
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import (
-    FILE_NAMES,
-    FRONT_ONLY,
-    LENS_OF,
     OWN_FIELD,
-    RIG_FILE_NAMES,
     WRITTEN,
-    foreign_text,
-    rig_texts,
 )
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, load_rig
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -75,7 +69,7 @@ class Exported:
     @property
     def text(self) -> str:
         """The text of the format's file."""
-        return foreign_text(self.name, self.conversion.lens, self.note, self.poses)
+        return WRITTEN[self.name].write(self.conversion.lens, self.note, self.poses)
 
     def as_record(self) -> dict[str, Any]:
         """The lens and its errors, for JSON."""
@@ -117,13 +111,13 @@ def export_camera(
         FitError: there is no such format, or its lens is farther from the camera than that.
 
     """
-    if to not in LENS_OF:
-        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(LENS_OF))}")
+    if to not in WRITTEN:
+        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(WRITTEN))}")
     camera, fit = calibrated.camera, calibrated.as_record()
     covered = fit.get("covered_deg")
     conversion = to_lens(
         camera,
-        LENS_OF[to],
+        WRITTEN[to].lenses[to],
         max_angle_deg=max_angle_deg,
         covered_deg=float(covered) if isinstance(covered, int | float) else None,
     )
@@ -222,8 +216,9 @@ def _note(
         )
     lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
     lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
-    if farthest >= _BEHIND_DEG and name in FRONT_ONLY:
-        lines.append(f"{FRONT_ONLY[name]} itself sees nothing at 90 degrees from the axis or more")
+    reader = WRITTEN[name].front_only.get(name)
+    if farthest >= _BEHIND_DEG and reader is not None:
+        lines.append(f"{reader} itself sees nothing at 90 degrees from the axis or more")
     if conversion.turned_deg > 0:
         turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
         lines.append(
@@ -311,7 +306,7 @@ def export_files(
         return _export_rig(rig, to, output, pair, max_error, max_angle_deg, run)
     if pair is not None:
         raise UsageError("--pair names two cameras of a rig: name the rig.yaml")
-    goal = Path(output or FILE_NAMES.get(to, "undistort_map.npz"))
+    goal = Path(output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
     if to != "usd":
         refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(in_folder(path))
@@ -354,14 +349,15 @@ def _export_rig(
     if to == "usd":
         placed = [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen]
         return _export_usd(output, placed, rig.units, max_error, run)
-    if to not in RIG_FILE_NAMES:
+    holds_rigs = WRITTEN[to].rig if to in WRITTEN else None
+    if holds_rigs is None:
         first = path.parent / rig.cameras[0].path
         raise UsageError(
             f"--to {to} holds one camera: name one of the rig's, such as {first}, or choose one of "
-            + ", ".join([*RIG_FILE_NAMES, "usd"])
+            + ", ".join([*(name for name, made in WRITTEN.items() if made.rig), "usd"])
         )
     run.listener.progress("Fitting the other lenses")
-    goal = Path(output or RIG_FILE_NAMES[to])
+    goal = Path(output or holds_rigs[0])
     made = []
     for one in chosen:
         try:
@@ -369,7 +365,8 @@ def _export_rig(
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
-    texts = rig_texts(to, lens_rig(rig, made), goal)
+    text = holds_rigs[1](lens_rig(rig, made))
+    texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
     written = write_files(texts, overwrite=run.overwrite)
     lines, warnings = [], []
     for one, lens in made:

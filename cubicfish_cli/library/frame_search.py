@@ -18,6 +18,7 @@ from cubicfish_cli.advice.worth import Worth
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import GridCache, nameless_grids
 from cubicfish_cli.errors import DetectionError, FitError
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.films.choose import Choice, Patch, Seen, choose
 from cubicfish_cli.films.scan import still_px
 from cubicfish_cli.identification.glance import Looked, glance, named_at_a_glance
@@ -64,12 +65,7 @@ Look = Callable[[Sequence[int], Sequence[Target] | None], Found]
 
 
 def found_at_a_glance(
-    pictures: Sequence[Looked],
-    targets: Sequence[Target] | None,
-    size: tuple[int, int],
-    *,
-    jobs: int | None = 1,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    pictures: Sequence[Looked], targets: Sequence[Target] | None, size: tuple[int, int], work: Work
 ) -> Found:
     """Corners of a target, or grids as they are, as far as a glance shows them.
 
@@ -77,11 +73,10 @@ def found_at_a_glance(
         pictures: all of one size.
         targets: what the target may be; None looks for any checkerboard.
         size: (width, height) of the pictures.
-        jobs: processes to use; None for one per processor.
-        progress: called with pictures done and all pictures.
+        work: who looks at them.
 
     """
-    seen = glance(pictures, targets[0] if targets else None, jobs=jobs, progress=progress)
+    seen = glance(pictures, targets[0] if targets else None, work)
     names = [picture.name for picture in pictures]
     if targets:
         return _of_corners(named_at_a_glance(seen, targets, size, names))
@@ -91,20 +86,14 @@ def found_at_a_glance(
 
 
 def found_in(
-    photos: Sequence[Photo],
-    targets: Sequence[Target] | None,
-    *,
-    jobs: int | None = 1,
-    cache: Path | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    photos: Sequence[Photo], targets: Sequence[Target] | None, work: Work, cache: Path | None
 ) -> Found:
     """Corners of a target, or grids as they are, as the finder shows them.
 
     Args:
         photos: all of one size.
         targets: what the target may be; None looks for any checkerboard.
-        jobs: processes to use; None for one per processor.
-        progress: called with photos done and all photos.
+        work: who looks at them.
         cache: a folder in which what is found in files is kept.
 
     Raises:
@@ -112,11 +101,9 @@ def found_in(
 
     """
     if targets:
-        return _of_corners(
-            first_look(photos, targets, jobs=jobs, progress=progress, cache=cache).corners
-        )
+        return _of_corners(first_look(photos, targets, work, cache).corners)
     kept = None if cache is None else GridCache(folder=cache)
-    found = nameless_grids(photos, jobs=jobs, progress=progress, cache=kept)
+    found = nameless_grids(photos, work, kept)
     return _of_grids({photo.name: one for photo, one in zip(photos, found, strict=True) if one})
 
 
@@ -142,15 +129,13 @@ def both_looks(
     """
 
     def glanced(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some, progress = [pictures[at] for at in numbers], run.listener.counting(glancing)
-        return found_at_a_glance(some, targets, size, jobs=glances, progress=progress)
+        work = replace(run, jobs=glances).work(f"Glancing at {what}")
+        return found_at_a_glance([pictures[at] for at in numbers], targets, size, work)
 
     def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
         some = [photo(pictures[at]) for at in numbers]
-        progress = run.listener.counting("Finding boards")
-        return found_in(some, targets, jobs=run.jobs, cache=run.cache, progress=progress)
+        return found_in(some, targets, run.work("Finding boards"), run.cache)
 
-    glancing = f"Glancing at {what}"
     return glanced, closely
 
 

@@ -6,22 +6,29 @@ import hashlib
 import shutil
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.executors.pool import map_photos, workers_for
 from cubicfish_cli.files import refuse_existing, whole_file
-from cubicfish_cli.films import MOST, sheet, table
+from cubicfish_cli.films import MOST
 from cubicfish_cli.films.candidates import REPEATED, Candidate, candidates, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
+from cubicfish_cli.films.frame_files import load_frame, write_frame
 from cubicfish_cli.films.measure import sharpness
-from cubicfish_cli.films.raw import load_frame
 from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import open_films
-from cubicfish_cli.films.write import write_frame
-from cubicfish_cli.films.written import Chosen, listed, write_chosen
+from cubicfish_cli.films.written import (
+    SHEET,
+    TABLE,
+    Chosen,
+    depends_on,
+    is_of,
+    listed,
+    photos_of_table,
+    write_chosen,
+)
 from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.library.frame_search import Search, both_looks
 from cubicfish_cli.listener import SILENT, Listener
@@ -102,7 +109,7 @@ def choose_frames(
     listener, overwrite = run.listener, run.overwrite
     folder, targets = Path(folder), _targets(target, listener)
     opened = open_films(_expanded(films))
-    for name in (table.NAME, sheet.NAME):
+    for name in (TABLE, SHEET):
         refuse_existing(folder / name, overwrite=overwrite)
     unfinished = folder / _UNFINISHED
     every, measured = kept_of(opened, most), []
@@ -147,14 +154,14 @@ def choose_frames(
             for at in range(len(frames))
         ],
     )
-    of = table.depends_on(opened, most, _fingerprint(targets))
+    of = depends_on(opened, most, _fingerprint(targets))
     listener.progress("Writing frames")
     write_chosen(folder, of, chosen, overwrite=overwrite)
     shutil.rmtree(unfinished, ignore_errors=True)
     return ChosenFrames(
         photos=tuple(folder / frames[at].name for at in chosen.numbers),
-        table=folder / table.NAME,
-        sheet=folder / sheet.NAME,
+        table=folder / TABLE,
+        sheet=folder / SHEET,
         frames=sum(map(len, measured)),
         looked_at=len(looked_at),
         films=tuple(_record(one) for one in measured),
@@ -175,11 +182,11 @@ def earlier_frames(
         OutputError: the extra ``video`` is not installed.
 
     """
-    path = Path(folder) / table.NAME
-    of = table.depends_on(open_films(_expanded(films)), most, _fingerprint(_targets(target)))
-    if not (path.is_file() and table.is_of(path, of)):
+    path = Path(folder) / TABLE
+    of = depends_on(open_films(_expanded(films)), most, _fingerprint(_targets(target)))
+    if not (path.is_file() and is_of(path, of)):
         return ()
-    kept = tuple(path.parent / name for name in table.photos_of_table(path))
+    kept = tuple(path.parent / name for name in photos_of_table(path))
     return kept if all(one.is_file() for one in kept) else ()
 
 
@@ -208,13 +215,10 @@ def choose_photos(
         raise DetectionError("none of the photos can be read: check the files")
     size = known.most_common(1)[0][0]
     usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
-    seen, progress = [], run.listener.counting("Measuring sharpness")
-    for sharp in map_photos(_sharpness, usual, workers_for(run.jobs, len(usual))):
-        seen.append(Seen(patches=(), sharpness=sharp))
-        progress(len(seen), len(usual))
+    sharp = replace(run, executor=None).work("Measuring sharpness").done(_sharpness, usual)
     search = Search(
         names=[photo.name for photo in usual],
-        seen=seen,
+        seen=[Seen(patches=(), sharpness=one) for one in sharp],
         size=size,
         most=most,
         targets=_targets(target),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +22,10 @@ from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.map_formats import (
-    Masked,
+    Origin,
     build_redistort_map,
     ffmpeg_command,
-    map_writer,
-    part_name,
+    map_writers,
     view_files,
 )
 from cubicfish_cli.undistortion.maps import (
@@ -40,83 +39,16 @@ from cubicfish_cli.undistortion.rigs import ROW_ALIGNED
 from cubicfish_cli.undistortion.view import CentralView, View
 from cubicfish_cli.wording import either
 
-SUFFIXES = (".npz", ".exr", ".png", ".pgm")
-
 Size = tuple[int, int]
-Origin = Literal["bottom-left", "top-left"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Writer:
-    """Writes maps under a name, whose suffix says how.
-
-    Attributes:
-        output: the name.
-        fixed_point, origin: as for :func:`map_files`.
-        mask: where the masks go.
-        overwrite: whether files may be replaced.
-
-    """
-
-    output: Path
-    fixed_point: bool
-    origin: Origin
-    mask: Path | None
-    overwrite: bool
-
-    def __post_init__(self) -> None:
-        suffix = self.output.suffix.lower()
-        if suffix not in SUFFIXES:
-            raise UsageError(
-                f"{self.output}: maps are written as {', '.join(SUFFIXES)}: choose a name that "
-                "ends so"
-            )
-        if self.fixed_point and suffix != ".npz":
-            raise UsageError("--fixed-point is for maps in .npz")
-
-    def plan(self, parts: Sequence[str], *others: Path) -> dict[str, Any]:
-        """The files of each part of a map, and what writes them.
-
-        Raises:
-            OutputError: one of them, or of others, exists and may not be replaced.
-
-        """
-        plan = {
-            part: map_writer(
-                part_name(self.output, part), fixed_point=self.fixed_point, origin=self.origin
-            )
-            for part in parts
-        }
-        refuse_existing(*_files_of(plan), *others, overwrite=self.overwrite)
-        return plan
-
-    def write(
-        self,
-        plan: Mapping[str, Any],
-        maps: Mapping[str, UndistortMap],
-        more: Mapping[Path, Content],
-        masked: Masked | None = None,
-    ) -> list[Path]:
-        """Write maps, their views and what more there is, all or none."""
-        files: dict[Path, Content] = {
-            path: partial(write, index, maps[part])
-            for part, (paths, write) in plan.items()
-            for index, path in enumerate(paths)
-        }
-        views = view_files(maps, mask=self.mask, beside=self.output, masked=masked)
-        return write_files({**files, **more, **views}, overwrite=self.overwrite)
-
-
-def _writer(
-    output: StrPath, fixed_point: bool, origin: Origin, mask: StrPath | None, run: Run
-) -> _Writer:
-    return _Writer(
-        output=Path(output),
-        fixed_point=fixed_point,
-        origin=origin,
-        mask=path_or_none(mask),
-        overwrite=run.overwrite,
-    )
+def _contents(plan: Mapping[str, Any], maps: Mapping[str, UndistortMap]) -> dict[Path, Content]:
+    """The files of each part of a map, and what writes them."""
+    return {
+        path: partial(write, index, maps[part])
+        for part, (paths, write) in plan.items()
+        for index, path in enumerate(paths)
+    }
 
 
 def _files_of(plan: Mapping[str, Any]) -> list[Path]:
@@ -203,8 +135,10 @@ def map_files(
             if mask is None
             else "--mask-limit is for the map that undistorts: leave it out, or --redistort"
         )
-    writer = _writer(output, fixed_point, origin, mask, run)
-    plan = writer.plan(view.parts if isinstance(view, ViewOptions) else ("",))
+    goal = Path(output)
+    parts = view.parts if isinstance(view, ViewOptions) else ("",)
+    plan = map_writers(goal, parts, fixed_point=fixed_point, origin=origin)
+    refuse_existing(*_files_of(plan), overwrite=run.overwrite)
     path = in_folder(Path(camera))
     loaded, part = load_camera(path), parse_crop(crop) if isinstance(crop, str) else crop
     size = photo_size or ((part.width, part.height) if part else loaded.camera.image_size)
@@ -215,8 +149,9 @@ def map_files(
     chosen = chosen_of(view, there)
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}
-    written = writer.write(plan, maps, {}, masked)
-    is_pair = writer.output.suffix.lower() == ".pgm"
+    views = view_files(maps, mask=path_or_none(mask), beside=goal, masked=masked)
+    written = write_files({**_contents(plan, maps), **views}, overwrite=run.overwrite)
+    is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(
         model=path,
         own=_files_of(plan),
@@ -262,12 +197,14 @@ def map_rig_files(
             common; a file exists and may not be replaced.
 
     """
-    writer = _writer(output, fixed_point, origin, mask, run)
+    goal = Path(output)
+    map_writers(goal, fixed_point=fixed_point, origin=origin)  # its name is refused first
     asked, path = _row_aligned(view or ViewOptions()), rig_file_in(Path(rig))
     loaded = load_rig(path)
     both = _two_cameras(loaded, pair)
-    about = writer.output.with_suffix(".stereo.yaml")
-    plan = writer.plan(both, about)
+    about = goal.with_suffix(".stereo.yaml")
+    plan = map_writers(goal, both, fixed_point=fixed_point, origin=origin)
+    refuse_existing(*_files_of(plan), about, overwrite=run.overwrite)
     between = rectify(loaded, *both)
     if photo_size is not None:
         one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)
@@ -291,7 +228,9 @@ def map_rig_files(
         "photo_sizes": [list(camera.image_size) for camera in between.cameras],
         **between.as_record(common),
     }
-    written = writer.write(plan, maps, {about: plain_yaml_text(record)})
+    views = view_files(maps, mask=path_or_none(mask), beside=goal)
+    files = {**_contents(plan, maps), about: plain_yaml_text(record), **views}
+    written = write_files(files, overwrite=run.overwrite)
     return MapFiles(
         model=path,
         own=_files_of(plan),

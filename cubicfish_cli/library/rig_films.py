@@ -12,9 +12,8 @@ import numpy as np
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.files import refuse_existing, whole_files, write_text
 from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.clocks import film_offset
 from cubicfish_cli.films.scan import Measured, scan, still_px
-from cubicfish_cli.films.shots import Moments, begins_at, flow, moments, take_out
+from cubicfish_cli.films.shots import Moments, begins_at, film_offset, flow, moments, take_out
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.fitting.rig.clocks import Moving
 from cubicfish_cli.frame_names import frame_name
@@ -212,11 +211,9 @@ def _chosen(
         rows = np.flatnonzero(found.frame[:, column] >= 0).tolist()
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
-        progress = run.listener.counting(f"Finding corners in {name}")
         try:
-            patches = found_in(
-                photos, targets, jobs=run.jobs, cache=run.cache, progress=progress
-            ).patches
+            work = run.work(f"Finding corners in {name}")
+            patches = found_in(photos, targets, work, run.cache).patches
         except DetectionError as error:
             raise DetectionError(f"camera {name}: no frame can be chosen: {error}") from error
         for row, index, photo in zip(rows, frames, photos, strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -19,12 +19,12 @@ from cubicfish_cli.files import Content, write_files
 from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.frame_names import frame_name
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
-from cubicfish_cli.listener import Count
+from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import MAX_SIDE
-from cubicfish_cli.rendering.near import NearLens
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
     OutsideLens,
@@ -47,7 +47,7 @@ from cubicfish_cli.rendering.truth import (
     pose_table_text,
     true_corners_text,
 )
-from cubicfish_cli.rendering.views import WholeLens
+from cubicfish_cli.rendering.views import NearLens, WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
@@ -58,6 +58,7 @@ _SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml
 _SIZE = (960, 720)
 _LOOK = LookOptions()
 _MOST_PHOTOS = 10_000
+_RENDERING = "Rendering"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,95 +78,64 @@ class Source:
     text: str
     note: Mapping[str, Any] | None = None
 
-    @classmethod
-    def of(
-        cls,
-        lens: Calibrated | CubicCamera | StrPath,
-        image_size: Sequence[int] | None,
-        target: Target,
-    ) -> Source:
-        """What a caller names: a camera, a lens or a file of one; see :func:`simulate_files`.
 
-        Raises:
-            CameraFileError: it cannot be used, or is for photos of another size.
+def _source(
+    lens: Calibrated | CubicCamera | StrPath, image_size: Sequence[int] | None, target: Target
+) -> Source:
+    """What a caller names: a camera, a lens or a file of one; see :func:`simulate_files`.
 
-        """
-        size = None
-        if image_size is not None:
-            refusal = Refusal(error=CameraFileError)
-            size = refusal.size(image_size, "image_size", limit=MAX_SIDE)
-        if isinstance(lens, Calibrated | CubicCamera):
-            camera = lens.camera if isinstance(lens, Calibrated) else lens
-            source = cls.of_camera(camera, {}, target)
-        elif os.fspath(lens) in OUTSIDE_LENSES or _is_of_another_tool(Path(lens)):
-            source = cls.of_lens(os.fspath(lens), size, target)
-        else:
-            source = cls.of_file(Path(lens), target)
-        if size not in (None, source.image_size):
-            raise CameraFileError(
-                "the lens is for photos of {}x{} pixels: leave image_size out".format(
-                    *source.image_size
-                )
+    Raises:
+        CameraFileError: it cannot be used, or is for photos of another size.
+
+    """
+    size = None
+    if image_size is not None:
+        size = Refusal(error=CameraFileError).size(image_size, "image_size", limit=MAX_SIDE)
+    if isinstance(lens, Calibrated | CubicCamera):
+        camera = lens.camera if isinstance(lens, Calibrated) else lens
+        source = _of_camera(camera, {}, target)
+    elif (name := os.fspath(lens)) in OUTSIDE_LENSES:
+        source = _of_lens(outside_lens(name, size or _SIZE, units=target.units))
+    elif _is_of_another_tool(Path(lens)):
+        source = _of_another_tool(Path(lens), size)
+    elif is_lens_file(Path(lens)):
+        source = _of_lens(load_lens(Path(lens)))
+    else:
+        source = _of_camera(load_camera(Path(lens)).camera, {"camera": name}, target)
+    if size not in (None, source.image_size):
+        raise CameraFileError(
+            "the lens is for photos of {}x{} pixels: leave image_size out".format(
+                *source.image_size
             )
-        return source
-
-    @classmethod
-    def of_file(cls, path: Path, target: Target) -> Source:
-        """The lens of a camera.yaml, or of a file of a lens's formula.
-
-        Raises:
-            CameraFileError: it cannot be used.
-
-        """
-        if is_lens_file(path):
-            true = load_lens(path)
-            if isinstance(true, RaysAtDistance):
-                return cls._outside(true.lens)
-            return cls(lens=true, image_size=true.image_size, text=lens_text(true))
-        return cls.of_camera(load_camera(path).camera, {"camera": str(path)}, target)
-
-    @classmethod
-    def of_camera(
-        cls, camera: CubicCamera, made_by: Mapping[str, object], target: Target
-    ) -> Source:
-        """A camera, which sees the target as near as it is."""
-        camera = camera.in_units(target.units)
-        lens = NearLens(camera=camera) if camera.pupil_travel else camera
-        return cls(lens=lens, image_size=camera.image_size, text=_camera_text(camera, made_by))
-
-    @classmethod
-    def of_lens(cls, name: str, size: tuple[int, int] | None, target: Target) -> Source:
-        """A lens that no camera.yaml can hold, or that of another tool's file.
-
-        Args:
-            name: of the lens, or of the file.
-            size: (width, height) of photos, where that is not told.
-            target: whose unit is the lens's.
-
-        Raises:
-            CameraFileError: the file cannot be used.
-
-        """
-        if name in OUTSIDE_LENSES:
-            return cls._outside(outside_lens(name, size or _SIZE, units=target.units))
-        # Loaded late: they take as long as a photo.
-        from cubicfish_cli.fitting.conversion.from_lens import ExactLens
-        from cubicfish_cli.formats.foreign import read_foreign
-
-        given, found = read_foreign(Path(name), image_size=size)
-        exact = ExactLens.of(given)
-        text = _camera_text(exact.nearest.camera, {"imported_from": found, "lens": given.name})
-        return cls(
-            lens=exact,
-            image_size=given.image_size,
-            text=text,
-            note={"found": found, "rms_px": exact.nearest.error.rms_px},
         )
+    return source
 
-    @classmethod
-    def _outside(cls, lens: OutsideLens) -> Source:
-        """A lens that is perhaps not central: true_camera.yaml has it for what is far away."""
-        return cls(lens=lens, image_size=lens.image_size, text=lens_text(lens.far))
+
+def _of_camera(camera: CubicCamera, made_by: Mapping[str, object], target: Target) -> Source:
+    """A camera, which sees the target as near as it is."""
+    camera = camera.in_units(target.units)
+    lens = NearLens(camera=camera) if camera.pupil_travel else camera
+    return Source(lens=lens, image_size=camera.image_size, text=_camera_text(camera, made_by))
+
+
+def _of_lens(lens: AsymmetricLens | OutsideLens | RaysAtDistance) -> Source:
+    """A lens's formula; one that is not central stands in true_camera.yaml for what is far away."""
+    true = lens.lens if isinstance(lens, RaysAtDistance) else lens
+    text = lens_text(true.far if isinstance(true, OutsideLens) else true)
+    return Source(lens=true, image_size=true.image_size, text=text)
+
+
+def _of_another_tool(path: Path, size: tuple[int, int] | None) -> Source:
+    """The lens of another tool's file."""
+    # Loaded late: they take as long as a photo.
+    from cubicfish_cli.fitting.conversion.from_lens import ExactLens
+    from cubicfish_cli.formats.foreign import read_foreign
+
+    given, found = read_foreign(path, image_size=size)
+    exact = ExactLens.of(given)
+    text = _camera_text(exact.nearest.camera, {"imported_from": found, "lens": given.name})
+    note = {"found": found, "rms_px": exact.nearest.error.rms_px}
+    return Source(lens=exact, image_size=given.image_size, text=text, note=note)
 
 
 def _is_of_another_tool(path: Path) -> bool:
@@ -213,20 +183,9 @@ class SimulatedFiles:
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Scene:
-    """Photos or a film, still to be rendered.
-
-    Attributes:
-        poses: of the photos or frames, by the names of their files.
-        corners: the text of true_corners.csv.
-        rendered: progress -> name of a picture's file -> what writes it, in their order.
-
-    """
-
-    poses: Mapping[str, Pose]
-    corners: str
-    rendered: Callable[[Count], dict[str, Content]]
+_Scene = tuple[dict[str, Pose], str, dict[str, Content]]
+"""Poses by the names of photos or frames, the text of true_corners.csv, and what writes pictures
+by the names of their files, in their order."""
 
 
 def simulate_files(
@@ -288,7 +247,7 @@ def simulate_files(
     thing = target_in(target)
     choosing = "Choosing where to take photos from"
     listener.progress(choosing)
-    source = Source.of(lens, image_size, thing)
+    source = _source(lens, image_size, thing)
     if source.note is not None:
         listener.tell(Event.NEAREST_CAMERA, **source.note)
     if any(board.shape is not None for board in thing.boards):
@@ -303,54 +262,53 @@ def simulate_files(
             named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
         else:
             named = _poses_of_table(Path(poses), form)
-        scene = _photos(flat, source, named, shown, seed)
+        named, corners, pictures = _photos(flat, source, named, shown, seed, listener)
     else:
         listener.progress("Choosing how the target is moved")
-        scene = _film(flat, source, film, shown, seed)
+        named, corners, pictures = _film(flat, source, film, shown, seed, listener)
     texts = {
-        "true_corners": scene.corners,
-        "true_poses": pose_table_text(scene.poses),
+        "true_corners": corners,
+        "true_poses": pose_table_text(named),
         "true_camera": source.text,
     }
     width, height = source.image_size
-    what = "photo" if film is None else "frame"
-    pictures = plural(len(scene.poses), what)
-    listener.tell(Event.RENDERING, pictures=pictures, width=width, height=height)
+    count = plural(len(named), "photo" if film is None else "frame")
+    listener.tell(Event.RENDERING, pictures=count, width=width, height=height)
+    listener.progress(_RENDERING)
     truth = {name: Path(folder) / f"{name}{_SUFFIXES[name]}" for name in texts}
-    photos = {
-        Path(folder) / name: content
-        for name, content in scene.rendered(listener.counting("Rendering")).items()
-    }
+    photos = {Path(folder) / name: content for name, content in pictures.items()}
     files = {**photos, **{truth[name]: text for name, text in texts.items()}}
     write_files(files, overwrite=run.overwrite)
     return SimulatedFiles(
         photos=list(photos),
         truth=truth,
-        frames=len(scene.poses),
-        corners=scene.corners.count("\n") - 2,
+        frames=len(named),
+        corners=corners.count("\n") - 2,
         image_size=source.image_size,
         seed=seed,
     )
 
 
 def _photos(
-    target: Target, source: Source, poses: Mapping[str, Pose], look: Look, seed: int
+    target: Target,
+    source: Source,
+    poses: dict[str, Pose],
+    look: Look,
+    seed: int,
+    listener: Listener,
 ) -> _Scene:
     """Photos from these poses."""
     corners = true_corners_text(target, source.lens, poses, source.image_size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
 
-    def rendered(progress: Count) -> dict[str, Content]:
-        photos = simulated_photos(target, source.lens, source.image_size, poses, look, seed=seed)
+    photos = simulated_photos(target, source.lens, source.image_size, poses, look, seed=seed)
 
-        def write(done: int, path: Path) -> None:
-            path.write_bytes(photo_bytes(next(photos)[1], path.suffix[1:]))
-            progress(done, len(poses))
+    def write(done: int, path: Path) -> None:
+        path.write_bytes(photo_bytes(next(photos)[1], path.suffix[1:]))
+        listener.progress(_RENDERING, done, len(poses))
 
-        return {name: partial(write, done) for done, name in enumerate(poses, start=1)}
-
-    return _Scene(poses=poses, corners=corners, rendered=rendered)
+    return poses, corners, {n: partial(write, done) for done, n in enumerate(poses, start=1)}
 
 
 def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
@@ -367,10 +325,17 @@ def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
     return named
 
 
-def _film(target: Target, source: Source, asked: FilmOptions, look: Look, seed: int) -> _Scene:
+def _film(
+    target: Target,
+    source: Source,
+    asked: FilmOptions,
+    look: Look,
+    seed: int,
+    listener: Listener,
+) -> _Scene:
     """A film of a hand that moves the target."""
+    from cubicfish_cli.films.frame_files import refuse_odd, write_film
     from cubicfish_cli.films.source import library
-    from cubicfish_cli.films.write import refuse_odd, write_film
     from cubicfish_cli.rendering.film import Film, Shutter, hand_path
 
     shutter = Shutter(
@@ -387,12 +352,9 @@ def _film(target: Target, source: Source, asked: FilmOptions, look: Look, seed: 
     if corners.count("\n") <= 2:
         raise OutputError("no frame shows a corner: check the target and its units")
 
-    def rendered(progress: Count) -> dict[str, Content]:
-        def pictures() -> Iterator[npt.NDArray[np.uint8]]:
-            for done, picture in enumerate(made.frames(frames, look, seed=seed), start=1):
-                yield picture
-                progress(done, frames)
+    def pictures() -> Iterator[npt.NDArray[np.uint8]]:
+        for done, picture in enumerate(made.frames(frames, look, seed=seed), start=1):
+            yield picture
+            listener.progress(_RENDERING, done, frames)
 
-        return {FILM: lambda file: write_film(file, pictures(), size, shutter.rate)}
-
-    return _Scene(poses=poses, corners=corners, rendered=rendered)
+    return poses, corners, {FILM: lambda file: write_film(file, pictures(), size, shutter.rate)}

@@ -227,9 +227,8 @@ class PlanesOfPhotos(Views):
         if not missing or not isinstance(camera, CubicCamera):
             return
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
-        progress = run.listener.counting("Finding corners")
         photos = [Photo(name=source.name, path=source) for source in missing]
-        found = detect_corners(photos, self._target, progress=progress, executor=run.executor)
+        found = detect_corners(photos, self._target, run.work("Finding corners"))
         self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
 
     def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.types import FloatArray
 
 Picture = npt.NDArray[np.uint8]
 
@@ -20,23 +20,8 @@ _PAPER = 255
 _INK = 0
 # Differences far below any noise are not worth a scale of their own.
 _SMALLEST_TOP = 1e-3
-# Letters of 3 x 5 dots, a row a digit in octal: 4 is the left dot, 1 the right one.
-_LETTERS = {
-    "0": "75557",
-    "1": "26227",
-    "2": "71747",
-    "3": "71717",
-    "4": "55711",
-    "5": "74717",
-    "6": "74757",
-    "7": "71122",
-    "8": "75757",
-    "9": "75717",
-    ".": "00002",
-    "p": "06564",
-    "x": "05225",
-    " ": "00000",
-}
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_CAPITAL = 22  # height of its capitals at scale 1, pixels
 
 
 def round_up(value: float) -> float:
@@ -69,33 +54,20 @@ def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Pi
 
 def _scale(width: int, top: float) -> Picture:
     dot = max(1, width // 240)
-    margin, bar = 4 * dot, 8 * dot
+    margin, bar, letter = 4 * dot, 8 * dot, 7 * dot
     picture = np.full((2 * margin + bar + 8 * dot, width, 3), _PAPER, np.uint8)
     edges = np.linspace(8 * dot, width - 24 * dot, len(COLOURS) + 1).astype(int)
     for left, right, colour in zip(edges[:-1], edges[1:], COLOURS, strict=True):
         picture[margin : margin + bar, left:right] = colour
     for share in (0.0, 0.5, 1.0):
         text = f"{share * top:.6f}".rstrip("0").rstrip(".") + (" px" if share == 1 else "")
-        ink = _letters(text, dot)
+        size = letter / _CAPITAL
+        (length, _), _ = cv2.getTextSize(text, _FONT, size, dot)
         middle = int(edges[0] + share * (edges[-1] - edges[0]))
-        left = max(0, min(middle - 2 * dot, width - ink.shape[1]))
-        part = picture[margin + bar + 2 * dot :, left : left + ink.shape[1]]
-        part[: ink.shape[0]][ink[: part.shape[0], : part.shape[1]]] = _INK
+        left = max(0, min(middle - 2 * dot, width - length))
+        below = (left, margin + bar + 2 * dot + letter)
+        cv2.putText(picture, text, below, _FONT, size, (_INK,) * 3, dot, cv2.LINE_AA)
     return picture
-
-
-def _letters(text: str, dot: int) -> BoolArray:
-    """Text as ink (5 dot, 4 dot · letters), True where it is black."""
-    rows = [
-        [
-            bool(int(row) & bit)
-            for letter in text
-            for row in _LETTERS[letter][i]
-            for bit in (4, 2, 1, 0)
-        ]
-        for i in range(5)
-    ]
-    return np.kron(np.array(rows, bool), np.ones((dot, dot), bool))
 
 
 def thumbnail(picture: npt.NDArray[Any], longest: int) -> Picture:

@@ -22,7 +22,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.rendering.near import WanderingPupil
 from cubicfish_cli.rendering.simulate import (
     AMBIENT,
     INK,
@@ -42,7 +41,7 @@ from cubicfish_cli.rendering.truth import (
     project_corners,
     rotation_matrix,
 )
-from cubicfish_cli.rendering.views import WholeLens
+from cubicfish_cli.rendering.views import WanderingPupil, WholeLens
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.rendering.near import WanderingPupil
 from cubicfish_cli.rendering.truth import (
     MARGIN_SQUARES,
     Plate,
@@ -26,7 +25,7 @@ from cubicfish_cli.rendering.truth import (
     plates,
     rotation_matrix,
 )
-from cubicfish_cli.rendering.views import WholeLens, choose_views, sample_views
+from cubicfish_cli.rendering.views import WanderingPupil, WholeLens, choose_views, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 

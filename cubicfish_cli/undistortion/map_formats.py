@@ -9,7 +9,7 @@ The virtual camera of a view as files: plain YAML, and what OpenCV's FileStorage
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import OutputError, ViewError
+from cubicfish_cli.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.files import Content
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.images import check_suffix, encode_picture
@@ -141,7 +141,7 @@ def require_exr(path: Path) -> Any:
     return OpenEXR
 
 
-def png_values(pixel_map: UndistortMap, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
+def png_values(pixel_map: UndistortMap, *, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
     """STMap in 16 bits (H, W), x (axis 0) or y (1): value / 65535 is the share of the frame.
 
     The half pixel at the frame's edge is never 0, so 0 marks what comes from nowhere.
@@ -150,7 +150,7 @@ def png_values(pixel_map: UndistortMap, origin: Origin, axis: int) -> npt.NDArra
     return np.where(pixel_map.valid, np.round(part * 65_535.0), 0).astype(np.uint16)
 
 
-def pgm_values(pixel_map: UndistortMap, axis: int) -> npt.NDArray[np.uint16]:
+def pgm_values(pixel_map: UndistortMap, *, axis: int) -> npt.NDArray[np.uint16]:
     """For ffmpeg's remap filter (H, W): whole source pixels, 65535 for what comes from nowhere."""
     part = (pixel_map.map_x, pixel_map.map_y)[axis]
     return np.where(pixel_map.valid, np.rint(part), _BEYOND).astype(np.uint16)
@@ -173,29 +173,48 @@ Writer = Callable[[int, UndistortMap, Path], None]
 """(index of the file, map, where to write it)."""
 
 
-def map_writer(
-    output: Path, *, fixed_point: bool = False, origin: Origin = "bottom-left"
-) -> tuple[tuple[Path, ...], Writer]:
-    """The files that a map named ``output`` consists of, and what writes each.
+def map_writers(
+    output: Path,
+    parts: Sequence[str] = ("",),
+    *,
+    fixed_point: bool = False,
+    origin: Origin = "bottom-left",
+) -> dict[str, tuple[tuple[Path, ...], Writer]]:
+    """The files that each part of a map named ``output`` consists of, and what writes each.
 
     Raises:
-        OutputError: the name's suffix is none of .npz, .exr, .png and .pgm, or it is .exr and
-            the extra ``exr`` is not installed.
+        UsageError: the name's suffix is none of .npz, .exr, .png and .pgm, or there are no
+            fixed-point maps in it.
+        OutputError: it is .exr and the extra ``exr`` is not installed.
 
     """
     suffix = output.suffix.lower()
-    pair = tuple(output.with_name(f"{output.stem}_{axis}{output.suffix}") for axis in "xy")
-    if suffix == ".npz":
-        write = write_fixed_point if fixed_point else write_npz
-        return (output,), lambda _, made, path: write(path, made)
+    numbers: dict[str, Callable[..., npt.NDArray[np.uint16]]] = {
+        ".png": partial(png_values, origin=origin),
+        ".pgm": pgm_values,
+    }
+    if suffix not in (".npz", ".exr", *numbers):
+        raise UsageError(
+            f"{output}: maps are written as .npz, .exr, .png, .pgm: choose a name that ends so"
+        )
+    if fixed_point and suffix != ".npz":
+        raise UsageError("--fixed-point is for maps in .npz")
     if suffix == ".exr":
         require_exr(output)  # before the work, and by the name that the user knows
-        return (output,), lambda _, made, path: write_exr(path, made, origin)
-    if suffix == ".png":
-        return pair, lambda axis, made, path: _write(path, png_values(made, origin, axis))
-    if suffix == ".pgm":
-        return pair, lambda axis, made, path: _write(path, pgm_values(made, axis))
-    raise OutputError(f"{output}: maps are written as .npz, .exr, .png or .pgm")
+
+    def write(index: int, made: UndistortMap, path: Path) -> None:
+        if suffix == ".npz":
+            (write_fixed_point if fixed_point else write_npz)(path, made)
+        elif suffix == ".exr":
+            write_exr(path, made, origin)
+        else:
+            _write(path, numbers[suffix](made, axis=index))
+
+    axes = "xy" if suffix in numbers else ""
+    return {
+        part: (tuple(part_name(part_name(output, part), axis) for axis in axes or ("",)), write)
+        for part in parts
+    }
 
 
 FORMAT_VERSION = 1

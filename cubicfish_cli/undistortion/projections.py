@@ -55,16 +55,6 @@ class PerspectiveView(CentralView):
     advice: ClassVar[str] = ": choose about 120 or less"
 
     @staticmethod
-    def offset(angle: float, axis: int) -> float:
-        """Tan."""
-        return math.tan(angle)
-
-    @staticmethod
-    def half_field(offset: float, axis: int) -> float:
-        """Atan."""
-        return math.atan(offset)
-
-    @staticmethod
     def flat_rays(flat: FloatArray) -> FloatArray:
         """(x, y, 1)."""
         return np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1)
@@ -85,16 +75,6 @@ class CylindricalView(CentralView):
     """A picture on an upright cylinder, unrolled."""
 
     kind: ClassVar[str] = "cylindrical"
-
-    @staticmethod
-    def offset(angle: float, axis: int) -> float:
-        """The angle along x, tan along y."""
-        return angle if axis == 0 else math.tan(angle)
-
-    @staticmethod
-    def half_field(offset: float, axis: int) -> float:
-        """The angle along x, atan along y."""
-        return min(offset, math.pi) if axis == 0 else math.atan(offset)
 
     @staticmethod
     def flat_rays(flat: FloatArray) -> FloatArray:
@@ -126,16 +106,6 @@ class EquirectangularView(CentralView):
     kind: ClassVar[str] = "equirectangular"
 
     @staticmethod
-    def offset(angle: float, axis: int) -> float:
-        """The angle."""
-        return angle
-
-    @staticmethod
-    def half_field(offset: float, axis: int) -> float:
-        """The angle."""
-        return min(offset, math.pi / (1 + axis))
-
-    @staticmethod
     def flat_rays(flat: FloatArray) -> FloatArray:
         """(sin x cos y, sin y, cos x cos y)."""
         x, y = _within(flat[..., 0], math.pi), _within(flat[..., 1], math.pi / 2)
@@ -155,16 +125,6 @@ class EquirectangularView(CentralView):
 
 class _OnItsSide(CentralView):
     """A kind of view with x and y exchanged; the kind itself comes behind it in the bases."""
-
-    @classmethod
-    def offset(cls, angle: float, axis: int) -> float:
-        """See :meth:`CentralView.offset`."""
-        return super().offset(angle, 1 - axis)  # type: ignore[safe-super]
-
-    @classmethod
-    def half_field(cls, offset: float, axis: int) -> float:
-        """See :meth:`CentralView.half_field`."""
-        return super().half_field(offset, 1 - axis)  # type: ignore[safe-super]
 
     @classmethod
     def flat_rays(cls, flat: FloatArray) -> FloatArray:
@@ -200,16 +160,6 @@ class StereographicView(CentralView):
     kind: ClassVar[str] = "stereographic"
 
     @staticmethod
-    def offset(angle: float, axis: int) -> float:
-        """2 tan(θ/2)."""
-        return 2 * math.tan(angle / 2)
-
-    @staticmethod
-    def half_field(offset: float, axis: int) -> float:
-        """2 atan(r/2)."""
-        return 2 * math.atan(offset / 2)
-
-    @staticmethod
     def flat_rays(flat: FloatArray) -> FloatArray:
         """(x, y, 1 − r²/4)."""
         square = np.sum(flat * flat, axis=-1, keepdims=True)
@@ -233,16 +183,6 @@ class EquidistantView(CentralView):
     """An ideal fisheye: the distance from the middle is the angle from the axis."""
 
     kind: ClassVar[str] = "equidistant"
-
-    @staticmethod
-    def offset(angle: float, axis: int) -> float:
-        """The angle."""
-        return angle
-
-    @staticmethod
-    def half_field(offset: float, axis: int) -> float:
-        """The angle."""
-        return min(offset, math.pi)
 
     @staticmethod
     def flat_rays(flat: FloatArray) -> FloatArray:

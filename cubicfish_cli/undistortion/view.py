@@ -138,7 +138,7 @@ class CentralView(View):
             into the camera's frame. Zero looks along the camera's axis.
 
     The view's axis meets the picture's middle, ((width − 1)/2, (height − 1)/2). A kind of view
-    is told by its radial functions: how far from the middle, in focal lengths, an angle lies.
+    is told by two functions: which ray lies at an offset from the middle, and where a ray lies.
     """
 
     advice: ClassVar[str] = ""
@@ -160,16 +160,6 @@ class CentralView(View):
 
     @staticmethod
     @abstractmethod
-    def offset(angle: float, axis: int) -> float:
-        """Half a field (radians) along x (axis 0) or y (1) -> offset in focal lengths."""
-
-    @staticmethod
-    @abstractmethod
-    def half_field(offset: float, axis: int) -> float:
-        """The inverse of :meth:`offset`; the largest half field for an offset beyond it."""
-
-    @staticmethod
-    @abstractmethod
     def flat_rays(flat: FloatArray) -> FloatArray:
         """Offsets in focal lengths (..., 2) -> rays of the view (..., 3); NaN off the view."""
 
@@ -182,6 +172,22 @@ class CentralView(View):
     @abstractmethod
     def least_focal(cls, size: tuple[int, int]) -> float:
         """The focal length at which a picture shows all that this kind of view sensibly can."""
+
+    @classmethod
+    def offset(cls, angle: float, axis: int) -> float:
+        """Half a field (radians) along x (axis 0) or y (1) -> offset in focal lengths."""
+        ray = np.array([0.0, 0.0, math.cos(angle)])
+        ray[axis] = math.sin(angle)
+        return float(cls.ray_offsets(ray)[axis])
+
+    @classmethod
+    def half_field(cls, offset: float, axis: int) -> float:
+        """The inverse of :meth:`offset`; the largest half field for an offset beyond it."""
+        flat = np.zeros(2)
+        flat[axis] = offset
+        ray = cls.flat_rays(flat)
+        angle = math.atan2(ray[axis], ray[2])
+        return math.radians(WIDEST[cls.kind][axis][0]) / 2 if math.isnan(angle) else angle
 
     @classmethod
     def with_field(

@@ -14,14 +14,14 @@ from running import Run
 from cubicfish_cli.cli.export import FORMATS
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.formats.foreign import FILE_NAMES
+from cubicfish_cli.formats.foreign import WRITTEN
 from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.library.exporting import _rounded_up
 
 # The other lenses of COLMAP are in test_formats_colmap; the last two are not read.
 LENS_FORMATS = sorted(
-    {*foreign.LENS_OF} - {"colmap-eucm", "colmap-thin-prism-fisheye", "gyroflow", "nvidia"}
+    {*foreign.WRITTEN} - {"colmap-eucm", "colmap-thin-prism-fisheye", "gyroflow", "nvidia"}
 )
 
 
@@ -69,7 +69,7 @@ def test_the_commands_know_the_formats_that_there_are(run: Run):
         assert set(made.front_only) <= set(entry.written)
         assert made.rig is None or made.rig[0]
     for page, names in (
-        (run("export", "--help"), {*foreign.LENS_OF, "maps", "usd"}),
+        (run("export", "--help"), {*foreign.WRITTEN, "maps", "usd"}),
         (run("import", "--help"), set(READABLE)),
     ):
         assert {name for name in names if name in page.stdout} == names
@@ -272,7 +272,8 @@ def test_the_help_lists_every_format_and_fits_a_terminal(run):
     listed = [line.split()[0] for line in lines if re.match(r"  [a-z-]+  +[^ ]", line)]
     assert [name for name in listed if name in FORMATS] == list(FORMATS)
     kinds = {line.split()[0]: line for line in lines if line.strip()}
-    for name, file in FILE_NAMES.items():
+    for name, made in WRITTEN.items():
+        file = made.file_name
         suffix = Path(file).suffix
         assert suffix.lstrip(".") in kinds[name].lower()
 

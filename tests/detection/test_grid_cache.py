@@ -10,6 +10,7 @@ from cubicfish_cli.detection import look
 from cubicfish_cli.detection import look as cache_module
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.look import GridCache
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import load_target
@@ -90,12 +91,12 @@ def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
     searched = []
     search = look.find_grids
     monkeypatch.setattr(look, "find_grids", lambda p: searched.append(1) or search(p))
-    first = detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
+    first = detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
     assert len(searched) == 2
     (folder / "corner_03.jpg").rename(folder / "renamed.jpg")
-    again = detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
+    again = detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
     assert len(searched) == 2
     np.testing.assert_array_equal(again.corners.pixel, first.corners.pixel)
     shutil.copy(SAMPLE / "photos" / "corner_02.jpg", folder / "corner_01.jpg")
-    detect_corners(find_photos([folder]), TARGET, jobs=1, cache=cache)
+    detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
     assert len(searched) == 3

@@ -13,7 +13,7 @@ from filming import SIZE, photos
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.films.candidates import REPEATED, Candidate, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.raw import brightness, load_frame, save_frame
+from cubicfish_cli.films.frame_files import brightness, load_frame, save_frame
 from cubicfish_cli.films.source import Film
 
 

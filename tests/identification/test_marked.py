@@ -9,6 +9,7 @@ import synthetic
 
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.identification.second_pass import second_pass
 from cubicfish_cli.library.detection import detect_corners
@@ -70,12 +71,12 @@ def distances(corners, truth):
 @pytest.mark.slow
 def test_every_kind_of_board_is_named_and_calibrates(photos):
     target, files, truth = photos
-    first = detect_corners(files, target, jobs=1)
+    first = detect_corners(files, target, Work(jobs=1))
     assert set(np.unique(first.corners.board)) == {0, 1}
     assert all(report.problem is None for report in first.photos)
     assert sum(report.corners for report in first.photos) == len(first.corners.pixel)
     # The plain board follows once the marked ones have told the lens and the poses.
-    corners = second_pass(files, first, target, jobs=1).corners
+    corners = second_pass(files, first, target, Work(jobs=1)).corners
     assert set(np.unique(corners.board)) == {0, 1, 2}
     assert (corners.board == 2).sum() > 4 * 20
     miss = distances(corners, truth)
@@ -95,16 +96,16 @@ def test_the_wrong_family_is_said(photos):
     other = replace(charuco.markers, dictionary="DICT_7X7_50")
     wrong = replace(target, boards=(replace(charuco, markers=other),))
     with pytest.raises(DetectionError, match=r"DICT_7X7_50.*check dictionary"):
-        detect_corners(files[:2], wrong, jobs=1)
+        detect_corners(files[:2], wrong, Work(jobs=1))
 
 
 @pytest.mark.slow
 def test_only_marked_boards(photos):
     target, files, _ = photos
     alone = replace(target, boards=target.boards[:1])
-    found = detect_corners(files, alone, jobs=1)
+    found = detect_corners(files, alone, Work(jobs=1))
     assert set(np.unique(found.corners.board)) == {0}
-    whole = detect_corners(files, target, jobs=1).corners
+    whole = detect_corners(files, target, Work(jobs=1)).corners
     ours = {tuple(pixel) for pixel in found.corners.pixel.round(2)}
     theirs = {tuple(pixel) for pixel in whole.pixel[whole.board == 0].round(2)}
     assert len(ours & theirs) > 0.95 * len(theirs)

@@ -8,6 +8,7 @@ from synthetic import checkerboard
 
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import DetectionError
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import remark_lines
 from cubicfish_cli.library.detection import detect_corners
@@ -38,7 +39,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def detection(folder, target):
-    return detect_corners(find_photos([folder]), target, jobs=1)
+    return detect_corners(find_photos([folder]), target, Work(jobs=1))
 
 
 @pytest.mark.slow
@@ -94,7 +95,7 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
     for name in ("y.png", "z.png"):
         cv2.imwrite(str(tmp_path / name), cv2.rotate(picture, cv2.ROTATE_90_CLOCKWISE))
     cv2.imwrite(str(tmp_path / "x.png"), picture[::2, ::2])
-    photos = detect_corners(find_photos([tmp_path]), target, jobs=1).photos
+    photos = detect_corners(find_photos([tmp_path]), target, Work(jobs=1)).photos
     height, width = picture.shape
     refused = [one for photo in photos for one in photo.findings]
     assert [(one.code, one.case) for one in refused] == [
@@ -113,7 +114,7 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
 def test_jobs_change_nothing_but_the_time(detection, folder, target):
     calls = []
     again = detect_corners(
-        find_photos([folder]), target, jobs=2, progress=lambda *at: calls.append(at)
+        find_photos([folder]), target, Work(jobs=2, progress=lambda *at: calls.append(at))
     )
     np.testing.assert_array_equal(again.corners.pixel, detection.corners.pixel)
     np.testing.assert_array_equal(again.corners.column, detection.corners.column)
@@ -143,7 +144,7 @@ def flat_photo(tmp_path_factory):
 
 
 def test_a_flat_board_seen_straight_on_is_named(flat_photo):
-    found = detect_corners(find_photos([flat_photo]), flat(8, 5)).corners
+    found = detect_corners(find_photos([flat_photo]), flat(8, 5), Work()).corners
     assert len(found.pixel) == 80
     first = (found.image == 0) & (found.column == 0) & (found.row == 0)
     np.testing.assert_allclose(found.pixel[first][0], [269.5, 239.5], atol=0.1)
@@ -151,7 +152,7 @@ def test_a_flat_board_seen_straight_on_is_named(flat_photo):
 
 def test_counted_squares_are_refused_with_both_counts(flat_photo):
     with pytest.raises(DetectionError, match=r"found 8x5 .* target says 9x6: were squares counted"):
-        detect_corners(find_photos([flat_photo]), flat(9, 6))
+        detect_corners(find_photos([flat_photo]), flat(9, 6), Work())
 
 
 def test_a_board_larger_than_the_targets_says_so(flat_photo):
@@ -160,7 +161,7 @@ def test_a_board_larger_than_the_targets_says_so(flat_photo):
         r"another size \(b 6x4\): give the target that the photos show"
     )
     with pytest.raises(DetectionError, match=said):
-        detect_corners(find_photos([flat_photo]), flat(6, 4))
+        detect_corners(find_photos([flat_photo]), flat(6, 4), Work())
 
 
 def test_photos_without_a_board_say_what_to_check(tmp_path, target):
@@ -171,7 +172,7 @@ def test_photos_without_a_board_say_what_to_check(tmp_path, target):
     with pytest.raises(
         DetectionError, match=r"2 photos, no checkerboard: too blurred .*; focus"
     ) as caught:
-        detect_corners(find_photos([tmp_path]), target)
+        detect_corners(find_photos([tmp_path]), target, Work())
     assert "\n" not in str(caught.value)
 
 
@@ -179,9 +180,9 @@ def test_unreadable_photos_say_why(tmp_path, target):
     (tmp_path / "a.png").write_bytes(b"")
     (tmp_path / "b.png").write_bytes(b"")
     with pytest.raises(DetectionError, match=r"no photo can be used: .*a\.png is empty.* 1 more"):
-        detect_corners(find_photos([tmp_path]), target)
+        detect_corners(find_photos([tmp_path]), target, Work())
     with pytest.raises(DetectionError, match="no photo was given"):
-        detect_corners([], target)
+        detect_corners([], target, Work())
 
 
 @pytest.mark.slow
@@ -190,8 +191,8 @@ def test_copies_are_told_before_anything_else(flat_photo, tmp_path):
         shutil.copy(flat_photo / "0.png", tmp_path / f"{name}.png")
     picture = cv2.imread(str(flat_photo / "0.png"), cv2.IMREAD_GRAYSCALE)
     cv2.imwrite(str(tmp_path / "d.png"), picture[::-1])
-    findings = detect_corners(find_photos([tmp_path]), flat(8, 5)).findings
+    findings = detect_corners(find_photos([tmp_path]), flat(8, 5), Work()).findings
     assert findings[0].code == "repeats"
     assert findings[0].what == "a.png = b.png and a.png = c.png: the same photos again"
     assert findings[0].images == ("a.png", "b.png", "c.png")
-    assert detect_corners([find_photos([tmp_path])[3]], flat(8, 5)).findings == ()
+    assert detect_corners([find_photos([tmp_path])[3]], flat(8, 5), Work()).findings == ()

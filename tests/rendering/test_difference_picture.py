@@ -36,7 +36,7 @@ def test_the_scale_is_below_and_shows_every_colour_and_numbers():
     assert picture.shape[1] == 480
     for colour in COLOURS:
         assert (below == colour).all(axis=-1).sum() > 100
-    ink = (below == 0).all(axis=-1)
+    ink = (below[-14:] < 100).all(axis=-1)  # below the bar
     assert 60 < ink.sum() < 2000
     wider = difference_picture(magnitude, top=20)[50:]
     assert not np.array_equal(wider, picture[50:])
@@ -49,6 +49,6 @@ def test_nothing_known_is_drawn_too():
 @pytest.mark.parametrize("size", [0, 1e-12, 3e-5, 0.02, 5e7])
 def test_differences_of_any_size_are_drawn(size):
     picture = difference_picture(np.full((20, 240), size))
-    assert (picture[20:] == 0).all(axis=-1).any()
+    assert (picture[-7:] < 100).all(axis=-1).any()
     wanted = COLOURS[0] if size < 1e-4 else COLOURS[-1]
     np.testing.assert_array_equal(picture[0, 0, ::-1], wanted)

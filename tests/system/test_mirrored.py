@@ -17,6 +17,7 @@ from cubicfish_cli.detection.grids import grid_in_mirror
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.diagnosis.object_faults import misdrawn
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.identification.decide import Decided
@@ -110,7 +111,7 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     target = Target.from_data(
         {"units": "mm", "mirrored": mirrored, "boards": [{**board, "first_square": said}]}
     )
-    detection = detect_corners(find_photos([tmp_path]), target)
+    detection = detect_corners(find_photos([tmp_path]), target, Work())
     assert len(detection.corners.pixel) == 35
     (finding,) = detection.findings
     assert finding.severity == "note"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish_cli.errors import OutputError
+from cubicfish_cli.errors import OutputError, UsageError
 from cubicfish_cli.undistortion.map_formats import (
     build_redistort_map,
     ffmpeg_command,
-    map_writer,
+    map_writers,
     stmap,
 )
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map, load_map
@@ -28,7 +28,7 @@ VALID = MAP.valid
 
 
 def written(path: Path, pixel_map: UndistortMap = MAP, **options) -> tuple[Path, ...]:
-    paths, write = map_writer(path, **options)
+    paths, write = map_writers(path, **options)[""]
     for index, file in enumerate(paths):
         write(index, pixel_map, file)
     return paths
@@ -163,5 +163,5 @@ def test_the_way_back_is_exact_by_the_camera():
 
 
 def test_unknown_suffixes_are_refused():
-    with pytest.raises(OutputError, match=r"m\.tif"):
-        map_writer(Path("m.tif"))
+    with pytest.raises(UsageError, match=r"m\.tif"):
+        map_writers(Path("m.tif"))

@@ -13,7 +13,7 @@ from fuzz_foreign import RAYS
 
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.formats.colmap_cameras import MODELS as COLMAP_MODELS
-from cubicfish_cli.formats.foreign import LENS_OF, foreign_text, read_foreign
+from cubicfish_cli.formats.foreign import WRITTEN, read_foreign
 
 SIZE = (640, 480)
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])
@@ -61,8 +61,8 @@ def exported_seeds(start: str) -> Sequence[bytes]:
     """Files of the formats whose names begin so, as ``cubicfish export`` writes them."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
     return [
-        foreign_text(name, to_lens(camera(), lens).lens, ["a note"], poses).encode()
-        for name, lens in LENS_OF.items()
+        made.write(to_lens(camera(), made.lenses[name]).lens, ["a note"], poses).encode()
+        for name, made in WRITTEN.items()
         if name.startswith(start)
     ]
 
