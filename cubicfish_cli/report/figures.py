@@ -13,9 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 from scipy.interpolate import RBFInterpolator
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.findings import field_cells
+from cubicfish_cli.fitting.findings import blind_angle, field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -436,6 +437,10 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     x, y = np.linspace(0, width - 1, 145), np.linspace(0, height - 1, 109)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    if facts.errors is not None:  # where the camera sees itself
+        rays = camera.unproject(facts.errors.pairs.pixel)
+        blind = blind_angle(rays[np.isfinite(rays[:, 0])])
+        sigma[angle_from_axis(camera.unproject(grid)) < blind] = np.nan
     inside = inside_polygon(grid.reshape(-1, 2), facts.outline).reshape(sigma.shape)
     shown = sigma[inside & np.isfinite(sigma)]
     if not len(shown):
@@ -443,12 +448,12 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     levels = _levels(float(shown.min()), float(shown.max()))
     colours = _band_colours(len(levels) - 1)
     figure, axes = _photo_axes(camera.image_size, foot=34)
-    known = np.clip(sigma, levels[0], levels[-1])
+    known = np.ma.masked_invalid(np.clip(sigma, levels[0], levels[-1]))
     bands = axes.contourf(x, y, known, levels=levels, colors=colours)
     edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
     bands.set_clip_path(edge)
     _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
-    told = recorded_uncertainty(facts.fit)
+    figures = recorded_uncertainty(facts.fit)
     return finished(
         figure,
         name="uncertainty",
@@ -458,7 +463,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
         f"to {shown.max():.3f} px",
         caption="How far the pixel of a distant point would be elsewhere, had you taken other "
         "photos"
-        + (f": {told.words}" if told else "")
+        + (f": {figures.words}" if figures else "")
         + ". Errors of the target or of the model are not in it.",
     )
 
