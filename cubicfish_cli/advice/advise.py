@@ -213,12 +213,12 @@ def advise(
         notes.append(Finding(code=Code.NO_POSES))
     knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
     own = camera if knowledge is None else knowledge.camera
-    grid, rays = _grid(own)
+    grid, rays = _grid(own, gaps.blind)
     sigma = np.full(len(grid), np.nan)
     now = None
     noise = knowledge.information.noise_px if knowledge else None
     if knowledge is not None:
-        knowledge, now = _as_recorded(knowledge, fit)
+        knowledge, now = _as_recorded(knowledge, fit, gaps.blind)
         sigma = knowledge.information.uncertainty().sigma_px(rays)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     judged = verdict(fit, camera.image_size, camera.outline())
@@ -227,12 +227,15 @@ def advise(
         said = {"against": first.why, "mend": first.do}
         reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
     notes += _beyond(camera)
+    if gaps.blind:
+        figures = {"blind_deg": float(np.degrees(gaps.blind))}
+        notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
     within = None if poses is None or target is None else distances_within(pairs, poses)
     found: tuple[Proposal, ...] = ()
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, within, notes, seed)
+        views = _views(knowledge, target, within, notes, gaps.blind, seed)
         if knowledge is not None and views:
             found, needed = _proposed(knowledge, views, gaps, grid, goal, proposals)
         short = _FEWEST_PHOTOS - len(pairs.images)
@@ -268,14 +271,14 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
 
 
 def _as_recorded(
-    knowledge: Knowledge, fit: Mapping[str, Any]
+    knowledge: Knowledge, fit: Mapping[str, Any], blind: float
 ) -> tuple[Knowledge, FieldUncertainty]:
     """The knowledge with the uncertainty that the record has, to the last digit, and that.
 
     Where the target was fitted too, a fit that begins at its end differs by a few percent.
     """
     own, known = (
-        _over_field(knowledge.information, _field_rays(knowledge.camera)),
+        _over_field(knowledge.information, _field_rays(knowledge.camera, blind)),
         recorded_uncertainty(fit),
     )
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
@@ -324,19 +327,19 @@ def _beyond(camera: CubicCamera) -> list[Finding]:
     return [Finding(code=Code.RIM_UNKNOWN, figures={"known_deg": camera.max_angle_deg})]
 
 
-def _grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray]:
-    """Pixels (G, 2) over the trusted field, and their rays (G, 3)."""
+def _grid(camera: CubicCamera, blind: float) -> tuple[FloatArray, FloatArray]:
+    """Pixels (G, 2) over the trusted field that is not blind, and their rays (G, 3)."""
     width, height = camera.image_size
     x, y = ((np.arange(n) + 0.5) / n for n in GRID)
     pixel = np.stack(np.meshgrid(x * width - 0.5, y * height - 0.5), axis=-1).reshape(-1, 2)
     rays = camera.unproject(pixel)
-    seen = np.isfinite(rays[:, 0])
+    seen = angle_from_axis(rays) >= blind
     return pixel[seen], rays[seen]
 
 
-def _field_rays(camera: CubicCamera) -> FloatArray:
+def _field_rays(camera: CubicCamera, blind: float) -> FloatArray:
     """(N, 3) rays over the field: those that camera.yaml's figures are of."""
-    rays = field_grid(camera)[2].reshape(-1, 3)
+    rays = field_grid(camera, blind)[2].reshape(-1, 3)
     return rays[np.isfinite(rays[:, 0])]
 
 
@@ -350,10 +353,12 @@ class _Reach:
 
     camera: RadialCamera
     limit: float
+    blind: float
 
     def project(self, points: npt.ArrayLike, /) -> FloatArray:
         angle = angle_from_axis(points)
-        return np.where((angle <= self.limit)[..., None], self.camera.project(points), np.nan)
+        seen = (angle >= self.blind) & (angle <= self.limit)
+        return np.where(seen[..., None], self.camera.project(points), np.nan)
 
     def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
         rays = self.camera.unproject(pixel)
@@ -362,10 +367,13 @@ class _Reach:
         return np.where(inside[..., None], rays, np.nan)
 
 
-def reach_of(camera: CubicCamera, more_deg: float = 0.0) -> WholeLens:
-    """A lens for where a target would be seen, somewhat beyond the trusted field too."""
+def reach_of(camera: CubicCamera, more_deg: float = 0.0, blind: float = 0.0) -> WholeLens:
+    """A lens for where a target would be seen, somewhat beyond the trusted field too.
+
+    Within ``blind`` radians of the axis nothing is.
+    """
     limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
-    return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle))
+    return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle), blind=blind)
 
 
 def rim_of(camera: CubicCamera, count: int = 180) -> FloatArray:
@@ -383,6 +391,7 @@ def _views(
     target: Target | None,
     within: Distances | None,
     notes: list[Finding],
+    blind: float,
     seed: int,
 ) -> list[Viewpoint]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
@@ -396,7 +405,7 @@ def _views(
         return []
     camera = knowledge.camera
     views = sample_views(
-        target, reach_of(camera), camera.image_size, _VIEWS, seed=seed, within=within
+        target, reach_of(camera, blind=blind), camera.image_size, _VIEWS, seed=seed, within=within
     )
     if not views:
         where = f", {distances_words(within, target.units)}" if within else ""
@@ -417,7 +426,7 @@ def _proposed(
     filled = np.array([_filled(view, gaps) for view in views])
     empty = gaps.empty.copy()
     field = empty.sum() / max(1 - gaps.coverage, 1e-9) if empty.any() else 1.0
-    rays = _field_rays(knowledge.camera)
+    rays = _field_rays(knowledge.camera, gaps.blind)
     chosen: list[Viewpoint] = []
     # The same photo twice would say little that is new of a real lens and a real target.
     taken = np.zeros(len(views), bool)
@@ -439,7 +448,7 @@ def _proposed(
             needed = len(chosen)
         if len(chosen) >= proposals and needed is not None:
             break
-    return _told(knowledge, chosen[:proposals], grid), needed
+    return _told(knowledge, chosen[:proposals], grid, gaps.blind), needed
 
 
 def _filled(view: Viewpoint, gaps: Gaps) -> BoolArray:
@@ -466,13 +475,13 @@ def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
 
 
 def _told(
-    knowledge: Knowledge, chosen: Sequence[Viewpoint], grid: FloatArray
+    knowledge: Knowledge, chosen: Sequence[Viewpoint], grid: FloatArray, blind: float
 ) -> tuple[Proposal, ...]:
     """The chosen views in words, with what they bring, the target being as free as in the fit."""
     units = knowledge.target.units if knowledge.target else ""
     near = _NEAR * min(knowledge.camera.image_size)
     state: Information = knowledge.information
-    rays, whole = knowledge.camera.unproject(grid), _field_rays(knowledge.camera)
+    rays, whole = knowledge.camera.unproject(grid), _field_rays(knowledge.camera, blind)
     before, level = state.uncertainty().sigma_px(rays), _over_field(state, whole)
     told = []
     for number, view in enumerate(chosen, start=1):

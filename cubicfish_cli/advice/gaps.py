@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
-from cubicfish_cli.fitting.findings import field_cells
+from cubicfish_cli.fitting.findings import blind_angle, field_cells
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
@@ -77,7 +77,8 @@ class Gaps:
         parts: empty parts of the field, the largest first.
         coverage: share of the field's squares that hold corners.
         cell: side of a square, pixels.
-        empty: (rows, columns) squares of the field without a corner.
+        empty: (rows, columns) squares of the field without a corner, but for what is blind.
+        blind: how far from its axis the camera sees itself, radians.
         tilts: what is missing of tilts, a line each; none where there is no target.
         distances: what is missing of distances, likewise.
 
@@ -87,6 +88,7 @@ class Gaps:
     coverage: float
     cell: float
     empty: BoolArray
+    blind: float
     tilts: tuple[str, ...]
     distances: tuple[str, ...]
 
@@ -105,13 +107,18 @@ def find_gaps(
 
     """
     cell, valid, hit = field_cells(pairs.pixel, camera.outline(), camera.image_size)
-    empty = valid & ~hit
+    rays = camera.unproject(pairs.pixel)
+    blind = blind_angle(rays[np.isfinite(rays[:, 0])])
+    y, x = (np.indices(valid.shape) + 0.5) * cell - 0.5
+    angle = angle_from_axis(camera.unproject(np.stack([x, y], axis=-1)))
+    empty = valid & ~hit & (np.nan_to_num(angle, nan=np.pi) >= blind)
     of_target = None if poses is None or target is None else (pairs, poses, target)
     return Gaps(
         parts=tuple(_empty_parts(camera, cell, valid, empty)),
         coverage=float((valid & hit).sum() / max(valid.sum(), 1)),
         cell=cell,
         empty=empty,
+        blind=blind,
         tilts=tuple(_missing_tilts(*of_target)) if of_target else (),
         distances=tuple(_missing_distances(*of_target)) if of_target else (),
     )

@@ -9,6 +9,7 @@ from html import escape
 import numpy as np
 
 from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.object_drawing import board_rim
 from cubicfish_cli.rendering.truth import camera_points
@@ -158,6 +159,8 @@ def _certainty(advice: Advice) -> Iterator[str]:
     apart = np.linalg.norm(middle[:, None] - grid, axis=-1)
     nearest = apart.argmin(axis=1)
     drawn = apart.min(axis=1) <= 2 * max(side)
+    away = angle_from_axis(advice.camera.unproject(middle))
+    drawn &= ~(away < advice.gaps.blind)
     level = np.searchsorted([limit for limit, _ in _LEVELS], sigma[nearest] / advice.goal_px)
     for number, (_, colour) in enumerate(_LEVELS):
         own = middle[drawn & (level == number)]

@@ -236,7 +236,10 @@ def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Finding], list[Finding]]:
 def _of_figures(
     fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
-    """One rule after the other; what is not known breaks none."""
+    """One rule after the other, by what they weigh; what is not known breaks none.
+
+    First how wrong the camera is and what says that it cannot be right, then where it is less so.
+    """
     of, reach, known = (Numbers(one) for one in (fit, fit.get("reach"), fit.get("uncertainty")))
     held_out, rms, radial, photos = (
         of.held_out_rms_px, of.rms_px, of.companion_held_out_rms_px, of.images,
@@ -246,7 +249,6 @@ def _of_figures(
         yield from _reason(Severity.BAD, Code.NO_FIGURES)
     else:
         yield from _reason(_above(error / scale, _ERROR_PX), Code.LARGE_ERRORS, error_px=error)
-        yield from _reason(_care(of.corners < _FEW_CORNERS), Code.FEW_CORNERS, corners=of.corners)
     many = None if math.isnan(photos) else photos
     case = "few" if 0 < photos < _FEW_PHOTOS else ""
     yield from _reason(_care(math.isnan(held_out)), Code.NOT_HELD_OUT, case, photos=many)
@@ -254,19 +256,26 @@ def _of_figures(
     yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
     level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
     yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
+    uncertain = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    yield from _reason(uncertain, Code.UNCERTAIN, median_px=known.median_px)
     if fit.get("flat") is True:  # much of a lens is open in each photo: the others must tell it
         level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
         yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
+    # What was left out.
+    dropped, used = np.nan_to_num([of.dropped, of.corners]).tolist()
+    level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
+    yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
+    rejected = fit.get("unfit_images")
+    left_out = len(rejected) if isinstance(rejected, Mapping) else 0
+    every = left_out + (many or 0)
+    level = _above(left_out / max(every, 1), _REJECTED_SHARE)
+    yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
     level = _above(-of.coverage, (-_COVERAGE[0], -_COVERAGE[1]))
     yield from _reason(level, Code.LOW_COVERAGE, share=of.coverage)
-    seen = math.nan
-    if outline is not None and len(outline) > 2:
-        seen = _area(outline) / (image_size[0] * image_size[1])
-    yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
     lift, full = ("point", 20) if fit.get("lift") == "point" else ("", 16)
     yield from _reason(_care(of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
-    # At the rim, and beyond the corners.
+    # The field: at the rim, and beyond the corners.
     rim, middle, start = reach.rim_rms_px, reach.middle_rms_px, reach.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
     yield from _reason(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
@@ -275,19 +284,13 @@ def _of_figures(
     yield from _reason(
         level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
     )
-    level = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
-    yield from _reason(level, Code.UNCERTAIN, median_px=known.median_px)
-    level = _care(level is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
+    level = _care(uncertain is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
     yield from _reason(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
-    # What was left out.
-    dropped, used = np.nan_to_num([of.dropped, of.corners]).tolist()
-    level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
-    yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
-    rejected = fit.get("unfit_images")
-    left_out = len(rejected) if isinstance(rejected, Mapping) else 0
-    photos = left_out + (many or 0)
-    level = _above(left_out / max(photos, 1), _REJECTED_SHARE)
-    yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=photos)
+    seen = math.nan
+    if outline is not None and len(outline) > 2:
+        seen = _area(outline) / (image_size[0] * image_size[1])
+    yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
+    yield from _reason(_care(of.corners < _FEW_CORNERS), Code.FEW_CORNERS, corners=of.corners)
 
 
 def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:

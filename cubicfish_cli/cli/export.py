@@ -61,7 +61,7 @@ class Asked:
         required=True,
     )
     output: Path | None = options.output_option(
-        "Where it goes. [default: the format's usual name, in the current folder]"
+        "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
     model: Path | None = options.model_option
     max_error: float = option(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 import re
 import shlex
 import sys
@@ -124,10 +125,35 @@ DEFAULT_TARGET = Path("target.yaml")
 DEFAULT_RIG = Path("rig") / "rig.yaml"
 
 FILE = click.Path(path_type=Path)
+_ENDS_OF_FILES = {
+    ".csv", ".html", ".jpg", ".json", ".npz", ".pdf", ".png", ".svg", ".yaml", ".yml", ".zip",
+}  # fmt: skip
+
+
+class OutputFile(click.Path):
+    """A path of a file to write: one that ends in a slash is refused, as it names a folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse the name of a folder."""
+        if str(value).endswith(("/", os.sep)):
+            self.fail(f"{quoted(str(value))} is a folder: give the name of a file", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class FolderType(click.Path):
     """A path that shells complete with folders only; what it names is checked where it is used."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse the name of a file, of which a folder would be made."""
+        path = Path(value)
+        if path.suffix.lower() in _ENDS_OF_FILES and not path.is_dir():
+            self.fail(
+                f"{quoted(str(value))} is the name of a file, and several files are written: name "
+                f"their folder, such as {quoted(str(path.with_suffix('')))}",
+                param,
+                ctx,
+            )
+        return super().convert(value, param, ctx)
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
@@ -472,11 +498,17 @@ calibration_argument = argument(
 
 
 def output_option(
-    help: str, default: str | None = None, *, folder: bool = False, metavar: str = "", **more: Any
+    help: str,
+    default: str | None = None,
+    *,
+    folder: bool | None = False,
+    metavar: str = "",
+    **more: Any,
 ) -> Any:
-    """``-o``, which says where the result goes."""
+    """``-o``, which says where the result goes; ``folder`` is None where it may be either."""
     words = metavar or ("FOLDER" if folder else "FILE")
-    return option(f"-o --output {words}", help, FOLDER if folder else FILE, default, **more)
+    kind = FILE if folder is None else FOLDER if folder else OutputFile(path_type=Path)
+    return option(f"-o --output {words}", help, kind, default, **more)
 
 
 class JsonOption(click.Option):

@@ -32,6 +32,9 @@ _MANY = 1_000_000  # columns or rows, more than any board has
 _BLURRED, _MOVING = 0.75, 5.0
 # With fewer good pictures than these, which no camera can be made from, others are taken too.
 _ENOUGH = 3
+# So many different views are taken even where the last add hardly anything: a lens and the poses of
+# one flat board are told apart by many views, and so is how right a camera is on those left out.
+_FEWEST = 10
 _DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
 
 
@@ -278,7 +281,7 @@ def _greedy(
         left = [index for index in pool if not why[index]]
         while left and len(order) < enough:
             value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
-            if order and value < gains.flat:
+            if value < gains.flat and len(order) >= (_FEWEST if value > 0 else 1):
                 break
             order.append(best)
             gain[best] = value

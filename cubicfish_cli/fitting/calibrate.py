@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.climb import Climbed, RefineTarget, climb
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.deformation import deformations
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
-from cubicfish_cli.fitting.findings import coverage, dropped_groups
+from cubicfish_cli.fitting.findings import blind_angle, coverage, dropped_groups
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
@@ -215,7 +215,7 @@ def _assessed(
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
-    uncertainty = uncertainty_record(spread, camera)
+    uncertainty = uncertainty_record(spread, camera, blind_angle(points))
     rim = reach(camera, points, cubic.residual, spread.sigma_px)
     camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
     dropped = fitted.dropped

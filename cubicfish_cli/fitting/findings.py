@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.fitting.robust import noise_by_photo
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.observations import Observations
@@ -18,12 +19,34 @@ COVERED = "of the field covered by corners"
 in squares of an eighth of the photo's shorter side."""
 # Cells along the photo's shorter side in which coverage is counted.
 _CELLS = 8
+# A camera beyond 90° sees itself where corners leave a middle so large and round: the farthest of
+# eight sides begins at this many times the angle of the nearest.
+_BLIND_DEG, _ROUND = 30.0, 1.5
 _FEW_PHOTOS = 3
 # A photo this many times noisier than the median photo does more harm than good.
 _NOISY = 4.0
 _NOISY_PX = 0.5
 _GROUP_SHARE = 0.5
 _GROUP_SIZE = 4
+
+
+def blind_angle(points: FloatArray) -> float:
+    """How far from its axis a camera sees itself, radians; 0 where it seems to see other things.
+
+    A camera that looks into a mirror is in the middle of its own picture: all around the axis no
+    corner is nearer than by about one angle.
+
+    Args:
+        points: (N, 3) all corners, camera frame.
+
+    """
+    angle = angle_from_axis(points)
+    eighth = np.floor(azimuth(points[:, :2]) / (np.pi / 4)).astype(int) % 8
+    nearest = np.full(8, np.inf)
+    np.minimum.at(nearest, eighth, angle)
+    low, high = nearest.min(), nearest.max()
+    round_ = np.radians(_BLIND_DEG) <= low and high <= _ROUND * low
+    return float(low) if round_ and angle.max() > np.pi / 2 else 0.0
 
 
 def coverage(pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]) -> float:

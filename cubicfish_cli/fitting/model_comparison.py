@@ -116,10 +116,13 @@ def compare_models(
     choosing = time.perf_counter() - begun
     hold = chosen if hold is None else hold
     folds = _folds(reference, hold) if hold_out else []
+    known = calibration.held_out if pairs is calibration.pairs and folds else None
     rows = [
-        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), reference, folds),
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), reference, () if known else folds),
         _figures(KANNALA_BRANDT, 4 + reference.terms, _fit_radial, reference, folds),
     ]
+    if known is not None:  # one thing has one figure, and that of the fit is known
+        rows[0] = replace(rows[0], rms_px=calibration.errors.rms_px, held_out_rms_px=known.rms_px)
     camera = calibration.camera
     rows[0] = replace(
         rows[0],

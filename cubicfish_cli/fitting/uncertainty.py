@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import summed
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
@@ -176,18 +177,21 @@ def camera_uncertainty(result: CubicResult) -> Uncertainty:
     return information(result).uncertainty()
 
 
-def field_grid(camera: CubicCamera) -> tuple[FloatArray, FloatArray, FloatArray]:
+def field_grid(
+    camera: CubicCamera, blind: float = 0.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where uncertainty over the field is counted.
 
     Returns:
         x (C,) and y (R,) of a grid over the photo, and its rays (R, C, 3), NaN outside the valid
-        field.
+        field and within ``blind`` radians of the axis.
 
     """
     width, height = camera.image_size
     x = np.linspace(0, width - 1, GRID[0])
     y = np.linspace(0, height - 1, GRID[1])
-    return x, y, camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+    rays = camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+    return x, y, np.where((angle_from_axis(rays) >= blind)[..., None], rays, np.nan)
 
 
 class Sigma(Protocol):
@@ -235,15 +239,17 @@ def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -
     return np.sqrt(uncertainty.variance(rays, centre))
 
 
-def uncertainty_record(uncertainty: Sigma, camera: CubicCamera) -> dict[str, Any]:
+def uncertainty_record(
+    uncertainty: Sigma, camera: CubicCamera, blind: float = 0.0
+) -> dict[str, Any]:
     """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
 
     ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
-    valid field. ``median_px``, ``p95_px`` and ``max_px`` are of these numbers; ``focal_px`` and
-    ``principal_point_px`` are one standard deviation each of x and y, on the axis and
-    of the centre of symmetry.
+    valid field and within ``blind`` radians of the axis. ``median_px``, ``p95_px`` and ``max_px``
+    are of these numbers; ``focal_px`` and ``principal_point_px`` are one standard deviation each
+    of x and y, on the axis and of the centre of symmetry.
     """
-    x, y, rays = field_grid(camera)
+    x, y, rays = field_grid(camera, blind)
     seen = np.isfinite(rays[..., 0])
     sigma = np.full(seen.shape, np.nan)
     sigma[seen] = uncertainty.sigma_px(rays[seen])

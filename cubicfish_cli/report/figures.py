@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
+from scipy.interpolate import RBFInterpolator
 
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.findings import field_cells
+from cubicfish_cli.fitting.findings import blind_angle, field_cells
 from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
@@ -60,6 +63,8 @@ _LEFT = 60.0
 # Width of a letter there.
 _LETTER = 8.0
 _MOST_BANDS = 7
+# Points of a grid through which a smooth surface is laid.
+_FEWEST_POINTS, _MOST_POINTS = 6, 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -429,33 +434,53 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     if record is None:
         return None
     width, height = camera.image_size
-    x, y = np.linspace(0, width - 1, 73), np.linspace(0, height - 1, 55)
+    x, y = np.linspace(0, width - 1, 145), np.linspace(0, height - 1, 109)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
-    sigma = sigma_at(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
-    if not np.isfinite(sigma).any():
+    sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    if facts.errors is not None:  # where the camera sees itself
+        rays = camera.unproject(facts.errors.pairs.pixel)
+        blind = blind_angle(rays[np.isfinite(rays[:, 0])])
+        sigma[angle_from_axis(camera.unproject(grid)) < blind] = np.nan
+    inside = inside_polygon(grid.reshape(-1, 2), facts.outline).reshape(sigma.shape)
+    shown = sigma[inside & np.isfinite(sigma)]
+    if not len(shown):
         return None
-    levels = _levels(float(np.nanmin(sigma)), float(np.nanmax(sigma)))
+    levels = _levels(float(shown.min()), float(shown.max()))
     colours = _band_colours(len(levels) - 1)
     figure, axes = _photo_axes(camera.image_size, foot=34)
-    # Where no point of the grid is near, the outline is nearer still.
-    known = np.ma.masked_invalid(sigma)
+    known = np.ma.masked_invalid(np.clip(sigma, levels[0], levels[-1]))
     bands = axes.contourf(x, y, known, levels=levels, colors=colours)
     edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
     bands.set_clip_path(edge)
     _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
-    told = recorded_uncertainty(facts.fit)
+    figures = recorded_uncertainty(facts.fit)
     return finished(
         figure,
         name="uncertainty",
         axes=readout(axes, " px", " px"),
         title="How certain the camera is",
-        label=f"Uncertainty of a distant point's pixel over the photo, from {np.nanmin(sigma):.3f} "
-        f"to {np.nanmax(sigma):.3f} px",
+        label=f"Uncertainty of a distant point's pixel over the photo, from {shown.min():.3f} "
+        f"to {shown.max():.3f} px",
         caption="How far the pixel of a distant point would be elsewhere, had you taken other "
         "photos"
-        + (f": {told.words}" if told else "")
+        + (f": {figures.words}" if figures else "")
         + ". Errors of the target or of the model are not in it.",
     )
+
+
+def _smooth_sigma(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
+    """Uncertainty at pixels (N, 2): a smooth surface through the grid's points, and beyond."""
+    x, y = np.meshgrid(record["x"], record["y"])
+    sigma = np.array(record["sigma_px"], float)
+    known = sigma > 0
+    if not _FEWEST_POINTS <= known.sum() <= _MOST_POINTS:
+        return sigma_at(record, pixel)
+    points, logs = np.column_stack([x[known], y[known]]), np.log(sigma[known])
+    try:
+        smooth = RBFInterpolator(points / x.max(), logs)(pixel / x.max())
+    except np.linalg.LinAlgError:  # all on one line
+        return sigma_at(record, pixel)
+    return np.exp(np.clip(smooth, logs.min(), logs.max()))
 
 
 def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]:

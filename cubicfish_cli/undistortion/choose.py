@@ -156,7 +156,7 @@ def build_view(
     Its field comes from one of ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit``. Without any, a
     flat view keeps the photo's scale on its axis, up to 120° along the longer side, and the others
     show all that the camera sees; an ``equirectangular`` view of no given size is just as large as
-    that at the photo's scale.
+    that at the photo's scale, and along the axis of a lens beyond 180° as its middle row shows.
 
     Args:
         camera: whose photos are rendered.

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.types import FloatArray
+from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, View
 
@@ -27,6 +27,8 @@ _BISECTIONS = 40
 _REGION_RAYS = 4000
 # Pixels inside the photo by this much stay inside whatever the map's rounding does.
 _SAFE_PX = 1e-3
+# A view looks along the camera's axis where its middle row shows hardly more than the cone.
+_ALONG = 1.002
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +91,9 @@ def cropped_view(
 ) -> CentralView:
     """The smallest view of a scale that shows all that the camera sees, with even sides.
 
+    A camera beyond 180° sees all round a pole of a view along its axis: all of that would be
+    mostly empty. What it sees of the view's middle row is shown then.
+
     Args:
         camera: the camera.
         kind: the kind of view, one that shows every direction at a finite place.
@@ -114,8 +119,13 @@ def cropped_view(
         beyond = (np.abs(seen - (size - 1) / 2) >= size / 2 - 1e-6).any(axis=0)
         grown = np.where(beyond, np.minimum(size + 2 * (1 + size // 400), most), size)
         if (grown == size).all():
-            return view
+            break
         size = grown
+    for axis in np.flatnonzero((size == most) & (widest > math.pi)).tolist():
+        along = _seen_along(camera, view, axis)
+        if math.pi < len(along) / focal < _ALONG * 2 * math.radians(camera.max_angle_deg):
+            size[axis] = 2 * math.ceil(np.abs(along - (size[axis] - 1) / 2).max() + 0.5)
+    return replace(view, size=(int(size[0]), int(size[1])))
 
 
 def sees(camera: Camera, rays: FloatArray, *, margin: float = 0.0) -> npt.NDArray[np.bool_]:
@@ -142,11 +152,17 @@ def seen_field_deg(camera: Camera, view: CentralView) -> tuple[float, float]:
     return across, down
 
 
-def _seen_deg(camera: Camera, view: CentralView, axis: int) -> float:
+def _seen_along(camera: Camera, view: CentralView, axis: int) -> IntArray:
+    """Which pixels of a view's middle row (axis 0) or column the camera sees: their x or y."""
     side = view.size[axis]
     pixel = np.tile(np.array(view.middle), (side, 1))
     pixel[:, axis] = np.arange(side)
-    seen = sees(camera, view.rays(pixel))
+    return np.flatnonzero(sees(camera, view.rays(pixel)))
+
+
+def _seen_deg(camera: Camera, view: CentralView, axis: int) -> float:
+    side = view.size[axis]
+    seen = np.isin(np.arange(side), _seen_along(camera, view, axis))
     ends = np.flatnonzero(np.diff(seen, prepend=False, append=False))  # each second is beyond
     offsets = (ends - side / 2) / view.focal
     angles = [math.copysign(view.half_field(abs(end), axis), end) for end in offsets.tolist()]

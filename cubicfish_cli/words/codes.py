@@ -83,6 +83,7 @@ class Code(StrEnum):
     NOT_CERTAIN = "not_certain"
     NOT_TRUSTED = "not_trusted"
     RIM_UNKNOWN = "rim_unknown"
+    MIDDLE_UNSEEN = "middle_unseen"
     NO_POSES = "no_poses"
     NO_TARGET = "no_target"
     NO_SIDE = "no_side"

@@ -28,6 +28,7 @@ from cubicfish_cli.advice.gaps import (
 )
 from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.advice.picture import advice_svg
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import (
     FieldUncertainty,
     recorded_uncertainty,
@@ -233,6 +234,29 @@ def test_parts_are_named_by_the_squares_that_are_empty():
     pairs, _ = select(fit.pairs, ~middle)
     (part,) = find_gaps(camera, pairs, None, None).parts
     assert part.words.startswith("all around, 20–")
+
+
+@pytest.mark.slow
+def test_nothing_is_asked_for_where_a_camera_sees_itself():
+    lens = replace(TRUE_LENS, fx=0.8 * TRUE_LENS.fx, fy=0.8 * TRUE_LENS.fy, max_angle_deg=125.0)
+    pairs = synthetic_correspondences(
+        TARGET, poses_around(TARGET, 16, seed=3), lens=lens, noise=NOISE
+    )
+    seen = angle_from_axis(lens.unproject(pairs.pixel)) > np.radians(40)
+    pairs, _ = select(pairs, seen)
+    fit = calibrate(pairs, target=TARGET, hold_out=False, refine_target="off")
+    sigma = np.array(fit.as_record()["uncertainty"]["sigma_px"], float)
+    *_, rays = field_grid(fit.camera)
+    blind = angle_from_axis(rays) < np.radians(39)
+    assert blind.sum() > 3
+    assert np.isnan(sigma[blind]).all()
+    assert np.isfinite(sigma[~blind & np.isfinite(rays[..., 0])]).mean() > 0.9
+    said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=1e-3, proposals=4)
+    assert Code.MIDDLE_UNSEEN in [note.code for note in said.notes]
+    assert not any(part.to_deg <= 40 for part in said.gaps.parts)
+    for proposal in said.proposals:
+        shown = proposal.view.seen.camera[proposal.view.seen.visible]
+        assert np.degrees(angle_from_axis(shown)).min() > 39
 
 
 @pytest.mark.slow

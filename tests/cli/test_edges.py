@@ -12,6 +12,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
+from cubicfish_cli.cli.options import FOLDER
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import GridCache
 from cubicfish_cli.library import undistorting
@@ -34,6 +35,32 @@ def test_a_camera_that_sees_next_to_nothing_is_no_traceback(
     tiny = with_field(calibrated, tmp_path / "tiny.yaml", 0.01)
     said = run("evaluate", CORNERS, "-t", TARGET, "-m", tiny, code=1).stderr
     assert "no corner lies within the 0° where this camera may be trusted" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "said"),
+    [
+        *[
+            (command, "cam.yaml", "'cam.yaml' is the name of a file, and several files are written")
+            for command in ("calibrate", "rig", "frames", "simulate", "target print")
+        ],
+        *[
+            (command, "new/", "'new/' is a folder: give the name of a file")
+            for command in ("detect", "corners", "report", "advise", "import")
+        ],
+    ],
+)
+def test_a_folder_is_not_named_as_a_file_nor_a_file_as_a_folder(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, name: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in " ".join(run(*command.split(), "-o", name, code=2).stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_there_may_be_called_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "old.yaml").mkdir()
+    assert FOLDER.convert(str(tmp_path / "old.yaml"), None, None) == tmp_path / "old.yaml"
 
 
 @pytest.mark.parametrize("degrees", [0.01, 5.0])

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from lenses import random_rays
 
 from cubicfish_cli.fitting.calibrate import calibrate as fit
-from cubicfish_cli.fitting.findings import coverage, dropped_groups
+from cubicfish_cli.fitting.findings import blind_angle, coverage, dropped_groups
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
@@ -83,6 +84,18 @@ def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
 
 
 @pytest.mark.slow
+def test_a_middle_that_no_side_shows_is_the_camera_itself() -> None:
+    """As wide a hole on all sides, in a picture beyond 90°: that of a camera in its mirror."""
+    rays = random_rays(115.0, 3000)
+    angle = np.degrees(np.arccos(rays[:, 2] / np.linalg.norm(rays, axis=1)))
+    assert np.degrees(blind_angle(rays[angle > 45])) == pytest.approx(45, abs=2)
+    assert blind_angle(rays) == 0
+    assert blind_angle(rays[angle > 15]) == 0  # as happens to photographers
+    assert blind_angle(rays[(angle > 45) & (angle < 85)]) == 0
+    assert blind_angle(rays[(angle > 45) | ((rays[:, 0] > 0) & (angle > 20))]) == 0
+    assert blind_angle(rays[(angle > 45) & (rays[:, 0] > 0)]) == 0
+
+
 def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel = pairs.pixel.copy()
     own = pairs.image == 6
