@@ -27,8 +27,10 @@ _BISECTIONS = 40
 _REGION_RAYS = 4000
 # Pixels inside the photo by this much stay inside whatever the map's rounding does.
 _SAFE_PX = 1e-3
-# A view looks along the camera's axis where its middle row shows hardly more than the cone.
+# A view looks along the camera's axis where its middle row shows hardly more than the cone, and
+# cameras that see all round have no such row.
 _ALONG = 1.002
+_ALL_ROUND_DEG = 179.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +123,8 @@ def cropped_view(
         if (grown == size).all():
             break
         size = grown
+    if camera.max_angle_deg > _ALL_ROUND_DEG:
+        return view
     for axis in np.flatnonzero((size == most) & (widest > math.pi)).tolist():
         along = _seen_along(camera, view, axis)
         if math.pi < len(along) / focal < _ALONG * 2 * math.radians(camera.max_angle_deg):
