@@ -107,8 +107,7 @@ def find_gaps(
 
     """
     cell, valid, hit = field_cells(pairs.pixel, camera.outline(), camera.image_size)
-    rays = camera.unproject(pairs.pixel)
-    blind = blind_angle(rays[np.isfinite(rays[:, 0])])
+    blind = blind_angle(camera.unproject(pairs.pixel))
     y, x = (np.indices(valid.shape) + 0.5) * cell - 0.5
     angle = angle_from_axis(camera.unproject(np.stack([x, y], axis=-1)))
     empty = valid & ~hit & (np.nan_to_num(angle, nan=np.pi) >= blind)

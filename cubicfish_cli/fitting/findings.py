@@ -37,16 +37,17 @@ def blind_angle(points: FloatArray) -> float:
     corner is nearer than by about one angle.
 
     Args:
-        points: (N, 3) all corners, camera frame.
+        points: (N, 3) all corners, camera frame; those that are NaN count for nothing.
 
     """
+    points = points[np.isfinite(points[:, 0])]
     angle = angle_from_axis(points)
     eighth = np.floor(azimuth(points[:, :2]) / (np.pi / 4)).astype(int) % 8
     nearest = np.full(8, np.inf)
     np.minimum.at(nearest, eighth, angle)
     low, high = nearest.min(), nearest.max()
     round_ = np.radians(_BLIND_DEG) <= low and high <= _ROUND * low
-    return float(low) if round_ and angle.max() > np.pi / 2 else 0.0
+    return float(low) if round_ and angle.max(initial=0.0) > np.pi / 2 else 0.0
 
 
 def coverage(pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]) -> float:

@@ -438,8 +438,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     if facts.errors is not None:  # where the camera sees itself
-        rays = camera.unproject(facts.errors.pairs.pixel)
-        blind = blind_angle(rays[np.isfinite(rays[:, 0])])
+        blind = blind_angle(camera.unproject(facts.errors.pairs.pixel))
         sigma[angle_from_axis(camera.unproject(grid)) < blind] = np.nan
     inside = inside_polygon(grid.reshape(-1, 2), facts.outline).reshape(sigma.shape)
     shown = sigma[inside & np.isfinite(sigma)]

@@ -83,6 +83,11 @@ def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
     )
 
 
+def test_corners_beyond_the_field_say_nothing_of_its_middle() -> None:
+    assert blind_angle(np.zeros((0, 3))) == 0
+    assert blind_angle(np.full((9, 3), np.nan)) == 0
+
+
 @pytest.mark.slow
 def test_a_middle_that_no_side_shows_is_the_camera_itself() -> None:
     """As wide a hole on all sides, in a picture beyond 90°: that of a camera in its mirror."""
