@@ -12,8 +12,9 @@ import numpy as np
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.files import refuse_existing, whole_files, write_text
 from cubicfish_cli.films.choose import Seen, choose_shots
+from cubicfish_cli.films.clocks import film_offset
 from cubicfish_cli.films.scan import Measured, scan, still_px
-from cubicfish_cli.films.shots import Moments, begins_at, film_offset, flow, moments, take_out
+from cubicfish_cli.films.shots import Moments, begins_at, flow, moments, take_out
 from cubicfish_cli.films.source import open_films
 from cubicfish_cli.fitting.rig.clocks import Moving
 from cubicfish_cli.frame_names import frame_name

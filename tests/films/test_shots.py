@@ -16,8 +16,9 @@ from simulated_rig import combined
 
 from cubicfish_cli import save_target
 from cubicfish_cli.films.choose import choose, choose_shots
+from cubicfish_cli.films.clocks import film_offset
 from cubicfish_cli.films.scan import Measured
-from cubicfish_cli.films.shots import film_offset, flow, moments
+from cubicfish_cli.films.shots import flow, moments
 from cubicfish_cli.films.source import Film
 from cubicfish_cli.frame_names import time_of
 from cubicfish_cli.rendering.outside import outside_lens

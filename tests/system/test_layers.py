@@ -1,6 +1,7 @@
 """Imports go only downwards: what each part of the package may import, read from its source."""
 
 import ast
+import re
 import sys
 from functools import cache
 from pathlib import Path
@@ -304,3 +305,13 @@ def test_the_layers_only_go_down() -> None:
     for part, allowed in ALLOWED.items():
         assert allowed <= above, part
         above.add(part)
+
+
+def test_the_architecture_names_modules_that_are_there() -> None:
+    root = Path(__file__).parents[2]
+    text = (root / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w/]+\.py)`", text))
+    folders = ("cubicfish_cli", "tests", "docs", "benchmarks")
+    there = [path.as_posix() for folder in folders for path in (root / folder).rglob("*.py")]
+    assert len(named) > 100
+    assert [one for one in sorted(named) if not any(p.endswith(f"/{one}") for p in there)] == []
