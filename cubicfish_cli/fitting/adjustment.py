@@ -12,10 +12,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import robust
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.linearise import State, huber_cost, runs_linearised
-from cubicfish_cli.fitting.normal_equations import (
-    NormalEquations,
-    NormalSums,
-)
+from cubicfish_cli.fitting.normal_equations import COLD_DAMPING, NormalEquations, NormalSums
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.settle import raised, settled
 from cubicfish_cli.fitting.world import World
@@ -35,7 +32,6 @@ _IMMATERIAL = 1e-8
 _SAME_LIMIT = 0.02
 # What an adjustment looks at of its pairs, beside their world points.
 _OF_PAIRS = ("image", "pixel", "weight")
-COLD_DAMPING = 1e-4
 WARM_DAMPING = 1e-10
 """For a start at the optimum of nearly the same pairs."""
 

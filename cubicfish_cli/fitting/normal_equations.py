@@ -21,6 +21,8 @@ from cubicfish_cli.types import FloatArray, IntArray
 # memory.
 _RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
 _NO_STOPS: IntArray = np.zeros(0, np.intp)
+COLD_DAMPING = 1e-4
+"""For a start of which it is not known how near the optimum it is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.linearise import State, huber_cost, runs_linearised
-from cubicfish_cli.fitting.normal_equations import damped
+from cubicfish_cli.fitting.normal_equations import COLD_DAMPING, damped
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import RigLens, body_of
 from cubicfish_cli.fitting.subset import select
@@ -25,7 +25,6 @@ L = TypeVar("L", bound=FitLens)
 # Steps of a photo that goes on by itself, each of which has to lower its cost by this share.
 _POSE_ROUNDS = 20
 _POSE_DECREASE = 1e-6
-_DAMPING = 1e-4
 
 
 def raised(
@@ -66,7 +65,7 @@ def settled(
     seen_from = np.searchsorted(chosen, body.shot[views])
     body = replace(body, camera=body.camera[views], shot=seen_from)
     poses = before[chosen]
-    damping = np.full((len(chosen), 1), _DAMPING)
+    damping = np.full((len(chosen), 1), COLD_DAMPING)
     firm = damping.copy()
     cost, equations = _pose_equations(State(body, poses, world), own, huber_px)
     for _ in range(_POSE_ROUNDS):
