@@ -10,7 +10,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fault_equal import same_files
+from equality import same_files
 from fault_process import LONGEST_S, SCHEDULER, printed, said
 from fault_scenarios import Scenario, clear, contents, finished, is_temporary, start
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fault_equal import same_files
+from equality import same_files
 from fault_kills import SIGNALS, Tally, Undisturbed, kill_once, not_right, run_undisturbed
 from fault_places import PROBLEMS
 from fault_scenarios import SCENARIOS, Scenario, prepared
