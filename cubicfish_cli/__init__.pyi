@@ -21,7 +21,6 @@ from cubicfish_cli.library.asked_pictures import FilmOptions as FilmOptions
 from cubicfish_cli.library.asked_pictures import GroundOptions as GroundOptions
 from cubicfish_cli.library.asked_pictures import LookOptions as LookOptions
 from cubicfish_cli.library.asked_pictures import PlaneOptions as PlaneOptions
-from cubicfish_cli.library.asked_pictures import ViewOptions as ViewOptions
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import judge as judge
@@ -73,6 +72,7 @@ from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
 from cubicfish_cli.undistortion.maps import build_map as build_map
 from cubicfish_cli.undistortion.maps import load_map as load_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
+from cubicfish_cli.undistortion.options import ViewOptions as ViewOptions
 from cubicfish_cli.undistortion.rigs import RectifiedPair as RectifiedPair
 from cubicfish_cli.undistortion.view import View as View
 from cubicfish_cli.words.codes import Event as Event

@@ -18,7 +18,7 @@ from cubicfish_cli.cli.view_options import (
     say_what_is_unseen,
     view_options,
 )
-from cubicfish_cli.library.asked_pictures import ViewOptions
+from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.maps import Crop

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +24,8 @@ from cubicfish_cli.cli.options import (
     target_path,
 )
 from cubicfish_cli.cli.terminal import say
-from cubicfish_cli.library.asked_pictures import KINDS, GroundOptions, PlaneOptions, ViewOptions
+from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions
+from cubicfish_cli.undistortion.options import KINDS, ViewOptions
 from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
@@ -30,27 +33,23 @@ if TYPE_CHECKING:
     from cubicfish_cli.undistortion.maps import Crop
 
 
-def _rotation(text: str) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in degrees; what is left out is 0."""
+def _three(what: str, text: str) -> tuple[float, ...]:
+    """Up to three numbers with commas between them; what is left out is 0."""
     try:
-        angles = [float(part) for part in text.split(",")]
+        numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        angles = []
-    if not 1 <= len(angles) <= 3 or not all(-360 <= angle <= 360 for angle in angles):
-        raise ValueError(f"{text!r} is not yaw,pitch,roll in degrees, such as -60,0,0")
-    yaw, pitch, roll = (*angles, 0.0, 0.0)[:3]
-    return yaw, pitch, roll
+        numbers = []
+    if not 1 <= len(numbers) <= 3 or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{text!r} is not {what}")
+    return (*numbers, 0.0, 0.0)[:3]
 
 
-def _share(text: str) -> float:
-    """``inner``, ``outer`` or a share between them -> 0 to 1."""
+def _share(text: str) -> float | str:
+    """A share, or a word for one."""
     try:
-        share = float({"inner": "0", "outer": "1"}.get(text, text))
+        return float(text)
     except ValueError:
-        share = -1.0
-    if not 0 <= share <= 1:
-        raise ValueError(f"{text!r} is not 'inner', 'outer' or a share from 0 to 1")
-    return share
+        return text
 
 
 view_options = bundle(
@@ -85,7 +84,7 @@ view_options = bundle(
     option(
         "--rotate YAW,PITCH,ROLL",
         "Look right, then up, then turn the view clockwise: degrees.",
-        Parsed("YAW,PITCH,ROLL", _rotation),
+        Parsed("YAW,PITCH,ROLL", partial(_three, "yaw,pitch,roll in degrees, such as -60,0,0")),
         ViewOptions.rotate_deg,
         show_default=False,
     ),
@@ -97,31 +96,17 @@ view_options = bundle(
 )
 
 
-def _ground(text: str) -> tuple[float, float, float]:
-    """Height, and pitch and roll in degrees; what is left out is 0."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if not 1 <= len(values) <= 3 or not 0 < values[0] < 1e9:
-        raise ValueError(f"{text!r} is not HEIGHT,PITCH,ROLL, such as 1200,-10,0")
-    height, pitch, roll = (*values, 0.0, 0.0)[:3]
-    if not (-90 <= pitch <= 90 and -180 <= roll <= 180):
-        raise ValueError(f"{text!r}: PITCH is from -90 to 90, and ROLL from -180 to 180 degrees")
-    return height, pitch, roll
-
-
 @record
 class SceneOptions:
     """What the user asked to be shown, and of a rig; None where nothing was asked."""
 
     rig: Path | None = rig_option
-    ground: tuple[float, float, float] | None = option(
+    ground: tuple[float, ...] | None = option(
         "--ground HEIGHT[,PITCH[,ROLL]]",
         "Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
         "PITCH degrees up (below 0: down) and is rolled ROLL degrees clockwise. With --plane it is "
         "where that board lies.",
-        Parsed("HEIGHT[,PITCH[,ROLL]]", _ground),
+        Parsed("HEIGHT[,PITCH[,ROLL]]", partial(_three, "HEIGHT,PITCH,ROLL, such as 1200,-10,0")),
     )
     shot: str | None = option(
         "--shot NAME",

@@ -1,4 +1,4 @@
-"""What pictures are asked to show (a view, a plane, the ground), and how simulated ones look.
+"""What pictures are asked to show beside a view (a plane, the ground), and how simulated ones look.
 
 Nothing is loaded for it, so that a command line can make it before it is known to be right.
 """
@@ -11,128 +11,11 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.errors import UsageError
 from cubicfish_cli.library.asked import StrPath, target_in
-from cubicfish_cli.undistortion.limits import WIDEST
-from cubicfish_cli.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.target import Target
-    from cubicfish_cli.undistortion.choose import ChosenView, Share
-    from cubicfish_cli.undistortion.view import Camera
 
-KINDS = (*WIDEST, "cube")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewOptions:
-    """A view of any camera's photos, as the options of ``cubicfish undistort`` ask for it.
-
-    Attributes:
-        kind: one of those of :func:`build_view`, or ``cube``; by default ``perspective``, and of a
-            rig ``equirectangular``.
-        size: (width, height) of the picture or of each face of a cube, pixels.
-        hfov_deg, vfov_deg, focal, fit, rotate_deg: as for :func:`build_view`.
-        layout: of a cube: six ``files``, or one ``cross``.
-
-    Raises:
-        UsageError: something is asked twice, or of a kind that does not have it.
-
-    """
-
-    kind: str | None = None
-    size: tuple[int, int] | None = None
-    hfov_deg: float | None = None
-    vfov_deg: float | None = None
-    focal: float | None = None
-    fit: Share | None = None
-    rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    layout: str | None = None
-
-    def __post_init__(self) -> None:
-        kind = self.kind or KINDS[0]
-        if kind not in KINDS:
-            raise UsageError(f"unknown kind of view {quoted(kind)}: {did_you_mean(kind, KINDS)}")
-        given = {
-            "--hfov": self.hfov_deg,
-            "--vfov": self.vfov_deg,
-            "--focal": self.focal,
-            "--fit": self.fit,
-        }
-        names = [name for name, value in given.items() if value is not None]
-        if kind == "cube":
-            if names:
-                raise UsageError(
-                    f"the faces of a cube have 90° each: leave out {names[0]}, or choose --size"
-                )
-            if self.size and self.layout != "cross" and self.size[0] != self.size[1]:
-                raise UsageError("a cube's faces are square: give --size as NxN")
-        elif self.layout is not None:
-            raise UsageError("--layout is for --view cube")
-        if len(names) > 1 and (set(names) != {"--hfov", "--vfov"} or self.size is not None):
-            raise UsageError(
-                f"{' and '.join(names)}{' and --size' * (set(names) == {'--hfov', '--vfov'})} "
-                "say the same thing twice: leave one out"
-            )
-        for axis, angle in enumerate((self.hfov_deg, self.vfov_deg)):
-            if angle is not None and not _shows(kind, axis, angle):
-                raise UsageError(_too_wide(kind, axis, angle))
-
-    @property
-    def leaves_field_open(self) -> bool:
-        """Whether neither size nor field were asked."""
-        asked = (self.size, self.hfov_deg, self.vfov_deg, self.focal, self.fit)
-        return asked == (None,) * len(asked)
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
-        if self.kind == "cube" and self.layout != "cross":
-            from cubicfish_cli.undistortion.projections import FACES
-
-            return tuple(FACES)
-        return ("",)
-
-    def chosen(self, camera: Camera) -> ChosenView:
-        """The view of this camera.
-
-        Raises:
-            ViewError: the view is not one that can be rendered.
-
-        """
-        from cubicfish_cli.undistortion.choose import chosen_view
-
-        return chosen_view(
-            camera,
-            self.kind or KINDS[0],
-            cross=self.layout == "cross",
-            size=self.size,
-            hfov_deg=self.hfov_deg,
-            vfov_deg=self.vfov_deg,
-            focal=self.focal,
-            fit=self.fit,
-            rotate_deg=self.rotate_deg,
-        )
-
-
-def _shows(kind: str, axis: int, angle_deg: float) -> bool:
-    limit, closed = WIDEST[kind][axis]
-    return angle_deg < limit or (closed and angle_deg == limit)
-
-
-def _too_wide(kind: str, axis: int, angle_deg: float) -> str:
-    limit, closed = WIDEST[kind][axis]
-    most = f"{limit:g}° at most" if closed else f"less than {limit:g}°"
-    flat = "about 120 or less, or " * (kind == "perspective")
-    view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
-    name, way = (("--hfov", "across"), ("--vfov", "down"))[axis]
-    others = [
-        name
-        for name in WIDEST
-        if _shows(name, axis, angle_deg) and kind.startswith("epi") >= name.startswith("epi")
-    ]
-    return (
-        f"{name} {angle_deg:g} is too wide: {view} shows {most} {way}: choose {flat}--view "
-        f"{either(others)}"
-    )
+_HIGHEST = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +60,9 @@ class GroundOptions:
         pixels_per_unit: the picture's scale; by default its longer side is as long as the photos'.
         margin: how far the picture goes on beyond the cameras; by default three heights.
 
+    Raises:
+        UsageError: height or angles are beyond what a camera above ground can have.
+
     """
 
     height: float
@@ -184,6 +70,15 @@ class GroundOptions:
     roll_deg: float = 0.0
     pixels_per_unit: float | None = None
     margin: float | None = None
+
+    def __post_init__(self) -> None:
+        level = -90 <= self.pitch_deg <= 90 and -180 <= self.roll_deg <= 180
+        if not 0 < self.height < _HIGHEST or not level:
+            given = f"{self.height:g},{self.pitch_deg:g},{self.roll_deg:g}"
+            raise UsageError(
+                "--ground is HEIGHT,PITCH,ROLL: a height above 0, PITCH from -90 to 90 and ROLL "
+                f"from -180 to 180 degrees, not {given}"
+            )
 
 
 LOOKS: Mapping[str, tuple[float, float]] = {

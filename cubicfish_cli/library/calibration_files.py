@@ -47,7 +47,7 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import MAX_PIXELS
 from cubicfish_cli.printing import extra
 from cubicfish_cli.target import Target, target_text
-from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.words.codes import Event
 
@@ -246,7 +246,7 @@ def _contents(
 def _map(camera: CubicCamera) -> Content | None:
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
-    return lambda path: save_map(path, build_map(camera, default_view(camera)), overwrite=False)
+    return lambda path: save_map(path, build_map(camera, build_view(camera)), overwrite=False)
 
 
 def _fit(

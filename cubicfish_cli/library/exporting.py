@@ -36,7 +36,7 @@ from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
 from cubicfish_cli.library.rig_pictures import rectify
 from cubicfish_cli.rendering.truth import rotation_matrix
-from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.lens_tables import TableCamera, lens_tables, prim_name, usd_text
 from cubicfish_cli.undistortion.map_formats import require_exr, write_float_exr
@@ -177,7 +177,7 @@ def _flat(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> 
     """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
     try:
         pair = rectify(rig, *(camera.name for camera, _ in converted))
-        view = default_view(pair)
+        view = build_view(pair)
     except ViewError:
         return None
     turns = [
@@ -316,9 +316,7 @@ def export_files(
     if to == "maps":
         if goal.suffix.lower() != ".npz":
             raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
-        save_map(
-            goal, build_map(loaded.camera, default_view(loaded.camera)), overwrite=run.overwrite
-        )
+        save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
         return ExportedFiles(files=[goal], record={"file": goal, "format": to})
     run.listener.progress("Fitting the other lens")
     lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=max_angle_deg)

@@ -15,11 +15,10 @@ from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
-from cubicfish_cli.library.asked_pictures import ViewOptions
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.library.views import chosen_of, trusted_within
+from cubicfish_cli.library.views import trusted_within
 from cubicfish_cli.plain_yaml import plain_yaml_text
-from cubicfish_cli.undistortion.choose import ChosenView, SeenField
+from cubicfish_cli.undistortion.choose import ChosenView, SeenField, chosen_view
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.map_formats import (
     Origin,
@@ -35,6 +34,7 @@ from cubicfish_cli.undistortion.maps import (
     camera_for_photos,
     parse_crop,
 )
+from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.rigs import ROW_ALIGNED
 from cubicfish_cli.undistortion.view import CentralView, View
 from cubicfish_cli.wording import either
@@ -146,7 +146,7 @@ def map_files(
     masked = None
     if mask_limit is not None:
         masked = partial(trusted_within(mask_limit, loaded, path, part), size)
-    chosen = chosen_of(view, there)
+    chosen = chosen_view(there, view)
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}
     views = view_files(maps, mask=path_or_none(mask), beside=goal, masked=masked)
@@ -213,7 +213,7 @@ def map_rig_files(
         raise ViewError(
             "the two cameras see nothing in common where both look: name two others with --pair"
         )
-    chosen = asked.chosen(between)
+    chosen = chosen_view(between, asked)
     common = chosen.first
     if not isinstance(common, CentralView):
         raise ViewError("rows of both pictures agree in one central view only")

@@ -23,7 +23,7 @@ from cubicfish_cli.library.asked import (
     paths_of,
     rig_file_in,
 )
-from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions, ViewOptions
+from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions
 from cubicfish_cli.library.rig_pictures import Face, body_of_rig, faces_of, faces_texts
 from cubicfish_cli.library.undistorting import (
     Interpolation,
@@ -32,11 +32,11 @@ from cubicfish_cli.library.undistorting import (
     refuse_itself,
     rendering_of,
 )
-from cubicfish_cli.library.views import board_with_plane, chosen_of
+from cubicfish_cli.library.views import board_with_plane
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import decode_picture, natural_key, photo_size, read_file, shown
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.choose import ChosenView
+from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.undistortion.images import (
     Rendering,
     check_outputs,
@@ -45,6 +45,7 @@ from cubicfish_cli.undistortion.images import (
 )
 from cubicfish_cli.undistortion.map_formats import mask_picture, view_files
 from cubicfish_cli.undistortion.maps import camera_for_photos
+from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.rigs import Body, Ground, mosaic_of
 from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
@@ -305,7 +306,7 @@ def undistort_rig_files(
     body = body_for_photos(replace(body_of_rig(loaded), distance=distance), shots)
     faces: Sequence[Face] = ()
     if in_faces and isinstance(view, ViewOptions):
-        parts = {one.name: view.chosen(one.camera).views for one in body.cameras}
+        parts = {one.name: chosen_view(one.camera, view).views for one in body.cameras}
         views = dict.fromkeys(shots, ChosenView(views=parts[body.cameras[0].name]))
         faces = faces_of(body, parts)
         (written, failures), extras = _faces(loaded, faces, shots, goal, rendering, run)
@@ -313,7 +314,7 @@ def undistort_rig_files(
         if isinstance(view, PlaneOptions | GroundOptions):
             views = _views_of_ground(view, loaded, body, shots)
         else:
-            views = dict.fromkeys(shots, chosen_of(view, body))
+            views = dict.fromkeys(shots, chosen_view(body, view))
         (written, failures), extras = _pictures(
             body,
             views,

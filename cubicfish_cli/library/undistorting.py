@@ -29,20 +29,19 @@ from cubicfish_cli.library.asked import (
     path_or_none,
     paths_of,
 )
-from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
+from cubicfish_cli.library.asked_pictures import PlaneOptions
 from cubicfish_cli.library.views import (
     PlanesOfPhotos,
     Size,
     Views,
     ViewsBySize,
-    chosen_of,
     trusted_within,
 )
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
-from cubicfish_cli.undistortion.choose import ChosenView, SeenField, default_view
+from cubicfish_cli.undistortion.choose import ChosenView, SeenField, build_view
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, check_suffix, remap_picture
 from cubicfish_cli.undistortion.map_formats import part_name, view_files
 from cubicfish_cli.undistortion.maps import (
@@ -52,8 +51,9 @@ from cubicfish_cli.undistortion.maps import (
     camera_for_photos,
     parse_crop,
 )
+from cubicfish_cli.undistortion.options import ViewOptions, is_numbers
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding, undistort_video, video_size
-from cubicfish_cli.undistortion.view import View, is_numbers
+from cubicfish_cli.undistortion.view import View
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
@@ -100,7 +100,7 @@ def undistort(
         undistort_map = by
     else:
         camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
-        undistort_map = build_map(camera, default_view(camera) if view is None else view)
+        undistort_map = build_map(camera, build_view(camera) if view is None else view)
     flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
     return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
 
@@ -319,7 +319,7 @@ def undistort_files(
     if isinstance(view, PlaneOptions):
         views = PlanesOfPhotos(loaded, part, view)
     else:
-        views = ViewsBySize(loaded.camera, part, partial(chosen_of, view))
+        views = ViewsBySize(loaded.camera, part, view)
     masked = None
     if mask_limit is not None:
         masked = trusted_within(mask_limit, loaded, path or "the camera", part)

@@ -18,10 +18,10 @@ from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import Run
-from cubicfish_cli.library.asked_pictures import PlaneOptions, ViewOptions
+from cubicfish_cli.library.asked_pictures import PlaneOptions
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.choose import ChosenView
+from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.undistortion.maps import (
     Crop,
     UndistortMap,
@@ -29,8 +29,9 @@ from cubicfish_cli.undistortion.maps import (
     calibrated_pixels,
     camera_for_photos,
 )
+from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, plane_view
-from cubicfish_cli.undistortion.view import Camera, View, matrix_of_rotation
+from cubicfish_cli.undistortion.view import View, matrix_of_rotation
 from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
 
@@ -62,34 +63,27 @@ class Views(ABC):
         return [build_map(camera, part) for part in view.views.values()]
 
 
-def chosen_of(view: View | ViewOptions | None, camera: Camera) -> ChosenView:
-    """The view of a camera: as it is given, or what is asked of it."""
-    if isinstance(view, View):
-        return ChosenView(views={"": view})
-    return (ViewOptions() if view is None else view).chosen(camera)
-
-
 class ViewsBySize(Views):
     """A view from the camera's place: the same for all photos of a size."""
 
     def __init__(
-        self, camera: CubicCamera, crop: Crop | None, choose: Callable[[Camera], ChosenView]
+        self, camera: CubicCamera, crop: Crop | None, asked: View | ViewOptions | None
     ) -> None:
         """Prepare for photos of this camera, or of a part of its pictures.
 
         Args:
             camera: the camera.
             crop: the part; None for all.
-            choose: camera of the photos -> what is rendered of them.
+            asked: the view, or what is asked of it.
 
         """
-        self._camera, self._crop, self._choose = camera, crop, choose
+        self._camera, self._crop, self._asked = camera, crop, asked
         self._made: dict[Size, Sequence[UndistortMap]] = {}
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel without the maps, which are quicker made than sent, and the lock."""
-        return ViewsBySize, (self._camera, self._crop, self._choose)
+        return ViewsBySize, (self._camera, self._crop, self._asked)
 
     def group(self, source: Path, size: Size) -> Hashable:
         """The size."""
@@ -98,7 +92,7 @@ class ViewsBySize(Views):
     def chosen(self, source: Path, size: Size) -> tuple[CubicCamera, ChosenView]:
         """The view that is asked for."""
         camera = camera_for_photos(self._camera, size, self._crop)
-        return camera, self._choose(camera)
+        return camera, chosen_view(camera, self._asked)
 
     def maps(self, source: Path, size: Size) -> Sequence[UndistortMap]:
         """Made once for each size, from any thread."""

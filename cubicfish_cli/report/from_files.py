@@ -30,7 +30,7 @@ from cubicfish_cli.rendering.difference_picture import jpeg_bytes, thumbnail
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, PhotoFacts, gather
 from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.wording import quoted
@@ -188,7 +188,7 @@ def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | Non
     if not isinstance(facts.camera, CubicCamera):
         return None
     try:
-        view = default_view(facts.camera)
+        view = build_view(facts.camera)
         scale = min(1.0, 2 * _WIDE / max(view.size))
         size = (max(1, round(scale * view.size[0])), max(1, round(scale * view.size[1])))
         view = replace(view, size=size, focal=scale * view.focal)

@@ -1,6 +1,6 @@
 """Views from the options asked for, and what the camera sees of them.
 
-All kinds of views: their registry, their records, and the default view.
+All kinds of views: their registry, and their records.
 """
 
 from __future__ import annotations
@@ -8,21 +8,19 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.errors import ViewError
+from cubicfish_cli.errors import UsageError, ViewError
 from cubicfish_cli.undistortion.fit import (
-    INNER,
-    OUTER,
-    Fitted,
     cropped_view,
     fit_view,
     kept_share,
     seen_field_deg,
 )
+from cubicfish_cli.undistortion.options import KINDS, OUTER, Kind, Share, ViewOptions
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
     CrossView,
@@ -40,7 +38,6 @@ from cubicfish_cli.undistortion.view import (
     CentralView,
     Rotation,
     View,
-    is_numbers,
     rotation_from_angles,
 )
 from cubicfish_cli.wording import did_you_mean, quoted
@@ -84,21 +81,6 @@ def axis_focal(camera: Camera) -> float:
     return float(np.sqrt(area))
 
 
-def default_view(camera: Camera) -> PerspectiveView:
-    """The view to use where nobody asks for another: flat, as large as the photo.
-
-    It keeps the photo's scale on the camera's axis, unless the longer side would then span
-    more than :data:`MAX_DEFAULT_FIELD_DEG` or than the camera's valid field.
-
-    Raises:
-        ViewError: the camera has no pixel about its axis, or its photos are too large.
-
-    """
-    widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
-    least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
-    return PerspectiveView(size=camera.image_size, focal=max(axis_focal(camera), least))
-
-
 def view_from_json(text: str) -> View:
     """The view that :meth:`View.to_json` wrote.
 
@@ -125,18 +107,6 @@ def view_from_json(text: str) -> View:
     return _KINDS[kind].from_parameters(tuple(size), data)  # type: ignore[arg-type]
 
 
-Kind = Literal[
-    "perspective",
-    "cylindrical",
-    "equirectangular",
-    "epipolar-cylindrical",
-    "epipolar-equirectangular",
-    "stereographic",
-    "equidistant",
-]
-Share = float | Literal["inner", "outer"]
-
-_ENDS = {"inner": INNER, "outer": OUTER}
 _LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much
 
 
@@ -172,113 +142,57 @@ def build_view(
         rotate_deg: (yaw, pitch, roll): look right, then up, then turn clockwise, degrees.
 
     Raises:
-        ViewError: something is asked twice, or the view is not one that can be rendered.
+        UsageError: something is asked twice, or is nothing that such a view has.
+        ViewError: the camera shows no such view.
 
     """
-    field = {"hfov_deg": hfov_deg, "vfov_deg": vfov_deg, "focal": focal, "fit": fit}
-    return _fitted(camera, kind, size, rotate_deg, **field).view
+    asked: dict[str, Any] = {
+        "kind": kind,
+        "size": size,
+        "hfov_deg": hfov_deg,
+        "vfov_deg": vfov_deg,
+        "focal": focal,
+        "fit": fit,
+        "rotate_deg": rotate_deg,
+    }
+    if kind == "cube":
+        raise UsageError("a cube is several views: ask for it by ViewOptions(kind='cube')")
+    return _central(camera, ViewOptions(**asked))[0]
 
 
-def _fitted(
-    camera: Camera,
-    kind: str,
-    size: Sequence[int] | None,
-    rotate_deg: Sequence[float],
-    **field: Any,
-) -> Fitted:
-    """See :func:`build_view`; ``field`` is its hfov_deg, vfov_deg, focal and fit."""
-    if not isinstance(kind, str) or kind not in CENTRAL_KINDS:
-        raise ViewError(
-            f"unknown kind of view {quoted(kind)}: {did_you_mean(str(kind), sorted(CENTRAL_KINDS))}"
-        )
-    names = [name for name, value in field.items() if value is not None]
-    if len(names) > 1 and (names != ["hfov_deg", "vfov_deg"] or size is not None):
-        both = names + ["size"] * (names == ["hfov_deg", "vfov_deg"])
-        raise ViewError(f"{' and '.join(both)} say the same thing twice: leave one out")
-    make = CENTRAL_KINDS[kind]
-    asked_size = None if size is None else _size(size)
-    hfov_deg, vfov_deg = (
-        _number(field[name], name, "degrees") for name in ("hfov_deg", "vfov_deg")
-    )
-    focal = _number(field["focal"], "focal", "pixels per radian")
-    share = None if field["fit"] is None else _share(field["fit"])
-    rotation = _rotation(rotate_deg)
-    if issubclass(make, EquirectangularView) and asked_size is None and not names:
-        return _fixed(cropped_view(camera, make, axis_focal(camera), rotation))
-    whole = asked_size or camera.image_size
-    if hfov_deg is not None:
-        return _fixed(_with_hfov(make, hfov_deg, vfov_deg, whole, rotation))
-    if vfov_deg is not None:
-        return _fixed(make.with_field(vfov_deg, whole, rotation, vertical=True))
-    if focal is not None:
-        return _fixed(make(size=whole, focal=focal, rotation=rotation))
-    if share is None and make is PerspectiveView:
-        default = default_view(camera)
-        scaled = default.focal * whole[0] / default.size[0]
-        return _fixed(make(size=whole, focal=scaled, rotation=rotation))
-    fitted = fit_view(camera, make, whole, rotation, share=OUTER if share is None else share)
-    if share is None and issubclass(make, CylindricalView) and fitted.at_limit:
+def _central(camera: Camera, asked: ViewOptions) -> tuple[CentralView, bool]:
+    """The view, and whether the camera sees more than it can show."""
+    make = CENTRAL_KINDS[asked.kind or KINDS[0]]
+    rotation, whole = _rotation(asked), asked.size or camera.image_size
+    scale = whole[0] / camera.image_size[0]
+    if issubclass(make, EquirectangularView) and asked.leaves_field_open:
+        return cropped_view(camera, make, axis_focal(camera), rotation), False
+    if asked.hfov_deg is not None:
+        view = make.with_field(asked.hfov_deg, whole, rotation)
+        if asked.vfov_deg is None:
+            return view, False
+        one = make.with_field(asked.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
+        return replace(view, size=(whole[0], max(1, round(view.focal / one.focal)))), False
+    if asked.vfov_deg is not None:
+        return make.with_field(asked.vfov_deg, whole, rotation, vertical=True), False
+    if asked.focal is not None:
+        return make(size=whole, focal=asked.focal, rotation=rotation), False
+    if asked.fit is None and make is PerspectiveView:
+        widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
+        least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
+        focal = max(axis_focal(camera), least) * scale
+        return make(size=whole, focal=focal, rotation=rotation), False
+    share = OUTER if asked.fit is None else float(asked.fit)
+    view, at_limit = fit_view(camera, make, whole, rotation, share=share)
+    if asked.fit is None and issubclass(make, CylindricalView) and at_limit:
         # All round, for the sake of what is nearly overhead, is not what anyone means.
-        least = axis_focal(camera) * whole[0] / camera.image_size[0]
-        return _fixed(make(size=whole, focal=max(fitted.view.focal, least), rotation=rotation))
-    return fitted
+        return replace(view, focal=max(view.focal, axis_focal(camera) * scale)), False
+    return view, at_limit
 
 
-def _rotation(rotate_deg: Sequence[float]) -> Rotation:
-    yaw, pitch, roll = _numbers(rotate_deg, "rotate_deg", "(yaw, pitch, roll) in degrees", 3)
+def _rotation(asked: ViewOptions) -> Rotation:
+    yaw, pitch, roll = asked.rotate_deg
     return rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
-
-
-def _fixed(view: CentralView) -> Fitted:
-    return Fitted(view=view, at_limit=False)
-
-
-def _with_hfov(
-    kind: type[CentralView],
-    hfov_deg: float,
-    vfov_deg: float | None,
-    size: tuple[int, int],
-    rotation: Rotation,
-) -> CentralView:
-    view = kind.with_field(hfov_deg, size, rotation)
-    if vfov_deg is None:
-        return view
-    one = kind.with_field(vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
-    height = max(1, round(view.focal / one.focal))
-    return kind(size=(size[0], height), focal=view.focal, rotation=rotation)
-
-
-def _share(fit: Share) -> float:
-    if isinstance(fit, str) and fit in _ENDS:
-        return _ENDS[fit]
-    share = _numbers([fit], "fit", "'inner', 'outer' or a share from 0 to 1", 1)[0]
-    if not 0 <= share <= 1:
-        raise ViewError(f"fit must be 'inner', 'outer' or a share from 0 to 1, not {quoted(fit)}")
-    return share
-
-
-def _size(size: Sequence[int]) -> tuple[int, int]:
-    width, height = _numbers(size, "size", "(width, height) in whole pixels", 2)
-    if width != round(width) or height != round(height):
-        raise ViewError(f"size must be (width, height) in whole pixels, not {quoted(size)}")
-    return round(width), round(height)
-
-
-def _number(value: float | None, name: str, unit: str) -> float | None:
-    return None if value is None else _numbers([value], name, f"a number of {unit}", 1)[0]
-
-
-def _numbers(value: Sequence[float | str], name: str, what: str, count: int) -> tuple[float, ...]:
-    """Finite numbers of any kind, numpy's among them, as Python has them."""
-    try:
-        numbers = () if isinstance(value, str) else tuple(float(part) for part in value)
-        text = any(isinstance(part, str) for part in value)
-    except (TypeError, ValueError, OverflowError):
-        numbers, text = (), False
-    if text or not is_numbers(numbers, count):
-        shown = value[0] if count == 1 else value
-        raise ViewError(f"{name} must be {what}, not {quoted(shown)}")
-    return numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -367,43 +281,25 @@ class ChosenView:
         return record
 
 
-def chosen_view(
-    camera: Camera,
-    kind: str,
-    *,
-    cross: bool = False,
-    size: tuple[int, int] | None = None,
-    rotate_deg: Sequence[float] = (0.0, 0.0, 0.0),
-    **field: Any,
-) -> ChosenView:
-    """The view of a kind, or of a cube, for a camera.
-
-    Args:
-        camera: the camera.
-        kind: a kind of :data:`CENTRAL_KINDS`, or ``cube``.
-        cross: whether a cube is one picture.
-        size: of the picture, or of a cube's faces; None for the photo's, or its scale.
-        rotate_deg: yaw, pitch and roll.
-        field: ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit`` of :func:`build_view`.
+def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
+    """What is rendered of a camera's photos: a view as it is given, or what is asked of it.
 
     Raises:
         ViewError: the view is not one that can be rendered.
 
     """
-    if kind == "cube":
-        return _cube(camera, size, _rotation(rotate_deg), cross=cross)
-    fitted = _fitted(camera, kind, size, rotate_deg, **field)
-    return ChosenView(views={"": fitted.view}, at_limit=fitted.at_limit)
+    if isinstance(asked, View):
+        return ChosenView(views={"": asked})
+    asked = asked or ViewOptions()
+    if asked.kind == "cube":
+        return ChosenView(views=_cube(camera, asked))
+    view, at_limit = _central(camera, asked)
+    return ChosenView(views={"": view}, at_limit=at_limit)
 
 
-def _cube(
-    camera: Camera, size: tuple[int, int] | None, rotation: Rotation, *, cross: bool
-) -> ChosenView:
+def _cube(camera: Camera, asked: ViewOptions) -> Mapping[str, View]:
     side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
-    if cross:
-        return ChosenView(
-            views={"": CrossView(size=size or (4 * side, 3 * side), rotation=rotation)}
-        )
-    if size is not None and size[0] != size[1]:
-        raise ViewError("a cube's faces are square: give the size as NxN")
-    return ChosenView(views=face_views(size[0] if size else side, rotation))
+    rotation = _rotation(asked)
+    if asked.layout == "cross":
+        return {"": CrossView(size=asked.size or (4 * side, 3 * side), rotation=rotation)}
+    return face_views(asked.size[0] if asked.size else side, rotation)

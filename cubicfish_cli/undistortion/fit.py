@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +17,8 @@ import numpy.typing as npt
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.types import FloatArray, IntArray
-from cubicfish_cli.undistortion.limits import WIDEST
+from cubicfish_cli.undistortion.options import INNER, OUTER, WIDEST
 from cubicfish_cli.undistortion.view import Camera, CentralView, Rotation, View
-
-INNER, OUTER = 0.0, 1.0
 
 _MOST_FOCAL_SIDES = 60.0  # a field of one degree
 _BISECTIONS = 40
@@ -33,21 +31,6 @@ _ALONG = 1.002
 _ALL_ROUND_DEG = 179.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fitted:
-    """A view whose scale was found.
-
-    Attributes:
-        view: the view.
-        at_limit: whether the camera sees more than this kind of view can show, so that the
-            field ends where the view's own limit is.
-
-    """
-
-    view: CentralView
-    at_limit: bool
-
-
 def fit_view(
     camera: Camera,
     kind: type[CentralView],
@@ -55,7 +38,7 @@ def fit_view(
     rotation: Rotation = (0.0, 0.0, 0.0),
     *,
     share: float,
-) -> Fitted:
+) -> tuple[CentralView, bool]:
     """The view of this kind, size and direction whose field suits the camera.
 
     Args:
@@ -66,12 +49,14 @@ def fit_view(
         share: 0 for the widest field without an empty pixel (inner), 1 for the narrowest that
             loses nothing (outer), and between them evenly in the logarithm of the scale.
 
+    Returns:
+        The view, and whether the camera sees more than this kind of view can show, so that the
+        field ends where the view's own limit is.
+
     Raises:
-        ViewError: the camera does not see the picture's middle, or the share is not in 0..1.
+        ViewError: the camera does not see the picture's middle.
 
     """
-    if not 0 <= share <= 1:
-        raise ViewError("a fit is 'inner', 'outer' or a share from 0 to 1")
     view = kind(size=size, focal=1.0, rotation=rotation)
     least = kind.least_focal(size)
     most = _MOST_FOCAL_SIDES * max(size)
@@ -80,12 +65,10 @@ def fit_view(
         ends.append(_inner(camera, view, least, most))
     if share > INNER:
         ends.append(_outer(camera, view, least, most))
+    focal, at_limit = ends[-1]
     if len(ends) == 2:
-        (inner, _), (outer, at_limit) = ends
-        focal = math.exp((1 - share) * math.log(inner) + share * math.log(outer))
-        return Fitted(view=replace(view, focal=focal), at_limit=at_limit)
-    ((focal, at_limit),) = ends
-    return Fitted(view=replace(view, focal=focal), at_limit=at_limit)
+        focal = math.exp((1 - share) * math.log(ends[0][0]) + share * math.log(focal))
+    return replace(view, focal=focal), at_limit
 
 
 def cropped_view(

@@ -18,7 +18,8 @@ from cubicfish_cli.angles import unit_rays
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.view import View, is_numbers
+from cubicfish_cli.undistortion.options import is_numbers
+from cubicfish_cli.undistortion.view import View
 
 Vector = tuple[float, float, float]
 

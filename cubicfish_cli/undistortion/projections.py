@@ -20,7 +20,7 @@ The six faces of a cube about the camera, as six pictures or as one cross.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -30,11 +30,11 @@ import numpy.typing as npt
 from cubicfish_cli.angles import columns, unit_rays
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.undistortion.options import FACES, is_numbers
 from cubicfish_cli.undistortion.view import (
     CentralView,
     Rotation,
     View,
-    is_numbers,
     rotation_from_angles,
     rotation_vector,
 )
@@ -52,7 +52,6 @@ class PerspectiveView(CentralView):
     """A flat picture without distortion: straight lines are straight."""
 
     kind: ClassVar[str] = "perspective"
-    advice: ClassVar[str] = ": choose about 120 or less"
 
     @staticmethod
     def flat_rays(flat: FloatArray) -> FloatArray:
@@ -208,18 +207,6 @@ class EquidistantView(CentralView):
 
 def _within(angle: FloatArray, limit: float) -> FloatArray:
     return np.where(np.abs(angle) <= limit * (1 + _SLACK), angle, np.nan)
-
-
-# Where each face looks (yaw, pitch) and where it is in the cross (column, row): the faces
-# above and below the front one continue it.
-FACES: Mapping[str, tuple[tuple[float, float], tuple[int, int]]] = {
-    "front": ((0, 0), (1, 1)),
-    "right": ((90, 0), (2, 1)),
-    "back": ((180, 0), (3, 1)),
-    "left": ((-90, 0), (0, 1)),
-    "up": ((0, 90), (1, 0)),
-    "down": ((0, -90), (1, 2)),
-}
 
 
 def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, PerspectiveView]:

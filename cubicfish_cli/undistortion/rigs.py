@@ -462,14 +462,14 @@ class RectifiedPair:
         )
         return first, second
 
-    def projections(self, view: PerspectiveView) -> tuple[FloatArray, FloatArray]:
+    def projections(self, view: CentralView) -> tuple[FloatArray, FloatArray]:
         """P1 and P2 (3, 4) of flat pictures, pixels, as cv2.stereoRectify has them."""
         first = np.column_stack([view.camera_matrix, np.zeros(3)])
         second = first.copy()
         second[0, 3] = -view.focal * self.baseline_x
         return first, second
 
-    def Q(self, view: PerspectiveView) -> FloatArray:
+    def Q(self, view: CentralView) -> FloatArray:
         """(4, 4) takes (column, row, disparity, 1), pixels of flat pictures, to a point (4,)."""
         x, y = view.middle
         return np.array(

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.limits import WIDEST
+from cubicfish_cli.undistortion.options import WIDEST, is_numbers
 from cubicfish_cli.wording import quoted
 
 Rotation = tuple[float, float, float]
@@ -141,8 +141,6 @@ class CentralView(View):
     is told by two functions: which ray lies at an offset from the middle, and where a ray lies.
     """
 
-    advice: ClassVar[str] = ""
-
     focal: float
     rotation: Rotation = (0.0, 0.0, 0.0)
 
@@ -200,22 +198,13 @@ class CentralView(View):
     ) -> CentralView:
         """The view whose width (or height) spans ``field_deg`` degrees from edge to edge.
 
+        The field is one that this kind of view can show, as :data:`~.options.WIDEST` has them.
+
         Raises:
-            ViewError: the field is not one that this kind of view can have, or the size is
-                not usable.
+            ViewError: the size is not usable.
 
         """
         axis = int(vertical)
-        limit, closed = WIDEST[cls.kind][axis]
-        if (
-            not is_numbers((field_deg,), 1)
-            or not 0 < field_deg <= limit
-            or (field_deg == limit and not closed)
-        ):
-            raise ViewError(
-                f"the {'vertical ' * vertical}field of a {cls.kind} view must be between 0° and "
-                f"{limit:g}°, not {quoted(field_deg)}{cls.advice}"
-            )
         side = size[axis] if is_numbers(size, 2) else 1  # what is wrong with it is said below
         focal = side / 2 / cls.offset(math.radians(field_deg) / 2, axis)
         return cls(size=size, focal=focal, rotation=rotation)
@@ -300,22 +289,3 @@ def rotation_vector(matrix: FloatArray) -> Rotation:
     """Rotation matrix (3, 3) -> rotation vector."""
     x, y, z = cv2.Rodrigues(matrix)[0].ravel().tolist()
     return x, y, z
-
-
-def is_numbers(values: object, count: int) -> bool:
-    """Whether ``values`` is a tuple of ``count`` finite numbers."""
-    return (
-        isinstance(values, tuple)
-        and len(values) == count
-        and all(
-            isinstance(value, int | float) and not isinstance(value, bool) and _finite(value)
-            for value in values
-        )
-    )
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond every float
-        return False

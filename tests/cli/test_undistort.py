@@ -17,8 +17,8 @@ from running import SAMPLE, Run
 from cubicfish_cli.cli import streams, terminal
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS
-from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.maps import load_map
+from cubicfish_cli.undistortion.options import WIDEST
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 

@@ -806,7 +806,6 @@ def test_pictures_and_views_that_cannot_be_are_refused(
     camera = fitted.camera
     view = build_view(camera)
     made = build_map(camera, view)
-    odd: Any = None
 
     def said(*given: Any, **more: Any) -> str:
         return refusal(ViewError, lambda: undistort(*given, **more))
@@ -823,24 +822,24 @@ def test_pictures_and_views_that_cannot_be_are_refused(
     assert "border must be three numbers" in said(picture, camera, border=(0, 0, 2))
 
     def no_view(*given: Any, **more: Any) -> str:
-        return refusal(ViewError, lambda: build_view(camera, *given, **more))
+        return refusal(UsageError, lambda: build_view(camera, *given, **more))
 
     assert "did you mean 'cylindrical'" in no_view("cylinder")
-    assert "unknown kind of view 'None'" in no_view(odd)
-    assert "hfov_deg and focal say the same thing twice" in no_view(hfov_deg=90, focal=300)
-    assert "hfov_deg and vfov_deg and size" in no_view(hfov_deg=90, vfov_deg=60, size=(9, 9))
-    assert "fit must be 'inner'" in no_view(fit="middle")
-    assert "fit must be 'inner'" in no_view(fit=1.5)
-    assert "fit must be 'inner'" in no_view(fit=float("nan"))
-    assert "rotate_deg must be (yaw, pitch, roll)" in no_view(rotate_deg=(1, 2))
-    assert "rotate_deg must be (yaw, pitch, roll)" in no_view(rotate_deg=5)
-    assert "rotate_deg must be (yaw, pitch, roll)" in no_view(rotate_deg="123")
-    assert "hfov_deg must be a number of degrees" in no_view(hfov_deg="90")
-    assert "must be between 0° and 180°" in no_view(hfov_deg=270)
-    assert "focal length must be positive" in no_view(focal=-3)
-    assert "size must be (width, height)" in no_view(size=())
-    assert "size must be (width, height)" in no_view(size=(9.5, 9))
-    assert "from 1 to" in no_view(size=(0, 9))
+    assert "unknown kind of view '3'" in no_view(3)
+    assert "a cube is several views" in no_view("cube")
+    assert "--hfov and --focal say the same thing twice" in no_view(hfov_deg=90, focal=300)
+    assert "--hfov and --vfov and --size" in no_view(hfov_deg=90, vfov_deg=60, size=(9, 9))
+    for share in ("middle", "0.5", 1.5, float("nan"), (0.5,)):
+        assert "--fit must be 'inner'" in no_view(fit=share)
+    for angles in ((1, 2), 5, "123", (0, 0, float("nan"))):
+        assert "--rotate must be yaw,pitch,roll" in no_view(rotate_deg=angles)
+    for field in ("90", 0, -5, float("nan"), float("inf")):
+        assert "--hfov must be a number of degrees above 0" in no_view(hfov_deg=field)
+    assert "--hfov 270 is too wide: a perspective view shows less than 180" in no_view(hfov_deg=270)
+    assert "--focal must be a number of pixels" in no_view(focal=-3)
+    for size in ((), (9.5, 9), 9, "99"):
+        assert "--size must be WIDTHxHEIGHT" in no_view(size=size)
+    assert "from 1 to" in refusal(ViewError, lambda: build_view(camera, size=(0, 9)))
 
 
 def test_numbers_of_numpy_are_as_good_as_pythons(fitted: Calibration) -> None:

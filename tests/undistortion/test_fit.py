@@ -14,9 +14,9 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS, axis_focal, build_view
-from cubicfish_cli.undistortion.fit import Fitted, fit_view, kept_share, seen_field_deg, sees
-from cubicfish_cli.undistortion.limits import WIDEST
+from cubicfish_cli.undistortion.fit import fit_view, kept_share, seen_field_deg, sees
 from cubicfish_cli.undistortion.maps import build_map
+from cubicfish_cli.undistortion.options import WIDEST
 from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
 
 SIZE = (120, 90)
@@ -55,8 +55,8 @@ def lost(camera, view: CentralView) -> int:
     return int((~((pixel >= -0.52) & (pixel <= limit)).all(axis=-1)).sum())
 
 
-def narrower(fitted: Fitted, by: float) -> CentralView:
-    return replace(fitted.view, focal=fitted.view.focal * by)
+def narrower(view: CentralView, by: float) -> CentralView:
+    return replace(view, focal=view.focal * by)
 
 
 @pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
@@ -64,12 +64,14 @@ def narrower(fitted: Fitted, by: float) -> CentralView:
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
 def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
     camera = lens(field)
-    fitted = fit_view(camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=0.0)
-    assert build_map(camera, fitted.view).valid.all()
-    if fitted.at_limit:
+    view, at_limit = fit_view(
+        camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=0.0
+    )
+    assert build_map(camera, view).valid.all()
+    if at_limit:
         assert field >= 180
     else:
-        assert not build_map(camera, narrower(fitted, 0.99)).valid.all()
+        assert not build_map(camera, narrower(view, 0.99)).valid.all()
 
 
 @pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
@@ -77,36 +79,38 @@ def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
 def test_outer_loses_nothing_and_could_not_be_narrower(kind, field, angles):
     camera = lens(field)
-    fitted = fit_view(camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0)
-    if fitted.at_limit:
+    view, at_limit = fit_view(
+        camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0
+    )
+    if at_limit:
         # Only these have directions that no picture of theirs can reach.
         assert kind in ("perspective", "cylindrical", "epipolar-cylindrical")
-        assert lost(camera, fitted.view) > 0
-        assert max(fitted.view.hfov_deg, fitted.view.vfov_deg) == pytest.approx(160, abs=1e-3) or (
+        assert lost(camera, view) > 0
+        assert max(view.hfov_deg, view.vfov_deg) == pytest.approx(160, abs=1e-3) or (
             kind != "perspective"
         )
     else:
-        assert lost(camera, fitted.view) == 0
-        assert kept_share(camera, fitted.view) == 1
-        assert lost(camera, narrower(fitted, 1.02)) > 0
+        assert lost(camera, view) == 0
+        assert kept_share(camera, view) == 1
+        assert lost(camera, narrower(view, 1.02)) > 0
 
 
 @pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
 def test_a_view_that_looks_aside_loses_nothing_either(kind):
     camera = lens(220)
     for angles in ({"yaw_deg": 90}, {"pitch_deg": 90}, {"yaw_deg": 180}):
-        fitted = fit_view(
+        view, at_limit = fit_view(
             camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0
         )
-        assert fitted.at_limit or lost(camera, fitted.view) == 0
+        assert at_limit or lost(camera, view) == 0
         if kind in ("equirectangular", "equidistant"):
-            assert not fitted.at_limit
+            assert not at_limit
 
 
 def test_shares_run_from_inner_to_outer():
     camera = cubic_camera(85.0)
     kind = CENTRAL_KINDS["equidistant"]
-    views = [fit_view(camera, kind, SIZE, share=s).view for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    views = [fit_view(camera, kind, SIZE, share=s)[0] for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
     fields = [view.hfov_deg for view in views]
     assert fields == sorted(fields)
     kept = [kept_share(camera, view) for view in views]
@@ -124,20 +128,14 @@ def test_a_view_whose_middle_is_unseen_has_no_inner_fit():
         fit_view(lens(180), CENTRAL_KINDS["perspective"], SIZE, rotation, share=0.0)
 
 
-@pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
-def test_other_shares_are_refused(share):
-    with pytest.raises(ViewError, match="from 0 to 1"):
-        fit_view(lens(180), CENTRAL_KINDS["perspective"], SIZE, share=share)
-
-
 def test_the_photos_corners_count_where_the_circle_is_cut():
     # A wide lens on a small sensor: the photo's frame, not the cone, ends what is seen.
     camera = replace(lens(180), fx=300.0, fy=300.0)
-    fitted = fit_view(camera, CENTRAL_KINDS["equidistant"], (480, 360), share=1.0)
-    assert fitted.view.hfov_deg < 120
-    assert lost(camera, fitted.view) == 0
-    inner = fit_view(camera, CENTRAL_KINDS["perspective"], (480, 360), share=0.0)
-    assert build_map(camera, inner.view).valid.all()
+    view, _ = fit_view(camera, CENTRAL_KINDS["equidistant"], (480, 360), share=1.0)
+    assert view.hfov_deg < 120
+    assert lost(camera, view) == 0
+    inner, _ = fit_view(camera, CENTRAL_KINDS["perspective"], (480, 360), share=0.0)
+    assert build_map(camera, inner).valid.all()
     assert not build_map(camera, narrower(inner, 0.99)).valid.all()
 
 

@@ -6,7 +6,7 @@ import pytest
 from lenses import cubic_camera, random_rays
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import Crop, build_map, camera_for_photos, parse_crop
 
 CAMERA = cubic_camera(100.0)  # 960x720
@@ -35,7 +35,7 @@ def test_an_exact_half_of_a_photo_shows_the_same_view():
     # A photo whose brightness is its column; averaging pairs is what halving means.
     whole = np.broadcast_to(np.arange(960, dtype=np.float32), (720, 960)).copy()
     half = cv2.resize(whole, (480, 360), interpolation=cv2.INTER_AREA)
-    view = default_view(CAMERA)
+    view = build_view(CAMERA)
     maps = build_map(CAMERA, view), build_map(camera_for_photos(CAMERA, (480, 360)), view)
     one, other = (
         cv2.remap(photo, m.map_x, m.map_y, cv2.INTER_LINEAR)

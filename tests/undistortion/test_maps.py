@@ -15,7 +15,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.undistortion import maps
-from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import build_map, load_map, save_map
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.view import rotation_from_angles
@@ -168,7 +168,7 @@ def test_blocks_of_rows_leave_no_seam(monkeypatch):
 def test_remap_by_the_map_shows_the_pixels_that_it_says():
     # A photo whose brightness is its own coordinate: bilinear reading gives the map back.
     photo = np.broadcast_to(np.arange(SIZE[0], dtype=np.float32), SIZE[::-1]).copy() + 1
-    made = build_map(LENS, default_view(LENS))
+    made = build_map(LENS, build_view(LENS))
     flat = cv2.remap(photo, made.map_x, made.map_y, cv2.INTER_LINEAR)
     assert made.valid.mean() > 0.5
     # cv2.remap rounds coordinates to 1/32 pixel.
@@ -365,7 +365,7 @@ def test_a_pickle_is_never_opened(saved, monkeypatch):
 
 def test_the_whole_picture_is_the_projection_at_full_size():
     camera = cubic_camera()
-    view = default_view(camera)
+    view = build_view(camera)
     assert view.size == SIZE
     check_against_truth(camera, view, 2e-5)
     assert TRUE_LENS.image_size != SIZE

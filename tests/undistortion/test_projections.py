@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
 
-from cubicfish_cli.errors import ViewError
+from cubicfish_cli.errors import UsageError, ViewError
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS, view_from_json
-from cubicfish_cli.undistortion.limits import WIDEST
 from cubicfish_cli.undistortion.maps import build_map
+from cubicfish_cli.undistortion.options import FACES, WIDEST, ViewOptions
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
-    FACES,
     CrossView,
     CylindricalView,
     EquidistantView,
@@ -91,8 +90,8 @@ def test_a_field_is_from_edge_to_edge(kind, field, vertical):
     ],
 )
 def test_a_field_that_the_kind_cannot_have_is_refused(kind, field, vertical):
-    with pytest.raises(ViewError, match=f"{kind} view must be between 0° and"):
-        CENTRAL_KINDS[kind].with_field(field, (64, 48), vertical=vertical)
+    with pytest.raises(UsageError, match=rf"too wide: an? {kind} view shows"):
+        ViewOptions(kind=kind, **{"vfov_deg" if vertical else "hfov_deg": field})
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.photos import decode_picture, photo_size, read_file
 from cubicfish_cli.target import load_target
-from cubicfish_cli.undistortion.choose import default_view
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import UndistortMap, load_map, save_map
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
@@ -130,7 +130,7 @@ def _read_camera(path: Path) -> object:
 def _map_seeds() -> Sequence[bytes]:
     from fuzz_cameras import camera
 
-    view = default_view(camera())
+    view = build_view(camera())
     small = type(view)(**{**view.__dict__, "size": (12, 9)})
     shape = (9, 12)
     made = UndistortMap(
