@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cubicfish_cli.films.frame_files import write_film
+from cubicfish_cli.films.source import write_film
 from cubicfish_cli.photos import find_photos
 
 RATE = 10.0

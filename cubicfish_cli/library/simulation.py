@@ -334,8 +334,7 @@ def _film(
     listener: Listener,
 ) -> _Scene:
     """A film of a hand that moves the target."""
-    from cubicfish_cli.films.frame_files import refuse_odd, write_film
-    from cubicfish_cli.films.source import library
+    from cubicfish_cli.films.source import library, refuse_odd, write_film
     from cubicfish_cli.rendering.film import Film, Shutter, hand_path
 
     shutter = Shutter(
