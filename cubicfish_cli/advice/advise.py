@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import FieldUncertainty, recorded_uncertainty, summed
 from cubicfish_cli.assess.verdict import verdict
+from cubicfish_cli.fitting.findings import FieldCells
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.uncertainty import Information, field_grid
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -162,7 +163,7 @@ class Advice:
             "goal_px": self.goal_px,
             "noise_px": self.noise_px,
             "now": self.now.as_record() if self.now else None,
-            "coverage": self.gaps.coverage,
+            "coverage": self.gaps.cells.coverage,
             "empty": [part.as_record() for part in self.gaps.parts],
             "tilts": list(self.gaps.tilts),
             "distances": list(self.gaps.distances),
@@ -213,13 +214,13 @@ def advise(
         notes.append(Finding(code=Code.NO_POSES))
     knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
     own = camera if knowledge is None else knowledge.camera
-    grid, rays = _grid(own, gaps.blind)
-    sigma = np.full(len(grid), np.nan)
+    field = _Field(camera=own, blind=gaps.cells.blind)
+    sigma = np.full(len(field.grid), np.nan)
     now = None
     noise = knowledge.information.noise_px if knowledge else None
     if knowledge is not None:
-        knowledge, now = _as_recorded(knowledge, fit, gaps.blind)
-        sigma = knowledge.information.uncertainty().sigma_px(rays)
+        knowledge, now = _as_recorded(knowledge, fit, field)
+        sigma = field.sigma_px(knowledge.information)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     judged = verdict(fit, camera.image_size, camera.outline())
     if judged.level == "bad":
@@ -227,17 +228,17 @@ def advise(
         said = {"against": first.why, "mend": first.do}
         reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
     notes += _beyond(camera)
-    if gaps.blind:
-        figures = {"blind_deg": float(np.degrees(gaps.blind))}
+    if field.blind:
+        figures = {"blind_deg": float(np.degrees(field.blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
     within = None if poses is None or target is None else distances_within(pairs, poses)
     found: tuple[Proposal, ...] = ()
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, within, notes, gaps.blind, seed)
+        views = _views(knowledge, target, within, notes, field, seed)
         if knowledge is not None and views:
-            found, needed = _proposed(knowledge, views, gaps, grid, goal, proposals)
+            found, needed = _proposed(knowledge, views, gaps.cells, field, goal, proposals)
         short = _FEWEST_PHOTOS - len(pairs.images)
         needed = None if needed is None else max(needed, short, 1)
     return Advice(
@@ -248,7 +249,7 @@ def advise(
         noise_px=noise,
         goal_px=goal,
         now=now,
-        grid=grid,
+        grid=field.grid,
         sigma=sigma,
         gaps=gaps,
         enough=not reasons,
@@ -271,16 +272,13 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
 
 
 def _as_recorded(
-    knowledge: Knowledge, fit: Mapping[str, Any], blind: float
+    knowledge: Knowledge, fit: Mapping[str, Any], field: _Field
 ) -> tuple[Knowledge, FieldUncertainty]:
     """The knowledge with the uncertainty that the record has, to the last digit, and that.
 
     Where the target was fitted too, a fit that begins at its end differs by a few percent.
     """
-    own, known = (
-        _over_field(knowledge.information, _field_rays(knowledge.camera, blind)),
-        recorded_uncertainty(fit),
-    )
+    own, known = field.summed(knowledge.information), recorded_uncertainty(fit)
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
         return knowledge, own
     noise_px = knowledge.information.noise_px * known.median_px / own.median_px
@@ -299,8 +297,8 @@ def why_not_enough(
     if now is not None and now.p95_px > goal:
         figures = {"p95_px": now.p95_px, "goal_px": goal}
         reasons.append(care(code=Code.NOT_CERTAIN, figures=figures))
-    if gaps.coverage < _ENOUGH_COVERAGE:
-        figures = {"share": gaps.coverage}
+    if gaps.cells.coverage < _ENOUGH_COVERAGE:
+        figures = {"share": gaps.cells.coverage}
         reasons.append(care(code=Code.LOW_COVERAGE, case="advice", figures=figures))
     if seen_share(camera) < _SEEN_SHARE:
         figures = {"known_deg": camera.max_angle_deg}
@@ -327,24 +325,41 @@ def _beyond(camera: CubicCamera) -> list[Finding]:
     return [Finding(code=Code.RIM_UNKNOWN, figures={"known_deg": camera.max_angle_deg})]
 
 
-def _grid(camera: CubicCamera, blind: float) -> tuple[FloatArray, FloatArray]:
-    """Pixels (G, 2) over the trusted field that is not blind, and their rays (G, 3)."""
-    width, height = camera.image_size
-    x, y = ((np.arange(n) + 0.5) / n for n in GRID)
-    pixel = np.stack(np.meshgrid(x * width - 0.5, y * height - 0.5), axis=-1).reshape(-1, 2)
-    rays = camera.unproject(pixel)
-    seen = angle_from_axis(rays) >= blind
-    return pixel[seen], rays[seen]
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """The trusted field without where the camera sees itself: what uncertainty is told of.
 
+    Attributes:
+        camera: whose field it is.
+        blind: how far from its axis the camera sees itself, radians.
 
-def _field_rays(camera: CubicCamera, blind: float) -> FloatArray:
-    """(N, 3) rays over the field: those that camera.yaml's figures are of."""
-    rays = field_grid(camera, blind)[2].reshape(-1, 3)
-    return rays[np.isfinite(rays[:, 0])]
+    """
 
+    camera: CubicCamera
+    blind: float
 
-def _over_field(known: Information, rays: FloatArray) -> FieldUncertainty:
-    return summed(known.uncertainty().sigma_px(rays))
+    @cached_property
+    def grid(self) -> FloatArray:
+        """(G, 2) pixels over it, those that pictures show."""
+        width, height = self.camera.image_size
+        x, y = ((np.arange(n) + 0.5) / n for n in GRID)
+        pixel = np.stack(np.meshgrid(x * width - 0.5, y * height - 0.5), axis=-1).reshape(-1, 2)
+        seen = angle_from_axis(self.camera.unproject(pixel)) >= self.blind
+        return np.asarray(pixel[seen])
+
+    @cached_property
+    def _rays(self) -> FloatArray:
+        """(N, 3) rays over it, those that camera.yaml's figures are of."""
+        rays = field_grid(self.camera, self.blind)[2].reshape(-1, 3)
+        return np.asarray(rays[np.isfinite(rays[:, 0])])
+
+    def sigma_px(self, known: Information) -> FloatArray:
+        """(G,) the uncertainty at each pixel of the grid."""
+        return known.uncertainty().sigma_px(self.camera.unproject(self.grid))
+
+    def summed(self, known: Information) -> FieldUncertainty:
+        """The uncertainty over all of it."""
+        return summed(known.uncertainty().sigma_px(self._rays))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -391,7 +406,7 @@ def _views(
     target: Target | None,
     within: Distances | None,
     notes: list[Finding],
-    blind: float,
+    field: _Field,
     seed: int,
 ) -> list[Viewpoint]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
@@ -403,10 +418,8 @@ def _views(
         return []
     if knowledge is None:
         return []
-    camera = knowledge.camera
-    views = sample_views(
-        target, reach_of(camera, blind=blind), camera.image_size, _VIEWS, seed=seed, within=within
-    )
+    lens = reach_of(field.camera, blind=field.blind)
+    views = sample_views(target, lens, field.camera.image_size, _VIEWS, seed=seed, within=within)
     if not views:
         where = f", {distances_words(within, target.units)}" if within else ""
         notes.append(Finding(code=Code.NO_VIEW, figures={"nearness": where}))
@@ -416,47 +429,45 @@ def _views(
 def _proposed(
     knowledge: Knowledge,
     views: Sequence[Viewpoint],
-    gaps: Gaps,
-    grid: FloatArray,
+    cells: FieldCells,
+    field: _Field,
     goal: float,
     proposals: int,
 ) -> tuple[tuple[Proposal, ...], int | None]:
     """The next photos, and how many of them reach the goal."""
     points = [knowledge.points(view) for view in views]
-    filled = np.array([_filled(view, gaps) for view in views])
-    empty = gaps.empty.copy()
-    field = empty.sum() / max(1 - gaps.coverage, 1e-9) if empty.any() else 1.0
-    rays = _field_rays(knowledge.camera, gaps.blind)
+    filled = np.array([_filled(view, cells) for view in views])
+    empty, squares = cells.empty, max(cells.field.sum(), 1)
     chosen: list[Viewpoint] = []
     # The same photo twice would say little that is new of a real lens and a real target.
     taken = np.zeros(len(views), bool)
     state = knowledge.information
-    level = _over_field(state, rays)
+    level = field.summed(state)
     needed = None
     while len(chosen) < MOST_PHOTOS and not taken.all():
         tried = [state.with_photo(own) for own in points]
-        sums = [_over_field(one, rays) for one in tried]
-        fill = (filled & empty).sum(axis=(1, 2)) / field
+        sums = [field.summed(one) for one in tried]
+        fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
         state, level = tried[best], sums[best]
         empty &= ~filled[best]
         taken[best] = True
         chosen.append(views[best])
-        covered = 1 - empty.sum() / field >= _ENOUGH_COVERAGE
+        covered = 1 - empty.sum() / squares >= _ENOUGH_COVERAGE
         if needed is None and level.p95_px <= goal and covered:
             needed = len(chosen)
         if len(chosen) >= proposals and needed is not None:
             break
-    return _told(knowledge, chosen[:proposals], grid, gaps.blind), needed
+    return _told(knowledge, chosen[:proposals], field), needed
 
 
-def _filled(view: Viewpoint, gaps: Gaps) -> BoolArray:
+def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
     """Which squares of the picture (rows, columns) a view puts corners into."""
-    column, row = np.floor(view.pixel / gaps.cell).astype(int).T
+    column, row = np.floor(view.pixel / cells.cell).astype(int).T
     inside = (row >= 0) & (column >= 0)
-    inside &= (row < gaps.empty.shape[0]) & (column < gaps.empty.shape[1])
-    filled = np.zeros(gaps.empty.shape, bool)
+    inside &= (row < cells.field.shape[0]) & (column < cells.field.shape[1])
+    filled = np.zeros_like(cells.field)
     filled[row[inside], column[inside]] = True
     return filled
 
@@ -474,20 +485,17 @@ def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
 
 
-def _told(
-    knowledge: Knowledge, chosen: Sequence[Viewpoint], grid: FloatArray, blind: float
-) -> tuple[Proposal, ...]:
+def _told(knowledge: Knowledge, chosen: Sequence[Viewpoint], field: _Field) -> tuple[Proposal, ...]:
     """The chosen views in words, with what they bring, the target being as free as in the fit."""
     units = knowledge.target.units if knowledge.target else ""
-    near = _NEAR * min(knowledge.camera.image_size)
+    near = _NEAR * min(field.camera.image_size)
     state: Information = knowledge.information
-    rays, whole = knowledge.camera.unproject(grid), _field_rays(knowledge.camera, blind)
-    before, level = state.uncertainty().sigma_px(rays), _over_field(state, whole)
+    before, level = field.sigma_px(state), field.summed(state)
     told = []
     for number, view in enumerate(chosen, start=1):
         state = knowledge.with_views(chosen[:number])
-        after, next_level = state.uncertainty().sigma_px(rays), _over_field(state, whole)
-        apart = np.linalg.norm(grid[:, None] - view.pixel, axis=-1).min(axis=1)
+        after, next_level = field.sigma_px(state), field.summed(state)
+        apart = np.linalg.norm(field.grid[:, None] - view.pixel, axis=-1).min(axis=1)
         here = apart <= near if (apart <= near).any() else apart <= apart.min()
         told.append(
             Proposal(
@@ -531,7 +539,9 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Observations) ->
         wanted = f" (goal: {goal:g} px)" if now else ""
         # The corners' noise may ask for no more photos, and held-out errors for some all the same.
         begin = f"{NOISE_ALONE} photos are enough" if judged.asks_for_photos else "enough photos"
-        return f"{begin}: corners cover {100 * gaps.coverage:.0f} % of the field{known}{wanted}"
+        return (
+            f"{begin}: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}{wanted}"
+        )
     where = "; ".join(part.words for part in gaps.parts[:_PARTS])
     next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0]}"
     return f"{next_ones} ('cubicfish advise' says from where)"

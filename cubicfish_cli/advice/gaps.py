@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
-from cubicfish_cli.fitting.findings import blind_angle, field_cells
+from cubicfish_cli.fitting.findings import FieldCells, field_cells
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
@@ -75,20 +75,14 @@ class Gaps:
 
     Attributes:
         parts: empty parts of the field, the largest first.
-        coverage: share of the field's squares that hold corners.
-        cell: side of a square, pixels.
-        empty: (rows, columns) squares of the field without a corner, but for what is blind.
-        blind: how far from its axis the camera sees itself, radians.
+        cells: the field in squares, and which hold corners.
         tilts: what is missing of tilts, a line each; none where there is no target.
         distances: what is missing of distances, likewise.
 
     """
 
     parts: tuple[Part, ...]
-    coverage: float
-    cell: float
-    empty: BoolArray
-    blind: float
+    cells: FieldCells
     tilts: tuple[str, ...]
     distances: tuple[str, ...]
 
@@ -106,28 +100,19 @@ def find_gaps(
         target: the calibration target; None for pairs that came without one.
 
     """
-    cell, valid, hit = field_cells(pairs.pixel, camera.outline(), camera.image_size)
-    blind = blind_angle(camera.unproject(pairs.pixel))
-    y, x = (np.indices(valid.shape) + 0.5) * cell - 0.5
-    angle = angle_from_axis(camera.unproject(np.stack([x, y], axis=-1)))
-    empty = valid & ~hit & (np.nan_to_num(angle, nan=np.pi) >= blind)
+    cells = field_cells(camera, pairs.pixel)
     of_target = None if poses is None or target is None else (pairs, poses, target)
     return Gaps(
-        parts=tuple(_empty_parts(camera, cell, valid, empty)),
-        coverage=float((valid & hit).sum() / max(valid.sum(), 1)),
-        cell=cell,
-        empty=empty,
-        blind=blind,
+        parts=tuple(_empty_parts(camera, cells)),
+        cells=cells,
         tilts=tuple(_missing_tilts(*of_target)) if of_target else (),
         distances=tuple(_missing_distances(*of_target)) if of_target else (),
     )
 
 
-def _empty_parts(
-    camera: CubicCamera, cell: float, valid: BoolArray, empty: BoolArray
-) -> list[Part]:
-    row, column = np.nonzero(valid)
-    pixel = (np.stack([column, row], axis=-1) + 0.5) * cell - 0.5
+def _empty_parts(camera: CubicCamera, cells: FieldCells) -> list[Part]:
+    row, column = np.nonzero(cells.field)
+    pixel = (np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5
     rays = camera.unproject(pixel)
     seen = np.isfinite(rays[:, 0])
     row, column, rays = row[seen], column[seen], rays[seen]
@@ -137,14 +122,14 @@ def _empty_parts(
     band = np.floor(angle / _BAND_DEG).astype(int)
     # The middle has no sides.
     side = np.where(band == 0, 8, side_of(rays[:, :2]))
-    gone = empty[row, column]
+    gone = cells.empty[row, column]
     bands = band.max() + 1
     size = [np.arange(bands + 1), np.arange(10)]
-    cells, holes = (np.histogram2d(band[some], side[some], size)[0] for some in (slice(None), gone))
-    lost = (cells > 0) & (holes >= _EMPTY_SHARE * cells)
+    all_, holes = (np.histogram2d(band[some], side[some], size)[0] for some in (slice(None), gone))
+    lost = (all_ > 0) & (holes >= _EMPTY_SHARE * all_)
     for number in range(2, bands):
         # Bands that no square's middle lies in are like those inside them.
-        lost[number] |= (cells[number] == 0) & lost[number - 1]
+        lost[number] |= (all_[number] == 0) & lost[number - 1]
     parts = []
     if lost[0, 8]:
         parts.append(_part(camera, (), 0, 1, holes[0, 8] / len(rays)))

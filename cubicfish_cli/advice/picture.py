@@ -160,7 +160,7 @@ def _certainty(advice: Advice) -> Iterator[str]:
     nearest = apart.argmin(axis=1)
     drawn = apart.min(axis=1) <= 2 * max(side)
     away = angle_from_axis(advice.camera.unproject(middle))
-    drawn &= ~(away < advice.gaps.blind)
+    drawn &= ~(away < advice.gaps.cells.blind)
     level = np.searchsorted([limit for limit, _ in _LEVELS], sigma[nearest] / advice.goal_px)
     for number, (_, colour) in enumerate(_LEVELS):
         own = middle[drawn & (level == number)]
@@ -174,8 +174,8 @@ def _certainty(advice: Advice) -> Iterator[str]:
 
 
 def _empty(advice: Advice, scale: float) -> Iterator[str]:
-    cell = advice.gaps.cell
-    row, column = np.nonzero(advice.gaps.empty)
+    cell = advice.gaps.cells.cell
+    row, column = np.nonzero(advice.gaps.cells.empty)
     if len(row):
         parts = "".join(
             f"M{x * cell - 0.5:.1f} {y * cell - 0.5:.1f}h{cell:.1f}v{cell:.1f}h{-cell:.1f}z"
@@ -276,7 +276,7 @@ def _legend(advice: Advice, left: float, y: float) -> list[str]:
         (f'<circle cx="{{:.0f}}" cy="{y - 5:.0f}" r="2.5" class="dot"/>', "a corner so far"),
         (f'<path class="line" stroke-width="1.5" d="{dash}"/>', "the field"),
     ]
-    if advice.gaps.empty.any():
+    if advice.gaps.cells.empty.any():
         marks.append(("", "no corner yet"))
     for number, (mark, text) in enumerate(marks):
         x = left + number * _PANEL / 3

@@ -88,7 +88,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
             f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning} "
             f"(goal: {advice.goal_px:g} px)"
         )
-    result(f"{'coverage':<12}{100 * advice.gaps.coverage:>5.0f} %   {COVERED}\n")
+    result(f"{'coverage':<12}{100 * advice.gaps.cells.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:
         if judged.asks_for_photos:
             result(f"Heed the verdict first: {judged.line}.")

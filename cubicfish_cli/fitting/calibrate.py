@@ -15,7 +15,7 @@ from cubicfish_cli.fitting.climb import Climbed, RefineTarget, climb
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.deformation import deformations
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
-from cubicfish_cli.fitting.findings import blind_angle, coverage, dropped_groups
+from cubicfish_cli.fitting.findings import blind_angle, dropped_groups, field_cells
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
@@ -256,7 +256,7 @@ def _assessed(
         renamed=drawing.renamed,
         departures=tuple(departures),
         uncertainty_grid=uncertainty,
-        coverage=coverage(used.pixel, camera.outline(), pairs.image_size),
+        coverage=field_cells(camera, used.pixel).coverage,
         notes=tuple(dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])),
         findings=tuple(findings),
     )

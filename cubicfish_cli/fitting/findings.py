@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.fitting.robust import noise_by_photo
 from cubicfish_cli.geometry import inside_polygon
+from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
 COVERED = "of the field covered by corners"
-"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted,
-in squares of an eighth of the photo's shorter side."""
+"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
+and does not see itself, in squares of an eighth of the photo's shorter side."""
 # Cells along the photo's shorter side in which coverage is counted.
 _CELLS = 8
 # A camera beyond 90° sees itself where corners leave a middle so large and round: the farthest of
@@ -50,41 +52,52 @@ def blind_angle(points: FloatArray) -> float:
     return float(low) if round_ and angle.max(initial=0.0) > np.pi / 2 else 0.0
 
 
-def coverage(pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]) -> float:
-    """Share of the valid field's cells that hold a corner, 0 to 1.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldCells:
+    """What coverage counts: the field where a camera may be trusted, in squares.
 
-    Args:
-        pixel: (N, 2) corners.
-        outline: (K, 2) the valid field within the photo, a polygon.
-        image_size: (width, height), pixels.
-
-    """
-    _, valid, hit = field_cells(pixel, outline, image_size)
-    return float((hit & valid).sum() / max(valid.sum(), 1))
-
-
-def field_cells(
-    pixel: FloatArray, outline: FloatArray, image_size: tuple[int, int]
-) -> tuple[float, BoolArray, BoolArray]:
-    """The squares that coverage counts: their side, and (rows, columns) of two kinds.
-
-    The arguments are those of :func:`coverage`.
-
-    Returns:
-        Side of a square, pixels; which squares' middles lie in the field; which hold a corner.
+    Attributes:
+        cell: side of a square, pixels.
+        field: (rows, columns) whether a square's middle lies in the field, and where the camera
+            does not see itself.
+        hit: (rows, columns) whether a square holds a corner.
+        blind: how far from its axis the camera sees itself, radians.
 
     """
-    width, height = image_size
-    cell = min(image_size) / _CELLS
+
+    cell: float
+    field: BoolArray
+    hit: BoolArray
+    blind: float
+
+    @property
+    def coverage(self) -> float:
+        """Share of the field's squares that hold a corner, 0 to 1."""
+        return float((self.hit & self.field).sum() / max(self.field.sum(), 1))
+
+    @property
+    def empty(self) -> BoolArray:
+        """(rows, columns) squares of the field without a corner."""
+        return self.field & ~self.hit
+
+
+def field_cells(camera: CubicCamera | PointCamera, pixel: FloatArray) -> FieldCells:
+    """The field of a camera in squares, and which of them hold corners (N, 2), pixels."""
+    width, height = camera.image_size
+    cell = min(camera.image_size) / _CELLS
     x = np.arange(cell / 2, width, cell)
     y = np.arange(cell / 2, height, cell)
     middle = np.stack(np.meshgrid(x, y), axis=-1)
-    valid = inside_polygon(middle.reshape(-1, 2), outline).reshape(middle.shape[:2])
+    field = inside_polygon(middle.reshape(-1, 2), camera.outline()).reshape(middle.shape[:2])
+    blind = 0.0
+    if isinstance(camera, CubicCamera):
+        blind = blind_angle(camera.unproject(pixel))
+        field &= ~(angle_from_axis(camera.unproject(middle)) < blind)
     column, row = np.floor(pixel / cell).astype(int).T
     kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
-    hit = np.zeros_like(valid)
+    hit = np.zeros_like(field)
     hit[row[kept], column[kept]] = True
-    return cell, valid, hit
+    return FieldCells(cell=cell, field=field, hit=hit, blind=blind)
 
 
 def dropped_groups(

@@ -16,7 +16,7 @@ from scipy.interpolate import RBFInterpolator
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.findings import blind_angle, field_cells
+from cubicfish_cli.fitting.findings import FieldCells, blind_angle, field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -156,7 +156,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     figure, axes = _photo_axes(facts.camera.image_size)
     pixel, pairs = errors.pairs.pixel, errors.pairs
     outline = facts.outline
-    empty = _empty_cells(pixel, outline, facts.camera.image_size)
+    empty = _empty_cells(field_cells(facts.camera, pixel))
     areas(axes, empty, RED, 0.22)
     shown = some(len(pixel), MOST_DOTS)
     boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ()
@@ -556,12 +556,11 @@ def round_down(value: float) -> float:
     return float(max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001))
 
 
-def _empty_cells(pixel: FloatArray, outline: FloatArray, size: tuple[int, int]) -> FloatArray:
-    """(N, 4, 2) the cells of the field that hold no corner, as coverage counts them."""
-    cell, valid, hit = field_cells(pixel, outline, size)
-    row, column = np.nonzero(valid & ~hit)
-    left, top = column.astype(float), row.astype(float)
-    return rectangles(left * cell - 0.5, top * cell - 0.5, cell, cell)
+def _empty_cells(cells: FieldCells) -> FloatArray:
+    """(N, 4, 2) the squares of the field that hold no corner."""
+    row, column = np.nonzero(cells.empty)
+    left, top = column.astype(float) * cells.cell, row.astype(float) * cells.cell
+    return rectangles(left - 0.5, top - 0.5, cells.cell, cells.cell)
 
 
 def _line(x: Sequence[float], y: Sequence[float]) -> Line2D:

@@ -157,11 +157,11 @@ def test_what_is_predicted_comes_true(truth):
 def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     gaps = advice.gaps
     assert not advice.enough
-    assert gaps.coverage < 0.85
+    assert gaps.cells.coverage < 0.85
     assert Code.LOW_COVERAGE in [reason.code for reason in advice.reasons]
     # What is named is where the empty squares are.
-    row, column = np.nonzero(gaps.empty)
-    middle = (np.stack([column, row], axis=-1) + 0.5) * gaps.cell
+    row, column = np.nonzero(gaps.cells.empty)
+    middle = (np.stack([column, row], axis=-1) + 0.5) * gaps.cells.cell
     ray = poor.camera.unproject(middle)
     ray = ray[np.isfinite(ray[:, 0])]
     eighths = np.bincount(side_of(ray[:, :2]), minlength=8)
@@ -254,6 +254,14 @@ def test_nothing_is_asked_for_where_a_camera_sees_itself():
     said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=1e-3, proposals=4)
     assert Code.MIDDLE_UNSEEN in [note.code for note in said.notes]
     assert not any(part.to_deg <= 40 for part in said.gaps.parts)
+    # Squares of the middle are none that a corner could be in, and count for no one.
+    cells = said.gaps.cells
+    rows, columns = np.nonzero(cells.field)
+    angle = angle_from_axis(
+        fit.camera.unproject((np.stack([columns, rows], axis=-1) + 0.5) * cells.cell - 0.5)
+    )
+    assert np.degrees(angle[np.isfinite(angle)]).min() > 39
+    assert fit.coverage == cells.coverage == said.as_record()["coverage"] > 0.8
     for proposal in said.proposals:
         shown = proposal.view.seen.camera[proposal.view.seen.visible]
         assert np.degrees(angle_from_axis(shown)).min() > 39

@@ -1,6 +1,7 @@
 """What the fit says beyond its figures: bad photos and boards are named, with a likely cause."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import synthetic
 from lenses import random_rays
 
 from cubicfish_cli.fitting.calibrate import calibrate as fit
-from cubicfish_cli.fitting.findings import blind_angle, coverage, dropped_groups
+from cubicfish_cli.fitting.findings import blind_angle, dropped_groups, field_cells
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
@@ -149,12 +150,16 @@ def test_a_wrong_drawing_is_blamed_on_its_board_alone(pairs, change, cause):
 def test_coverage_counts_the_valid_field():
     outline = np.array([[0, 0], [800, 0], [800, 800], [0, 800]], float)
     corners = np.stack(np.meshgrid(np.arange(5.0, 400, 10), np.arange(5.0, 800, 10)), -1)
-    share = coverage(corners.reshape(-1, 2), outline, (800, 800))
-    assert share == pytest.approx(0.5)
+
+    def coverage(pixel, outline):
+        camera = SimpleNamespace(image_size=(800, 800), outline=lambda: outline)
+        return field_cells(camera, pixel).coverage
+
+    assert coverage(corners.reshape(-1, 2), outline) == pytest.approx(0.5)
     triangle = np.array([[0, 0], [800, 0], [0, 800]], float)
-    assert coverage(np.zeros((0, 2)), triangle, (800, 800)) == 0
+    assert coverage(np.zeros((0, 2)), triangle) == 0
     everywhere = np.stack(np.meshgrid(np.arange(800.0), np.arange(800.0)), -1).reshape(-1, 2)
-    assert coverage(everywhere, triangle, (800, 800)) == 1
+    assert coverage(everywhere, triangle) == 1
 
 
 @pytest.mark.slow
