@@ -17,9 +17,7 @@ from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.asked import Run as Run
-from cubicfish_cli.library.asked_pictures import FilmOptions as FilmOptions
 from cubicfish_cli.library.asked_pictures import GroundOptions as GroundOptions
-from cubicfish_cli.library.asked_pictures import LookOptions as LookOptions
 from cubicfish_cli.library.asked_pictures import PlaneOptions as PlaneOptions
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
@@ -66,6 +64,8 @@ from cubicfish_cli.observations import Corners as Corners
 from cubicfish_cli.observations import Correspondences as Correspondences
 from cubicfish_cli.observations import Observations as Observations
 from cubicfish_cli.photos import read_picture as read_picture
+from cubicfish_cli.rendering.options import FilmOptions as FilmOptions
+from cubicfish_cli.rendering.options import LookOptions as LookOptions
 from cubicfish_cli.target import Target as Target
 from cubicfish_cli.undistortion.choose import build_view as build_view
 from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap

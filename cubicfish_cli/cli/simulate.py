@@ -19,7 +19,7 @@ from cubicfish_cli.cli.options import (
 )
 from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result
-from cubicfish_cli.library.asked_pictures import FILMS, LOOKS, FilmOptions, LookOptions
+from cubicfish_cli.rendering.options import FILMS, LOOKS, FilmOptions, LookOptions
 
 # The names of rendering.simulate.FORMATS, here so that --help need not load numpy.
 FORMATS = ("jpg", "png")

@@ -22,9 +22,9 @@ from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
-from cubicfish_cli.library.asked_pictures import LOOKS, FilmOptions, LookOptions
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import MAX_SIDE
+from cubicfish_cli.rendering.options import FilmOptions, LookOptions
 from cubicfish_cli.rendering.outside import (
     OUTSIDE_LENSES,
     OutsideLens,
@@ -36,7 +36,6 @@ from cubicfish_cli.rendering.outside import (
 )
 from cubicfish_cli.rendering.simulate import (
     FORMATS,
-    Look,
     chosen_poses,
     photo_bytes,
     simulated_photos,
@@ -253,7 +252,6 @@ def simulate_files(
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
     flat, seed = thing.with_flat_boards(), look.seed
-    shown = Look(**{name: getattr(look, name) for name in LOOKS})
     if film is None:
         listener.progress(choosing)
         if poses is None:
@@ -262,10 +260,10 @@ def simulate_files(
             named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
         else:
             named = _poses_of_table(Path(poses), form)
-        named, corners, pictures = _photos(flat, source, named, shown, seed, listener)
+        named, corners, pictures = _photos(flat, source, named, look, listener)
     else:
         listener.progress("Choosing how the target is moved")
-        named, corners, pictures = _film(flat, source, film, shown, seed, listener)
+        named, corners, pictures = _film(flat, source, film, look, listener)
     texts = {
         "true_corners": corners,
         "true_poses": pose_table_text(named),
@@ -293,8 +291,7 @@ def _photos(
     target: Target,
     source: Source,
     poses: dict[str, Pose],
-    look: Look,
-    seed: int,
+    look: LookOptions,
     listener: Listener,
 ) -> _Scene:
     """Photos from these poses."""
@@ -302,7 +299,7 @@ def _photos(
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
 
-    photos = simulated_photos(target, source.lens, source.image_size, poses, look, seed=seed)
+    photos = simulated_photos(target, source.lens, source.image_size, poses, look)
 
     def write(done: int, path: Path) -> None:
         path.write_bytes(photo_bytes(next(photos)[1], path.suffix[1:]))
@@ -329,31 +326,27 @@ def _film(
     target: Target,
     source: Source,
     asked: FilmOptions,
-    look: Look,
-    seed: int,
+    look: LookOptions,
     listener: Listener,
 ) -> _Scene:
     """A film of a hand that moves the target."""
     from cubicfish_cli.films.source import library, refuse_odd, write_film
-    from cubicfish_cli.rendering.film import Film, Shutter, hand_path
+    from cubicfish_cli.rendering.film import Film, hand_path
 
-    shutter = Shutter(
-        rate=asked.rate, open_s=asked.shutter_ms / 1000, readout_s=asked.readout_ms / 1000
-    )
     size = source.image_size
     library()  # said before the work if it is not there
     refuse_odd(size)
-    frames = max(1, round(asked.seconds * shutter.rate))
-    names = [f"{frame_name(Path(FILM).stem, one / shutter.rate)}.png" for one in range(frames)]
-    path = hand_path(target, source.lens, size, asked.seconds, seed=seed)
-    made = Film(target=target, lens=source.lens, image_size=size, path=path, shutter=shutter)
+    frames = max(1, round(asked.seconds * asked.rate))
+    names = [f"{frame_name(Path(FILM).stem, one / asked.rate)}.png" for one in range(frames)]
+    path = hand_path(target, source.lens, size, asked.seconds, seed=look.seed)
+    made = Film(target=target, lens=source.lens, image_size=size, path=path, taken=asked)
     poses, corners = made.truth(names)
     if corners.count("\n") <= 2:
         raise OutputError("no frame shows a corner: check the target and its units")
 
     def pictures() -> Iterator[npt.NDArray[np.uint8]]:
-        for done, picture in enumerate(made.frames(frames, look, seed=seed), start=1):
+        for done, picture in enumerate(made.frames(frames, look), start=1):
             yield picture
             listener.progress(_RENDERING, done, frames)
 
-    return poses, corners, {FILM: lambda file: write_film(file, pictures(), size, shutter.rate)}
+    return poses, corners, {FILM: lambda file: write_film(file, pictures(), size, asked.rate)}

@@ -22,12 +22,12 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.rendering.options import FilmOptions, LookOptions
 from cubicfish_cli.rendering.simulate import (
     AMBIENT,
     INK,
     LAMP,
     PAPER,
-    Look,
     RayGrid,
     chosen_poses,
     room_background,
@@ -64,25 +64,10 @@ _OUTSIDE = -1e4  # a texel that is not there
 _ROUNDS = 4
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shutter:
-    """When light is gathered.
-
-    Attributes:
-        rate: frames per second.
-        open_s: how long each row is open, seconds.
-        readout_s: how long after the first row the last one begins, seconds; 0 where all begin at
-            once.
-
-    """
-
-    rate: float
-    open_s: float
-    readout_s: float
-
-    def middle(self, frame: int, row: npt.ArrayLike, rows: int) -> FloatArray:
-        """The middle of the exposure of rows of a frame, seconds."""
-        return np.asarray(frame / self.rate + self.open_s / 2 + _share(row, rows) * self.readout_s)
+def _middle(taken: FilmOptions, frame: int, row: npt.ArrayLike, rows: int) -> FloatArray:
+    """The middle of the exposure of rows of a frame, seconds."""
+    late = taken.open_s / 2 + _share(row, rows) * taken.readout_s
+    return np.asarray(frame / taken.rate + late)
 
 
 def _share(row: npt.ArrayLike, rows: int) -> FloatArray:
@@ -119,7 +104,7 @@ class Film:
         lens: through which it is seen.
         image_size: (width, height) of the frames, pixels.
         path: where the target is at every moment.
-        shutter: when rows gather light.
+        taken: when rows gather light.
 
     Raises:
         TargetError: by its methods, of a board of a kind that cannot be drawn.
@@ -130,23 +115,23 @@ class Film:
     lens: WholeLens
     image_size: tuple[int, int]
     path: HandPath
-    shutter: Shutter
+    taken: FilmOptions
 
-    def frames(self, count: int, look: Look, *, seed: int = 0) -> Iterator[npt.NDArray[np.uint8]]:
+    def frames(self, count: int, look: LookOptions) -> Iterator[npt.NDArray[np.uint8]]:
         """Render ``count`` frames one by one: (height, width) grey levels."""
         scene = _Scene(self.target.with_flat_boards(), self.lens, self.image_size, look.vignetting)
         for number in range(count):
             yield sensed(
-                scene.light(self.path, self.shutter, number),
+                scene.light(self.path, self.taken, number),
                 exposure=look.exposure,
                 blur=look.blur,
                 noise=look.noise,
-                seed=(seed, number),
+                seed=(look.seed, number),
             )
 
     def pose(self, frame: int) -> Pose:
         """camera_from_world in the middle of a frame's exposure, of its middle row."""
-        turn, moved = self.path.at(float(self.shutter.middle(frame, 0.5, 1)))
+        turn, moved = self.path.at(float(_middle(self.taken, frame, 0.5, 1)))
         return np.asarray(cv2.Rodrigues(turn)[0], float).ravel(), moved
 
     def corners(self, frame: int) -> tuple[IntArray, FloatArray]:
@@ -156,12 +141,12 @@ class Film:
         """
         seen = project_corners(self.target, self.lens, self.pose(frame), self.image_size)
         shown = np.flatnonzero(seen.visible)
-        begin, step = _nodes(self.shutter, frame)
+        begin, step = _nodes(self.taken, frame)
         poses = [self.path.at(begin + step * node) for node in range(_NODES)]
         stack = np.stack([np.column_stack([turn, moved]) for turn, moved in poses])
         world, pixel = seen.world[shown], seen.pixel[shown]
         for _ in range(_ROUNDS):
-            at = self.shutter.middle(frame, pixel[:, 1], self.image_size[1])
+            at = _middle(self.taken, frame, pixel[:, 1], self.image_size[1])
             own = _between(stack, (at - begin) / step)
             points = np.einsum("nij,nj->ni", own[:, :, :3], world) + own[:, :, 3]
             pixel = self.lens.project(points)
@@ -175,10 +160,10 @@ class Film:
         return poses, corners_text(self.target, found, self.image_size, digits=4)
 
 
-def _nodes(shutter: Shutter, frame: int) -> tuple[float, float]:
+def _nodes(taken: FilmOptions, frame: int) -> tuple[float, float]:
     """When the poses of a frame are worked out: the first time, and from each to the next."""
-    whole = shutter.readout_s + shutter.open_s
-    return frame / shutter.rate, max(whole, 1e-6) / (_NODES - 1)
+    whole = taken.readout_s + taken.open_s
+    return frame / taken.rate, max(whole, 1e-6) / (_NODES - 1)
 
 
 def _between(stack: FloatArray, at: FloatArray) -> FloatArray:
@@ -213,9 +198,9 @@ class _Scene:
         self._seen = seen
         self._plates = [_Plate(board) for board in target.boards]
 
-    def light(self, path: HandPath, shutter: Shutter, frame: int) -> FloatArray:
+    def light(self, path: HandPath, taken: FilmOptions, frame: int) -> FloatArray:
         """Light on the sensor (height, width)."""
-        begin, step = _nodes(shutter, frame)
+        begin, step = _nodes(taken, frame)
         poses = [path.at(begin + step * node) for node in range(_NODES)]
         light = self._back.copy()
         shown = [
@@ -239,8 +224,8 @@ class _Scene:
                     ray[own] + np.float32(across) * by_x[own] + np.float32(down) * by_y[own]
                     for ray, by_x, by_y in zip(*self._rays, strict=True)
                 )
-                at = shutter.readout_s * _share(np.arange(first, last), self._size[1])
-                at += shutter.open_s * (moment + 0.5) / _MOMENTS
+                at = taken.readout_s * _share(np.arange(first, last), self._size[1])
+                at += taken.open_s * (moment + 0.5) / _MOMENTS
                 plate.draw(
                     now[first - top : last - top, one - left : other - left],
                     poses,

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import TargetError
+from cubicfish_cli.rendering.options import LookOptions
 from cubicfish_cli.rendering.truth import (
     MARGIN_SQUARES,
     Plate,
@@ -97,24 +98,6 @@ def _slope(before: FloatArray32, here: FloatArray32, after: FloatArray32) -> Flo
     return np.nan_to_num(slope, nan=0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Look:
-    """How a photo looks beside what is in it; see :func:`cubicfish_cli.rendering.simulate.render`.
-
-    Attributes:
-        noise: standard deviation of the sensor's noise, grey levels.
-        blur: standard deviation of the lens's blur, pixels.
-        vignetting: share of the light that is lost at 90° from the axis.
-        exposure: 1 is a well-lit photo, 0.2 a dark one; overexposed ones bleed.
-
-    """
-
-    noise: float = 2.0
-    blur: float = 0.7
-    vignetting: float = 0.4
-    exposure: float = 1.0
-
-
 def chosen_poses(
     target: Target, lens: WholeLens, image_size: tuple[int, int], count: int, *, seed: int = 0
 ) -> list[Pose]:
@@ -140,9 +123,7 @@ def simulated_photos(
     lens: WholeLens,
     image_size: tuple[int, int],
     poses: Mapping[str, Pose],
-    look: Look,
-    *,
-    seed: int = 0,
+    look: LookOptions,
 ) -> Iterator[tuple[str, npt.NDArray[np.uint8]]]:
     """Render the photos one by one: name and (height, width) grey levels.
 
@@ -169,7 +150,7 @@ def simulated_photos(
                 exposure=look.exposure,
                 light_from=rotation_matrix(pose[0]).T @ LAMP,
                 edges_only=True,
-                seed=(seed, number),
+                seed=(look.seed, number),
                 ray_starts=lens.ray_starts if isinstance(lens, WanderingPupil) else None,
             ),
         )

@@ -22,7 +22,8 @@ from cubicfish_cli.diagnosis import more_corners
 from cubicfish_cli.diagnosis.corner_count import miscounted
 from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.rendering.simulate import Look, simulated_photos
+from cubicfish_cli.rendering.options import LookOptions
+from cubicfish_cli.rendering.simulate import simulated_photos
 from cubicfish_cli.rendering.truth import camera_points
 from cubicfish_cli.target import Target
 
@@ -62,7 +63,10 @@ POSES = poses_around(ONE, PHOTOS, distance=(0.9, 1.1), off_axis_deg=35, slant_de
 @pytest.fixture(scope="module")
 def pictures():
     poses = {str(number): pose for number, pose in enumerate(POSES)}
-    return [picture for _, picture in simulated_photos(ONE, SMALL, SMALL.image_size, poses, Look())]
+    return [
+        picture
+        for _, picture in simulated_photos(ONE, SMALL, SMALL.image_size, poses, LookOptions())
+    ]
 
 
 @pytest.fixture(scope="module")

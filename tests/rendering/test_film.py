@@ -5,15 +5,16 @@ import numpy as np
 import pytest
 from synthetic import corner_of_three, flat_board, lens_of_size
 
-from cubicfish_cli.rendering.film import Film, HandPath, Shutter
+from cubicfish_cli.rendering.film import Film, HandPath
+from cubicfish_cli.rendering.options import FilmOptions, LookOptions
 from cubicfish_cli.rendering.outside import outside_lens
-from cubicfish_cli.rendering.simulate import Look, chosen_poses, simulated_photos
+from cubicfish_cli.rendering.simulate import chosen_poses, simulated_photos
 from cubicfish_cli.rendering.truth import look_at, rotation_matrix
 from cubicfish_cli.target import Target
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size
-CLEAN = Look(noise=0.0, blur=0.7, vignetting=0.0)
+CLEAN = LookOptions(noise=0.0, blur=0.7, vignetting=0.0)
 
 
 class Slide:
@@ -34,15 +35,19 @@ def refined(picture: np.ndarray, pixel: np.ndarray) -> np.ndarray:
     return cv2.cornerSubPix(picture, start, (3, 3), (-1, -1), stop)[:, 0]
 
 
+def taken(shutter_ms, readout_ms, rate=30):
+    return FilmOptions(seconds=1, rate=rate, shutter_ms=shutter_ms, readout_ms=readout_ms)
+
+
 def film_of(target, path, shutter, lens=LENS):
-    return Film(target=target, lens=lens, image_size=SIZE, path=path, shutter=shutter)
+    return Film(target=target, lens=lens, image_size=SIZE, path=path, taken=shutter)
 
 
 @pytest.mark.parametrize("lens", [LENS, outside_lens("moving-pupil", SIZE)])
 @pytest.mark.parametrize("readout", [0.0, 0.02])
 def test_corners_are_where_the_truth_says(lens, readout: float) -> None:
     target = flat_board()
-    path, shutter = Slide(250.0, target), Shutter(rate=30, open_s=0.002, readout_s=readout)
+    path, shutter = Slide(250.0, target), taken(2, 1000 * readout)
     film = film_of(target, path, shutter, lens)
     (picture,) = film.frames(1, CLEAN)
     _, true = film.corners(0)
@@ -57,8 +62,7 @@ def test_rows_that_are_read_later_see_what_moves_farther_on() -> None:
     target = flat_board()
     path = Slide(400.0, target)
     at_once, late = (
-        film_of(target, path, Shutter(rate=30, open_s=0, readout_s=readout)).corners(0)
-        for readout in (0.0, 0.03)
+        film_of(target, path, taken(0, 1000 * readout)).corners(0) for readout in (0.0, 0.03)
     )
     np.testing.assert_array_equal(at_once[0], late[0])
     ahead = late[1][:, 0] - at_once[1][:, 0]
@@ -74,7 +78,7 @@ def test_a_longer_exposure_blurs_along_the_motion_alone() -> None:
     path = Slide(400.0, target)
 
     def slopes(open_s: float) -> np.ndarray:
-        shutter = Shutter(rate=30, open_s=open_s, readout_s=0)
+        shutter = taken(1000 * open_s, 0)
         (picture,) = film_of(target, path, shutter).frames(1, CLEAN)
         return np.array([np.quantile(np.abs(np.diff(picture.astype(float), axis=axis)), 0.999)
                          for axis in (1, 0)])  # fmt: skip
@@ -93,7 +97,7 @@ def test_a_plate_is_seen_before_what_is_behind_it_and_not_outside_the_field() ->
         def at(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
             return rotation_matrix(pose[0]), pose[1]
 
-    shutter = Shutter(rate=30, open_s=0.01, readout_s=0.01)
+    shutter = taken(10, 10)
     (picture,) = film_of(target, Still(), shutter).frames(1, CLEAN)
     ((_, photo),) = simulated_photos(target, LENS, SIZE, {"one": pose}, CLEAN)
     ink = photo < 30
@@ -123,7 +127,7 @@ def test_a_hand_comes_to_every_place_and_goes_smoothly() -> None:
 
 def test_truth_has_a_pose_and_corners_for_every_name() -> None:
     target = flat_board()
-    path, shutter = Slide(100.0, target), Shutter(rate=10, open_s=0.01, readout_s=0.01)
+    path, shutter = Slide(100.0, target), taken(10, 10, rate=10)
     film = film_of(target, path, shutter)
     poses, text = film.truth(["a.png", "b.png"])
     assert list(poses) == ["a.png", "b.png"]

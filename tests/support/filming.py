@@ -13,7 +13,8 @@ import numpy as np
 from synthetic import checkerboard, lens_of_size
 
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.rendering.simulate import Look, chosen_poses, simulated_photos
+from cubicfish_cli.rendering.options import LookOptions
+from cubicfish_cli.rendering.simulate import chosen_poses, simulated_photos
 from cubicfish_cli.target import Target
 
 TARGET = """units: mm
@@ -30,7 +31,7 @@ def photos(count: int = 8) -> tuple[np.ndarray, ...]:
     target = Target(units="mm", boards=(checkerboard("board", 7, 5, 40.0),))
     lens = lens_of_size(0.5)
     poses = {f"p{n}": pose for n, pose in enumerate(chosen_poses(target, lens, SIZE, 2 * count))}
-    rendered = simulated_photos(target, lens, SIZE, poses, Look(noise=1.0, blur=0.5))
+    rendered = simulated_photos(target, lens, SIZE, poses, LookOptions(noise=1.0, blur=0.5))
     # At this size boards far out are too small to be found whole.
     whole = (photo for _, photo in rendered if sum(map(len, find_grids(photo).grids)) == 35)
     found = tuple(islice(whole, count))
