@@ -2,7 +2,7 @@
 
 import pytest
 
-from cubicfish_cli.units import length_words, two_digits
+from cubicfish_cli.units import length_words, round_down, round_up, two_digits
 
 
 @pytest.mark.parametrize(
@@ -24,3 +24,17 @@ def test_two_digits_are_never_a_power_of_ten():
         "0.052",
         "0",
     ]
+
+
+@pytest.mark.parametrize(
+    ("value", "up"), [(0.3, 0.5), (0.5, 0.5), (0.51, 1), (1, 1), (1.2, 2), (77, 100), (0, 1e-6)]
+)
+def test_scales_end_at_round_numbers(value, up):
+    assert round_up(value) == pytest.approx(up)
+
+
+@pytest.mark.parametrize(
+    ("value", "down"), [(7.0, 5.0), (1.9, 1.0), (0.02, 0.02), (1e-13, 1e-12), (0.0, 1e-12)]
+)
+def test_lengths_of_bars_are_round_also_where_cameras_stand_in_one_place(value, down):
+    assert round_down(value) == pytest.approx(down)

@@ -9,26 +9,23 @@ from __future__ import annotations
 import csv
 import json
 import math
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli import __version__
-from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.films.candidates import Candidate
 from cubicfish_cli.films.choose import Seen
 from cubicfish_cli.films.frame_files import load_frame, write_frame
 from cubicfish_cli.films.scan import Measured
 from cubicfish_cli.films.source import Film
-from cubicfish_cli.photos import Picture, read_picture, shown
+from cubicfish_cli.photos import data_uri, read_picture, shown, thumbnail
 
 TABLE, SHEET = "frames.csv", "contact_sheet.html"
 COLUMNS = ("film", "time", "sharpness", "motion", "corners", "gain", "chosen", "photo")
@@ -36,7 +33,7 @@ PASSED_OVER = "not looked at: a neighbour is sharper or stiller"
 _MARK = "# cubicfish frames 1, "
 _FIRST_BYTES = 1_000_000
 _MOST_NAMED = 4
-_WIDTH, _QUALITY = 240, 80
+_LONGEST, _QUALITY = 240, 80
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Chosen frames</title>
 <meta name="viewport" content="width=device-width">
@@ -185,7 +182,7 @@ def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
         film = chosen.measured[frame.film]
         figures.append(
             _figure(
-                f'<img alt="" src="data:image/jpeg;base64,{_small(path)}">',
+                f'<img alt="" src="{data_uri(thumbnail(read_picture(path), _LONGEST), _QUALITY)}">',
                 f"{film.film.label} " * several + f"{film.time[frame.index]:.3f} s",
                 f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion "
                 f"{seen.motion:.1f} px, gain {chosen.gain[at]:.2f}",
@@ -211,20 +208,6 @@ def _map(corners: npt.NDArray[np.float64], size: Sequence[int]) -> str:
     width = max(1, round(size[0] / 120))
     box = f"0 0 {size[0]} {size[1]}"
     return f'<svg viewBox="{box}" role="img"><path stroke-width="{width}" d="{dots}"/></svg>'
-
-
-def _small(path: Path) -> str:
-    picture: Picture = read_picture(path)
-    height, width = picture.shape[:2]
-    size = (min(width, _WIDTH), max(1, round(height * min(1.0, _WIDTH / width))))
-    done, data = cv2.imencode(
-        ".jpg",
-        cv2.resize(picture, size, interpolation=cv2.INTER_AREA),
-        [cv2.IMWRITE_JPEG_QUALITY, _QUALITY],
-    )
-    if not done:
-        raise PhotoError(f"{path} cannot be shown small")
-    return b64encode(data.tobytes()).decode()
 
 
 def listed(films: Sequence[Measured]) -> str:

@@ -30,7 +30,6 @@ from cubicfish_cli.library.undistorting import (
     UndistortedFiles,
     is_folder,
     refuse_itself,
-    rendering_of,
 )
 from cubicfish_cli.library.views import board_with_plane
 from cubicfish_cli.listener import SILENT, Listener
@@ -289,7 +288,7 @@ def undistort_rig_files(
         CubicfishError: the rig or all photos cannot be used.
 
     """
-    rendering = rendering_of(interpolation, border, quality)
+    rendering = Rendering(interpolation=interpolation, border=border, quality=quality)
     if view is None or (isinstance(view, ViewOptions) and view.kind is None):
         view = replace(view or ViewOptions(), kind="equirectangular")
     if isinstance(view, PlaneOptions | GroundOptions) and distance is not None:

@@ -42,7 +42,7 @@ from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, build_view
-from cubicfish_cli.undistortion.images import INTERPOLATIONS, Rendering, check_suffix, remap_picture
+from cubicfish_cli.undistortion.images import Rendering, check_suffix, remap_picture
 from cubicfish_cli.undistortion.map_formats import part_name, view_files
 from cubicfish_cli.undistortion.maps import (
     Crop,
@@ -51,10 +51,9 @@ from cubicfish_cli.undistortion.maps import (
     camera_for_photos,
     parse_crop,
 )
-from cubicfish_cli.undistortion.options import ViewOptions, is_numbers
+from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding, undistort_video, video_size
 from cubicfish_cli.undistortion.view import View
-from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
@@ -93,7 +92,7 @@ def undistort(
 
     """
     _refuse_no_picture(picture)
-    rendering = rendering_of(interpolation, border)
+    rendering = Rendering(interpolation=interpolation, border=border)
     if isinstance(by, UndistortMap):
         if view is not None:
             raise ViewError("a map has its view already: leave the view out, or pass the camera")
@@ -103,29 +102,6 @@ def undistort(
         undistort_map = build_map(camera, build_view(camera) if view is None else view)
     flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
     return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
-
-
-def rendering_of(
-    interpolation: Interpolation, border: tuple[float, float, float], quality: int | None = None
-) -> Rendering:
-    """How pixels are made, checked.
-
-    Raises:
-        ViewError: an option is not known.
-
-    """
-    if interpolation not in INTERPOLATIONS:
-        raise ViewError(
-            f"interpolation {quoted(interpolation)} is not known: "
-            f"{did_you_mean(str(interpolation), INTERPOLATIONS)}"
-        )
-    colour = tuple(border)
-    if not is_numbers(colour, 3) or not all(0 <= part <= 1 for part in colour):
-        raise ViewError(f"border must be three numbers from 0 to 1, not {quoted(colour)}")
-    if quality is not None and quality not in range(1, 101):
-        raise ViewError(f"quality must be a whole number from 1 to 100, not {quoted(quality)}")
-    border = (colour[0], colour[1], colour[2])
-    return Rendering(interpolation=interpolation, border=border, quality=quality)
 
 
 def _refuse_no_picture(picture: object) -> None:
@@ -303,7 +279,7 @@ def undistort_files(
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
-    rendering = rendering_of(interpolation, border, quality)
+    rendering = Rendering(interpolation=interpolation, border=border, quality=quality)
     if skip_existing and run.overwrite:
         raise UsageError("--skip-existing and --overwrite exclude each other")
     if mask_limit is not None and mask is None:

@@ -34,7 +34,6 @@ from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 Along = Literal["left", "center", "right"]
-Upright = Literal["top", "center", "baseline", "bottom"]
 
 INK, GREY, PALE = "#000000", "#808080", "#c8c8c8"
 _INCH = 25.4
@@ -97,7 +96,6 @@ class Canvas:
         size: float,
         *,
         along: Along = "left",
-        upright: Upright = "baseline",
         turn: float = 0.0,
         bold: bool = False,
         colour: str = INK,
@@ -117,7 +115,7 @@ class Canvas:
                 fontweight="bold" if bold else "normal",
                 color=colour,
                 horizontalalignment=along,
-                verticalalignment=upright,
+                verticalalignment="baseline",
                 rotation=turn,
                 rotation_mode="anchor",
                 parse_math=False,

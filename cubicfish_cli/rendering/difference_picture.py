@@ -1,14 +1,13 @@
-"""Small copies of photos and colour maps of magnitudes, for pages."""
+"""Colour maps of magnitudes."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.units import round_up
 
 Picture = npt.NDArray[np.uint8]
 
@@ -22,12 +21,6 @@ _INK = 0
 _SMALLEST_TOP = 1e-3
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _CAPITAL = 22  # height of its capitals at scale 1, pixels
-
-
-def round_up(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten at or above a positive value."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-6)))
-    return float(next(power * step for step in (1, 2, 5, 10) if power * step >= value * 0.999999))
 
 
 def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Picture:
@@ -68,29 +61,3 @@ def _scale(width: int, top: float) -> Picture:
         below = (left, margin + bar + 2 * dot + letter)
         cv2.putText(picture, text, below, _FONT, size, (_INK,) * 3, dot, cv2.LINE_AA)
     return picture
-
-
-def thumbnail(picture: npt.NDArray[Any], longest: int) -> Picture:
-    """A copy whose longer side has at most so many pixels: 8 bits, grey or BGR.
-
-    Args:
-        picture: (H, W) or (H, W, 1 to 4), 8 or 16 bits; transparency is dropped.
-        longest: pixels.
-
-    """
-    if picture.ndim == 3:
-        picture = picture[..., 0] if picture.shape[2] < 3 else picture[..., :3]
-    height, width = picture.shape[:2]
-    scale = min(1.0, longest / max(width, height))
-    if scale < 1:
-        size = (max(1, round(scale * width)), max(1, round(scale * height)))
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    if picture.dtype == np.uint16:
-        picture = picture // 257
-    return np.ascontiguousarray(picture, np.uint8)
-
-
-def jpeg_bytes(picture: Picture, quality: int) -> bytes:
-    """A picture, grey or BGR, as a JPEG file."""
-    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return data.tobytes()

@@ -11,6 +11,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.units import round_down
 
 _WIDTH, _MARGIN, _HIGHEST = 900.0, 60.0, 1100.0
 _FOOT = 44.0
@@ -237,7 +238,7 @@ def _legend(units: str, picture: Picture, total: float) -> list[str]:
             parts.append(_arrow(start, start + right, colour))
         parts.append(f'<text class="talk" x="{x:.1f}" y="{y:.1f}">{words}</text>')
         x += width + 20
-    extent = _round_length(130 / picture.scale)
+    extent = round_down(130 / picture.scale)
     bar = extent * picture.scale
     parts.append(
         f'<path stroke="#888" stroke-width="2" fill="none" d="M{x - 10:.1f} {y - 5:.1f}h{bar:.1f}'
@@ -245,9 +246,3 @@ def _legend(units: str, picture: Picture, total: float) -> list[str]:
         f"{extent:g} {escape(units)}</text>"
     )
     return parts
-
-
-def _round_length(most: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above ``most``."""
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(max(step for step in (1, 2, 5) if step * power <= most * (1 + 1e-9)) * power)

@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.printing.extra import drawing
-from cubicfish_cli.rendering.difference_picture import COLOURS, round_up
+from cubicfish_cli.rendering.difference_picture import COLOURS
 from cubicfish_cli.report.facts import ErrorFacts, Facts
 from cubicfish_cli.report.svg import (
     BLUE,
@@ -44,6 +44,7 @@ from cubicfish_cli.report.svg import (
     svg_text,
 )
 from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.units import round_down, round_up
 
 MOST_DOTS = 4000
 _MOST_STROKES = 1500
@@ -547,13 +548,6 @@ def _levels(low: float, high: float) -> list[float]:
     end = max(int(np.searchsorted(series, high * 0.999999)), begin + 1)
     every = -(-(end - begin) // _MOST_BANDS)
     return [float(f"{level:.4g}") for level in series[max(begin, 0) : end + every : every]]
-
-
-def round_down(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten at or below a positive value."""
-    value = max(value, 1e-12)
-    power = 10.0 ** np.floor(np.log10(value) + 1e-9)
-    return float(max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001))
 
 
 def _empty_cells(cells: FieldCells) -> FloatArray:

@@ -5,7 +5,6 @@ Small copies of the photos for the page, with what was found in them.
 
 from __future__ import annotations
 
-import base64
 import hashlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
@@ -25,8 +23,14 @@ from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Picture, decode_picture, find_photos, read_file
-from cubicfish_cli.rendering.difference_picture import jpeg_bytes, thumbnail
+from cubicfish_cli.photos import (
+    Picture,
+    data_uri,
+    decode_picture,
+    find_photos,
+    read_file,
+    thumbnail,
+)
 from cubicfish_cli.report.facts import REFINED, Facts, Lack, PhotoFacts, gather
 from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.types import FloatArray
@@ -174,14 +178,10 @@ def _copies(
 ) -> PhotoPicture:
     middle = thumbnail(picture, _CARD)
     return PhotoPicture(
-        small=_uri(thumbnail(middle, _THUMBNAIL)),
-        card=_uri(middle) if card else None,
+        small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY),
+        card=data_uri(middle, _QUALITY) if card else None,
         overlay=_overlay(facts, photo, zoom) if card else None,
     )
-
-
-def _uri(picture: npt.NDArray[np.uint8]) -> str:
-    return "data:image/jpeg;base64," + base64.b64encode(jpeg_bytes(picture, _QUALITY)).decode()
 
 
 def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | None:
@@ -197,8 +197,8 @@ def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | Non
         return None
     return Example(
         name=photo.name,
-        before=_uri(thumbnail(picture, _WIDE)),
-        after=_uri(thumbnail(after, _WIDE)),
+        before=data_uri(thumbnail(picture, _WIDE), _QUALITY),
+        after=data_uri(thumbnail(after, _WIDE), _QUALITY),
         view=f"{view.kind}, {view.hfov_deg:.0f}° wide",
     )
 

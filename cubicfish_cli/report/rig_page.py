@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS, rig_verdict
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.figures import BOARD_COLOURS, Drawn, Key, finished, key
 from cubicfish_cli.report.page import day_of, made_of, template
@@ -186,13 +187,9 @@ def rig_figures(
 
 def overlap_shares(cameras: Sequence[RigFileCamera]) -> FloatArray:
     """(C, C) share of all directions that two cameras both see; on the diagonal one's own."""
-    index = np.arange(20_000) + 0.5
-    z = 1 - 2 * index / len(index)
-    turn = np.pi * (1 + np.sqrt(5)) * index
-    across = np.sqrt(1 - z * z)
-    sphere = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+    sphere = all_around(20_000)
     seen = np.stack([_sees(one, sphere) for one in cameras]).astype(float)
-    return np.asarray(seen @ seen.T / len(index))
+    return np.asarray(seen @ seen.T / len(sphere))
 
 
 def _upright(cameras: Sequence[RigFileCamera]) -> _Axes:

@@ -17,7 +17,6 @@ from cubicfish_cli.report.figures import (
     Key,
     finished,
     key,
-    round_down,
     some,
 )
 from cubicfish_cli.report.svg import (
@@ -33,6 +32,7 @@ from cubicfish_cli.report.svg import (
     strokes,
 )
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.units import round_down
 
 _HEIGHT = 280.0
 _FOOT = 24.0

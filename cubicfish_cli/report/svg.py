@@ -11,6 +11,7 @@ import io
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -120,14 +121,8 @@ def svg_text(figure: Figure, name: str, label: str) -> str:
     inner = text[text.index(">") + 1 :].strip()
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {size[0] if size else ""} role="img" '
-        f'aria-label="{_attribute(label)}">{inner}'
+        f'aria-label="{escape(label)}">{inner}'
     )
-
-
-def _attribute(text: str) -> str:
-    for character, entity in (("&", "&amp;"), ('"', "&quot;"), ("<", "&lt;"), (">", "&gt;")):
-        text = text.replace(character, entity)
-    return text
 
 
 def _page_tag(tag: str, names: Mapping[str, str]) -> str:

@@ -24,6 +24,8 @@ from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.picture_headers import jpeg_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
+from cubicfish_cli.undistortion.options import is_numbers
+from cubicfish_cli.wording import did_you_mean, quoted
 
 INTERPOLATIONS = {
     "nearest": cv2.INTER_NEAREST,
@@ -57,11 +59,28 @@ class Rendering:
         border: (red, green, blue) of pixels that the camera does not see, 0 to 1.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
 
+    Raises:
+        ViewError: an option is not known.
+
     """
 
     interpolation: str = "linear"
     border: tuple[float, float, float] = (0.0, 0.0, 0.0)
     quality: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.interpolation not in INTERPOLATIONS:
+            raise ViewError(
+                f"interpolation {quoted(self.interpolation)} is not known: "
+                f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
+            )
+        colour = tuple(self.border)
+        if not is_numbers(colour, 3) or not all(0 <= part <= 1 for part in colour):
+            raise ViewError(f"border must be three numbers from 0 to 1, not {quoted(colour)}")
+        if self.quality is not None and self.quality not in range(1, 101):
+            raise ViewError(
+                f"quality must be a whole number from 1 to 100, not {quoted(self.quality)}"
+            )
 
 
 PLAIN = Rendering()

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from cubicfish_cli.rendering.difference_picture import COLOURS, difference_picture, round_up
-
-
-@pytest.mark.parametrize(
-    ("value", "up"), [(0.3, 0.5), (0.5, 0.5), (0.51, 1), (1, 1), (1.2, 2), (77, 100), (0, 1e-6)]
-)
-def test_round_numbers(value, up):
-    assert round_up(value) == pytest.approx(up)
+from cubicfish_cli.rendering.difference_picture import COLOURS, difference_picture
 
 
 def test_each_band_has_its_colour_and_the_unknown_is_white():

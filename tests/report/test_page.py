@@ -568,13 +568,3 @@ def test_levels_are_few_and_hold_all(low: float, ratio: float) -> None:
     assert levels == sorted(set(levels))
     assert levels[-1] >= low * ratio * 0.99
     assert levels[0] <= max(low, low * ratio / 1e4, 1e-9) * 1.01
-
-
-@pytest.mark.parametrize(
-    ("value", "round_length"),
-    [(7.0, 5.0), (1.9, 1.0), (0.02, 0.02), (1e-13, 1e-12), (0.0, 1e-12)],
-)
-def test_lengths_of_bars_are_round_also_where_cameras_stand_in_one_place(
-    value: float, round_length: float
-) -> None:
-    assert figures.round_down(value) == pytest.approx(round_length)
