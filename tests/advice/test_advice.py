@@ -356,6 +356,7 @@ def test_a_map_alone_is_as_wide_as_itself(advice):
     assert alone.get("viewBox").split()[2] == alone.get("width")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", [0.09, 0.26257])
 def test_words_stay_within_their_panels(advice, goal):
     root = ElementTree.fromstring(advice_svg(replace(advice, goal_px=goal)))

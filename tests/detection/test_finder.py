@@ -343,6 +343,7 @@ def moved(light, length_px, towards_deg):
     steps = np.linspace(-0.5, 0.5, 41)[:, None] * 5 * length_px
     angle = np.radians(towards_deg)
     still = np.float64([[1, 0, 0], [0, 1, 0]])
+    light = light.astype(np.float32)
     mean = np.zeros_like(light)
     for shift in steps * [np.cos(angle), np.sin(angle)]:
         still[:, 2] = shift

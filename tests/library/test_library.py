@@ -657,7 +657,7 @@ def test_files_that_cannot_be_undistorted_are_refused(
 def test_a_video_is_undistorted_into_a_folder(board: Target, tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
     lens = import_camera(tmp_path / "info.yaml")
-    moving = FilmOptions(seconds=0.2, rate=10)
+    moving = FilmOptions(seconds=0.1, rate=10)
     film = simulate_files(board, lens, tmp_path / "film", film=moving).photos[0]
     made = undistort_files(film, tmp_path / "flat", lens)
     assert made.files == (tmp_path / "flat" / "film.mp4",)

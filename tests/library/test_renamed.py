@@ -11,7 +11,8 @@ from cubicfish_cli.report.from_files import facts_of_files
 from cubicfish_cli.target import target_text
 
 
-@pytest.mark.parametrize("kept", [pytest.param("the table", marks=pytest.mark.slow), "its folder"])
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", ["the table", "its folder"])
 def test_what_is_written_goes_together(tmp_path: Path, kept: str) -> None:
     """Whether the table of corners is the user's own, as it was, or one with the names found."""
     target = drawn(6, 4)

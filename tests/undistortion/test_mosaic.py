@@ -16,6 +16,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.images import Rendering
+from cubicfish_cli.undistortion.maps import camera_for_photos
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
 from cubicfish_cli.undistortion.rigs import Body, BodyCamera, Ground, edge_distance, mosaic_of
@@ -27,7 +28,8 @@ PANORAMA = EquirectangularView(size=(400, 200), focal=400 / (2 * np.pi) * (1 - 1
 
 @pytest.fixture(scope="module")
 def camera(calibrated: Path) -> CubicCamera:
-    return load_camera(calibrated / "camera.yaml").camera
+    whole = load_camera(calibrated / "camera.yaml").camera
+    return camera_for_photos(whole, (480, 360))  # a quarter of the pixels shows as much
 
 
 @pytest.fixture(scope="module")
