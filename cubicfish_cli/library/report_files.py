@@ -89,7 +89,7 @@ def report_files(
     run.listener.progress("Making the report")
     facts = facts_of_files(model, target=path_or_none(target), photos=list(map(Path, photos)))
     write_text(path, report_html(facts), overwrite=run.overwrite)
-    return ReportFiles(page=path, model=model, verdict=facts.verdict, absent=facts.absent)
+    return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 
 
 def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
@@ -198,5 +198,5 @@ def advise_files(
         files[table] = pose_table_text(named)
     write_files(files, overwrite=run.overwrite)
     return AdviceFiles(
-        model=path, advice=advice, verdict=facts.verdict, picture=drawing, poses=table
+        model=path, advice=advice, verdict=facts.known.verdict, picture=drawing, poses=table
     )

@@ -13,9 +13,8 @@ import numpy as np
 
 from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.camera_facts import CameraFacts
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
-from cubicfish_cli.assess.verdict import Verdict, photo_verdicts, verdict
+from cubicfish_cli.assess.verdict import photo_verdicts
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
@@ -119,10 +118,7 @@ class Facts:
     """All that a page is made from.
 
     Attributes:
-        camera: the camera.
-        fit, made_by: the records of camera.yaml.
-        known: the camera in figures.
-        verdict: what the fit is worth.
+        known: the camera and its records, and what follows from these.
         photos: of the fit, in its order.
         dropped: corners that were left out; only counted where the lift is ``point``.
         dropped_pixels: photo and (2,) pixel of those of them that are at hand.
@@ -137,11 +133,7 @@ class Facts:
 
     """
 
-    camera: CubicCamera | PointCamera
-    fit: Mapping[str, Any]
-    made_by: Mapping[str, Any]
-    known: CameraFacts
-    verdict: Verdict
+    known: CameraRecord
     photos: tuple[PhotoFacts, ...]
     dropped: tuple[DroppedFacts, ...]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
@@ -152,6 +144,16 @@ class Facts:
     digests: Mapping[str, str]
     absent: tuple[str, ...]
     advice: str | None
+
+    @property
+    def camera(self) -> CubicCamera | PointCamera:
+        """The camera."""
+        return self.known.camera
+
+    @cached_property
+    def fit(self) -> Mapping[str, Any]:
+        """The fit's record, as camera.yaml has it."""
+        return self.known.as_record()
 
     def number(self, key: str) -> float | None:
         """A finite number of the fit's record; None where there is none."""
@@ -165,7 +167,8 @@ class Facts:
     @cached_property
     def outline(self) -> FloatArray:
         """(K, 2) the field within the photo where the camera may be trusted, pixels."""
-        return _outline(self.camera)
+        # As camera.yaml has it, so that a camera from memory gives the same page as from its file.
+        return np.round(self.camera.outline(), 3)
 
 
 def gather(
@@ -213,11 +216,7 @@ def gather(
     if photos and not files:
         lines.append(_NO_PHOTOS)
     return Facts(
-        camera=camera,
-        fit=fit,
-        made_by=known.made_by,
-        known=known.facts,
-        verdict=verdict(fit, camera.image_size, _outline(camera)),
+        known=known,
         photos=photos,
         dropped=dropped,
         dropped_pixels=pixels,
@@ -231,11 +230,6 @@ def gather(
         if errors is not None and isinstance(camera, CubicCamera)
         else None,
     )
-
-
-def _outline(camera: CubicCamera | PointCamera) -> FloatArray:
-    """As camera.yaml has it, so that a camera from memory gives the same page as from its file."""
-    return np.round(camera.outline(), 3)
 
 
 def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:

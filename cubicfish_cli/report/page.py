@@ -55,13 +55,13 @@ def report_html(facts: Facts) -> str:
     names = [photo.name for photo in facts.photos]
     return template("report.html").render(
         facts=facts,
-        known=facts.known,
-        lens=_lens(facts.known),
+        known=facts.known.facts,
+        lens=_lens(facts.known.facts),
         by_angle=_by_angle(facts),
         halves=_halves(facts),
         bars=_bars(facts),
         fit=facts.fit,
-        verdict=facts.verdict,
+        verdict=facts.known.verdict,
         words=WORDS,
         camera=facts.camera,
         is_ray=isinstance(facts.camera, CubicCamera),
@@ -79,8 +79,8 @@ def report_html(facts: Facts) -> str:
         rejected=_pairs(facts.fit.get("unfit_images")),
         notes=_notes(facts.fit),
         dropped=sorted(facts.dropped, key=lambda corner: -(corner.error_px or 0))[:_MOST_DROPPED],
-        made=made_of(facts.made_by),
-        day=day_of(facts.made_by),
+        made=made_of(facts.known.made_by),
+        day=day_of(facts.known.made_by),
         absent=absent,
     )
 
@@ -310,7 +310,9 @@ def _without_corners(facts: Facts) -> list[str]:
     known = {photo.name for photo in facts.photos} | {
         *(rejected if isinstance(rejected, Mapping) else ())
     }
-    files = [str(record.get("file")) for record in recorded_mappings(facts.made_by.get("inputs"))]
+    files = [
+        str(record.get("file")) for record in recorded_mappings(facts.known.made_by.get("inputs"))
+    ]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
     taken = set(matched(sorted(known), paths).values())
     return [path.name for path in paths if path not in taken]

@@ -335,7 +335,6 @@ class Ground:
         *,
         margin: float | None = None,
         pixels_per_unit: float | None = None,
-        size: int | None = None,
     ) -> PlaneView:
         """The picture from above, what is ahead of the body's first camera at the top.
 
@@ -343,7 +342,6 @@ class Ground:
             body: the cameras.
             margin: how far it goes on beyond the cameras and the marks; None for three heights.
             pixels_per_unit: its scale; None for a longer side as long as the photos' longer one.
-            size: pixels of that longer side instead.
 
         Raises:
             ViewError: no camera sees any of it.
@@ -362,7 +360,7 @@ class Ground:
         low, high = place.min(axis=0) - around, place.max(axis=0) + around
         if not (high > low).all():
             raise ViewError("this picture of the ground has no width: choose a larger --margin")
-        scale = pixels_per_unit or (size or max(body.image_size)) / float((high - low).max())
+        scale = pixels_per_unit or max(body.image_size) / float((high - low).max())
         return plane_view(
             Body(cameras=body.cameras, points=True),
             origin=foot,

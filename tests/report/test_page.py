@@ -212,18 +212,23 @@ def test_what_is_wrong_comes_first_and_figures_after(fitted: Calibration) -> Non
     fit = {"findings": [{**note, "level": "bad", "what": "a fault"}, note], "notes": ["a remark"]}
     facts = facts_of(fitted, None, fit=fit)
     text = Page(report_html(facts)).text
-    assert len(facts.verdict.reasons) > 1
+    assert len(facts.known.verdict.reasons) > 1
     told = [
         "Not to be trusted",
         "a fault (12 px)",
-        *(reason.why for reason in facts.verdict.reasons),
+        *(reason.why for reason in facts.known.verdict.reasons),
     ]
-    told += ["a note (12 px); sleep on it", "a remark", facts.verdict.figures[1:], "RMS error"]
+    told += [
+        "a note (12 px); sleep on it",
+        "a remark",
+        facts.known.verdict.figures[1:],
+        "RMS error",
+    ]
     places = [text.index(words) for words in told]
     assert places == sorted(places)
     assert text.count("a remark") == text.count("a note (12 px)") == 1
     # What to do is told in the words of the terminal, which has reasons in this order too.
-    assert all(reason.do in text for reason in facts.verdict.reasons)
+    assert all(reason.do in text for reason in facts.known.verdict.reasons)
 
 
 def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> None:
