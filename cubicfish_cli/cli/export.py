@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import FloatRange, as_command, option, record, rig_path
+from cubicfish_cli.cli.options import FloatRange, as_command, option, record
 from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.formats.registry import WRITTEN
@@ -96,9 +96,7 @@ def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.exporting import export_files
 
-    named = given.calibration or given.model
-    path = rig_path(named) or options.model_path(named)
-    made = call(export_files, given, camera=path)
+    made = call(export_files, given, camera=options.calibration_path(given))
     if given.as_json:
         print_json(made.record)
         return

@@ -40,8 +40,7 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.describing import info_files
 
-    named = given.calibration or given.model
-    made = info_files(options.rig_path(named) or options.model_path(named))
+    made = info_files(options.calibration_path(given))
     if given.as_json:
         print_json(made.as_record())
         return

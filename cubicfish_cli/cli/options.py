@@ -620,6 +620,12 @@ def model_path(given: Path | None) -> Path:
     return path
 
 
+def calibration_path(given: Any) -> Path:
+    """The file of the rig or the camera that a command's argument or ``--model`` names."""
+    named = given.calibration or given.model
+    return rig_path(named) or model_path(named)
+
+
 def rig_path(given: Path | None) -> Path | None:
     """The rig's file, where a rig is meant."""
     return None if given is None else rig_in(given)

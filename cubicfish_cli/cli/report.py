@@ -54,9 +54,7 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.report_files import report_files
 
     keep_fonts()
-    named = given.calibration or given.model
-    camera = options.rig_path(named) or options.model_path(named)
-    made = call(report_files, given, calibration=camera)
+    made = call(report_files, given, calibration=options.calibration_path(given))
     for line in made.absent:
         say(f"left out: {line}")
     if given.as_json:

@@ -208,8 +208,7 @@ def _draw_sheets(canvas: Canvas, sheets: Sequence[Sheet], top: float, width: flo
     for sheet, size in zip(sheets, extent, strict=True):
         place = np.array([left, top]) - scale * sheet.outline[0]
         outline = scale * sheet.outline + place
-        lower, upper = np.array(sheet.face.lower), np.array(sheet.face.upper)
-        inner = np.array([lower, (upper[0], lower[1]), upper, (lower[0], upper[1])])
+        inner = sheet.printed.corners
         canvas.fill([scale * inner + place], _SHADE)
         canvas.lines([outline], width=0.2, colour=GREY, closed=True)
         for side in SIDES:

@@ -15,6 +15,8 @@ from cubicfish_cli.printing.sheet import (
     STRIP,
     Margins,
     Paper,
+    Point,
+    Rect,
     Sheet,
     Side,
 )
@@ -32,46 +34,6 @@ MOST_PAGES = 200
 # White around a print, in shares of what it should have, where the paper is small.
 _SHARES = (1.0, 0.75, 0.5, 0.4)
 _ROUNDING = 1e-6
-
-Point = tuple[float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rect:
-    """A rectangle: left < right, top < bottom; y runs down."""
-
-    left: float
-    top: float
-    right: float
-    bottom: float
-
-    @property
-    def width(self) -> float:
-        """From left to right."""
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        """From top to bottom."""
-        return self.bottom - self.top
-
-    def moved(self, by: Point) -> Rect:
-        """The same rectangle elsewhere."""
-        return Rect(
-            left=self.left + by[0],
-            top=self.top + by[1],
-            right=self.right + by[0],
-            bottom=self.bottom + by[1],
-        )
-
-    def grown(self, left: float, top: float, right: float, bottom: float) -> Rect:
-        """With each side moved outwards."""
-        return Rect(
-            left=self.left - left,
-            top=self.top - top,
-            right=self.right + right,
-            bottom=self.bottom + bottom,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,8 +126,8 @@ def _cut_out(
     sheet: Sheet, margins: Margins, strip: Side, paper: Paper, margin: float
 ) -> Page | None:
     """A sheet of a given size, cut out of the paper at its seams."""
-    printed = _printed(sheet)
-    whole = printed.grown(margins.left, margins.top, margins.right, margins.bottom)
+    printed = sheet.printed
+    whole = printed.grown(margins)
     waste = {side: margin + (BAND if side in sheet.seams else 0.0) for side in SIDES}
     for width, height in orientations(whole.width > whole.height, paper):
         free_x = width - waste["left"] - waste["right"] - whole.width
@@ -196,7 +158,7 @@ def _cut_out(
 
 def _alone(sheet: Sheet, paper: Paper, margin: float) -> Page | None:
     """A print in the middle of a page, with as much white around it as there is room for."""
-    printed = _printed(sheet)
+    printed = sheet.printed
     wide = printed.width > printed.height
     for strip, share, turned, (width, height) in product(
         (STRIP, LOW_STRIP), _SHARES, (False, True), orientations(wide, paper)
@@ -236,9 +198,9 @@ def _alone(sheet: Sheet, paper: Paper, margin: float) -> Page | None:
 
 def _tiles(sheet: Sheet, paper: Paper, margin: float) -> list[Page]:
     """A print on several pages: each is trimmed on the left and at the top and glued over."""
-    printed = _printed(sheet)
+    printed = sheet.printed
     white = _white(sheet, margin)
-    whole = printed.grown(white.left, white.top, white.right, white.bottom)
+    whole = printed.grown(white)
     best: tuple[list[float], list[float], float, float] | None = None
     for width, height in orientations(whole.width > whole.height, paper):
         room_x = width - 2 * (margin + BAND)
@@ -269,7 +231,7 @@ def _tiles(sheet: Sheet, paper: Paper, margin: float) -> list[Page]:
         part = Rect(
             left=columns[column], right=columns[column + 1], top=rows[row], bottom=rows[row + 1]
         )
-        tab = part.grown(0, 0, 0 if last_x else OVERLAP, 0 if last_y else OVERLAP)
+        tab = part.grown(Margins(right=0 if last_x else OVERLAP, bottom=0 if last_y else OVERLAP))
         shift = (margin + BAND - part.left, margin + BAND - part.top)
         on_page = tab.moved(shift)
         edges: tuple[tuple[Side, bool], ...] = (
@@ -282,7 +244,9 @@ def _tiles(sheet: Sheet, paper: Paper, margin: float) -> list[Page]:
                 height=height,
                 margin=margin,
                 shift=shift,
-                window=tab.grown(0 if first_x else BLEED, 0 if first_y else BLEED, 0, 0),
+                window=tab.grown(
+                    Margins(left=0 if first_x else BLEED, top=0 if first_y else BLEED)
+                ),
                 strip=Strip(
                     place=Rect(
                         left=margin,
@@ -320,11 +284,6 @@ def _white(sheet: Sheet, margin: float) -> Margins:
         return max(sheet.quiet - BAND - (0.0 if side == "bottom" else margin), 0.0)
 
     return Margins(left=at("left"), top=at("top"), right=at("right"), bottom=at("bottom"))
-
-
-def _printed(sheet: Sheet) -> Rect:
-    (left, top), (right, bottom) = sheet.face.lower, sheet.face.upper
-    return Rect(left=left, top=top, right=right, bottom=bottom)
 
 
 def _parts(start: float, end: float, room: float, board: Board) -> list[float]:

@@ -372,10 +372,8 @@ def _margins(one: _Face, sheet: Sheet, size: tuple[float, float], strip: float) 
 def _placed(sheet: Sheet, one: _Face, margins: Margins, sides: tuple[float, float, float]) -> Board:
     """The board where its sheet belongs in the world."""
     x_axis, y_axis = np.array(one.x_axis), np.array(one.y_axis)
-    left, top = sheet.face.lower  # of the print, from corner (0, 0)
-    origin = (
-        np.array(one.corner) * sides + (margins.left - left) * x_axis + (margins.top - top) * y_axis
-    )
+    right, down = margins.left - sheet.printed.left, margins.top - sheet.printed.top
+    origin = np.array(one.corner) * sides + right * x_axis + down * y_axis
     # The file is read by people: no digits beyond what rounding left.
     return replace(
         sheet.board, origin=np.round(origin, 6) + 0.0, x_axis=x_axis + 0.0, y_axis=y_axis + 0.0

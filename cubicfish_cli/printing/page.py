@@ -15,8 +15,8 @@ from cubicfish_cli import __version__
 from cubicfish_cli.boards.aprilgrid import AprilGrid
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.printing.canvas import GREY, PALE, Canvas, fitted, ink_outlines, length_of
-from cubicfish_cli.printing.layout import BAND, OVERLAP, Page, Point, Rect, Strip, Tile
-from cubicfish_cli.printing.sheet import STRIP, Side
+from cubicfish_cli.printing.layout import BAND, OVERLAP, Page, Strip, Tile
+from cubicfish_cli.printing.sheet import STRIP, Point, Rect, Side
 
 _POINTER = 2.2
 # A pointer to corner (0, 0) needs that much white beyond the quiet zone.

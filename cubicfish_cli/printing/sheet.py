@@ -125,6 +125,7 @@ def millimetres_per(units: str) -> float:
     return factor
 
 
+Point = tuple[float, float]
 Side = Literal["left", "top", "right", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "top", "right", "bottom")
 STRIP = 18.0
@@ -155,15 +156,59 @@ class Seam:
 class Margins:
     """White around a print, in millimetres."""
 
-    left: float
-    top: float
-    right: float
-    bottom: float
+    left: float = 0.0
+    top: float = 0.0
+    right: float = 0.0
+    bottom: float = 0.0
 
     @classmethod
     def of(cls, width: float) -> Margins:
         """The same on all sides."""
         return cls(left=width, top=width, right=width, bottom=width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rect:
+    """A rectangle: left < right, top < bottom; y runs down."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    @property
+    def width(self) -> float:
+        """From left to right."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """From top to bottom."""
+        return self.bottom - self.top
+
+    def moved(self, by: Point) -> Rect:
+        """The same rectangle elsewhere."""
+        return Rect(
+            left=self.left + by[0],
+            top=self.top + by[1],
+            right=self.right + by[0],
+            bottom=self.bottom + by[1],
+        )
+
+    def grown(self, by: Margins) -> Rect:
+        """With each side moved outwards."""
+        return Rect(
+            left=self.left - by.left,
+            top=self.top - by.top,
+            right=self.right + by.right,
+            bottom=self.bottom + by.bottom,
+        )
+
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 2) in order from the top left."""
+        across = [self.left, self.right, self.right, self.left]
+        return np.stack([across, [self.top, self.top, self.bottom, self.bottom]], axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,19 +235,20 @@ class Sheet:
         return self.board.face(margin=0.0)
 
     @cached_property
+    def printed(self) -> Rect:
+        """Where that is in the board's plane."""
+        (left, top), (right, bottom) = self.face.lower, self.face.upper
+        return Rect(left=left, top=top, right=right, bottom=bottom)
+
+    @property
     def size(self) -> tuple[float, float]:
         """Width and height of the print."""
-        (left, top), (right, bottom) = self.face.lower, self.face.upper
-        return right - left, bottom - top
+        return self.printed.width, self.printed.height
 
     @cached_property
     def outline(self) -> FloatArray:
         """(4, 2) the sheet's corners in the board's plane, in order from the top left."""
-        white = self.margins or Margins.of(self.quiet)
-        (left, top), (right, bottom) = self.face.lower, self.face.upper
-        left, top = left - white.left, top - white.top
-        right, bottom = right + white.right, bottom + white.bottom
-        return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+        return self.printed.grown(self.margins or Margins.of(self.quiet)).corners
 
     @cached_property
     def quiet(self) -> float:

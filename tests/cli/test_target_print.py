@@ -19,7 +19,7 @@ from cubicfish_cli.printing import extra
 from cubicfish_cli.printing.canvas import Canvas, write_pdf
 from cubicfish_cli.printing.layout import lay_out
 from cubicfish_cli.printing.objects import Wanted, design
-from cubicfish_cli.printing.sheet import Sheet, paper, sheets_of
+from cubicfish_cli.printing.sheet import Margins, Sheet, paper, sheets_of
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import load_target
@@ -142,7 +142,7 @@ def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_ty
     assert sure[rows].mean() > 0.15
     assert (picture[rows][sure[rows]] == 0).all()  # no white hair between black and black
     assert (picture[rows][blank[rows]] == 255).mean() > 0.999  # small marks at the margins
-    quiet = page.window.moved(page.shift).grown(*[page.quiet - 0.2] * 4)
+    quiet = page.window.moved(page.shift).grown(Margins.of(page.quiet - 0.2))
     x0, y0, x1, y1 = (
         round(v / INCH * 150) for v in (quiet.left, quiet.top, quiet.right, quiet.bottom)
     )
