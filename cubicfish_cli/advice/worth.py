@@ -8,7 +8,7 @@ all photos together explains does not count, since no photo can tell it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,17 +33,21 @@ _FEWEST_CORNERS = 4
 
 
 class Worth:
-    """What photos add to those that are taken: the share of the uncertainty that goes."""
+    """What photos add to those that are taken: the share of the uncertainty that goes.
+
+    Photos are known by their places among ``names``.
+    """
 
     flat = 0.01
     """A photo that adds less than this is not worth its time."""
 
-    def __init__(self, pairs: Observations, quality: Mapping[str, float]) -> None:
+    def __init__(self, pairs: Observations, names: Sequence[str], quality: FloatArray) -> None:
         """Fit a lens to all photos.
 
         Args:
             pairs: their corners.
-            quality: how much the corners of each photo weigh, 0 to 1, by its name.
+            names: of all photos, those without corners among them.
+            quality: (N,) how much the corners of each weigh, 0 to 1.
 
         Raises:
             FitError: they do not determine a lens.
@@ -69,7 +73,8 @@ class Worth:
         )
         spread = _SPREAD * longer / 1000
         self._known = np.eye(self._field.shape[1]) / spread**2
-        self._information: dict[str, FloatArray] = {}
+        number_of = {name: number for number, name in enumerate(names)}
+        self._information: dict[int, FloatArray] = {}
         for own, name in enumerate(used.images):
             rows = used.image == own
             if rows.sum() < _FEWEST_CORNERS:
@@ -77,17 +82,18 @@ class Worth:
             _, by_point, _ = project_jacobian(reference.camera.parameters, points[rows])
             by_field = _by_axes(_polynomials(used.pixel[rows], pairs.image_size) @ self._to_basis)
             told = _told(by_field, by_point, points[rows])
-            self._information[name] = told * quality[name] / noise**2
+            number = number_of[name]
+            self._information[number] = told * quality[number] / noise**2
         self._now = self._log_variance(self._known)
 
-    def of(self, photo: str) -> float:
+    def of(self, photo: int) -> float:
         """What a photo adds to those that are taken; 0 where it fits no common lens."""
         told = self._information.get(photo)
         if told is None:
             return 0.0
         return float(self._now - self._log_variance(self._known + told)) / 2
 
-    def take(self, photo: str) -> None:
+    def take(self, photo: int) -> None:
         """Take a photo."""
         told = self._information.get(photo)
         if told is not None:

@@ -177,34 +177,15 @@ def choose_by_worth(
 
     """
 
-    def gains(quality: FloatArray) -> _Gains | None:
+    def gains(quality: FloatArray) -> Worth | None:
         if found.pairs is None:
             return None
         try:
-            worth = Worth(found.pairs, dict(zip(names, quality, strict=True)))
+            return Worth(found.pairs, names, quality)
         except FitError:
             return None
-        return _Gains(names=names, worth=worth)
 
     return choose(seen, size, most, still_px(size), gains)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Gains:
-    """What pictures add, by their numbers."""
-
-    names: Sequence[str]
-    worth: Worth
-
-    @property
-    def flat(self) -> float:
-        return self.worth.flat
-
-    def of(self, picture: int) -> float:
-        return self.worth.of(self.names[picture])
-
-    def take(self, picture: int) -> None:
-        self.worth.take(self.names[picture])
 
 
 @dataclass(kw_only=True, eq=False)

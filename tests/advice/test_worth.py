@@ -22,63 +22,61 @@ def pairs():
     return corners.with_target(target)
 
 
-def even(pairs) -> dict[str, float]:
-    return dict.fromkeys(pairs.images, 1.0)
+def worth_of(pairs, quality=1.0) -> Worth:
+    """By the places of the photos among those that have corners."""
+    return Worth(pairs, pairs.images, np.broadcast_to(quality, len(pairs.images)))
 
 
 def test_a_photo_taken_again_adds_less_and_all_add_something(pairs) -> None:
-    worth = Worth(pairs, even(pairs))
-    first = pairs.images[0]
-    before = {name: worth.of(name) for name in pairs.images}
-    assert min(before.values()) > worth.flat
-    worth.take(first)
-    assert worth.of(first) < 0.4 * before[first]
-    for name in pairs.images[1:]:
-        worth.take(name)
+    worth, photos = worth_of(pairs), range(len(pairs.images))
+    before = [worth.of(photo) for photo in photos]
+    assert min(before) > worth.flat
+    worth.take(0)
+    assert worth.of(0) < 0.4 * before[0]
+    for photo in photos[1:]:
+        worth.take(photo)
     # Each for the second time, with 12 of as much before it.
-    again = [worth.of(name) for name in pairs.images]
+    again = [worth.of(photo) for photo in photos]
     assert worth.flat < np.median(again) < 1 / 12
 
 
 def test_what_is_seen_elsewhere_adds_more_than_what_was_seen(pairs) -> None:
     """Of two photos that are left, that adds more whose corners are where no others are."""
-    middle = {
-        name: pairs.pixel[pairs.image == n].mean(axis=0) for n, name in enumerate(pairs.images)
-    }
-    ordered = sorted(pairs.images, key=lambda name: middle[name][0])
-    worth = Worth(pairs, even(pairs))
-    for name in ordered[1:6]:
-        worth.take(name)
+    middle = [pairs.pixel[pairs.image == n, 0].mean() for n in range(len(pairs.images))]
+    ordered = np.argsort(middle).tolist()
+    worth = worth_of(pairs)
+    for photo in ordered[1:6]:
+        worth.take(photo)
     assert worth.of(ordered[-1]) > 1.5 * worth.of(ordered[0])
 
 
 def test_blur_lowers_what_a_photo_adds(pairs) -> None:
-    quality = even(pairs)
-    quality[pairs.images[0]] = 0.1
-    poor, good = Worth(pairs, quality), Worth(pairs, even(pairs))
-    for name in pairs.images[1:]:
-        poor.take(name)
-        good.take(name)
-    assert poor.of(pairs.images[0]) < 0.4 * good.of(pairs.images[0])
+    quality = np.ones(len(pairs.images))
+    quality[0] = 0.1
+    poor, good = worth_of(pairs, quality), worth_of(pairs)
+    for photo in range(1, len(pairs.images)):
+        poor.take(photo)
+        good.take(photo)
+    assert poor.of(0) < 0.4 * good.of(0)
 
 
 def test_the_unit_of_the_object_does_not_count(pairs) -> None:
     metres = replace(pairs, world=pairs.world / 1000 + [5.0, 0, 0])
-    one, other = Worth(pairs, even(pairs)), Worth(metres, even(pairs))
-    for name in pairs.images[:3]:
-        assert other.of(name) == pytest.approx(one.of(name), rel=1e-3)
+    one, other = worth_of(pairs), worth_of(metres)
+    for photo in range(3):
+        assert other.of(photo) == pytest.approx(one.of(photo), rel=1e-3)
 
 
 def test_photos_that_fit_no_common_lens_add_nothing(pairs) -> None:
     wrong = replace(pairs, pixel=pairs.pixel.copy())
     own = pairs.image == 3
     wrong.pixel[own] = wrong.pixel[own][np.random.default_rng(1).permutation(own.sum())]
-    worth = Worth(wrong, even(pairs))
-    assert worth.of(pairs.images[3]) == 0
-    assert worth.of(pairs.images[4]) > 0
+    worth = worth_of(wrong)
+    assert worth.of(3) == 0
+    assert worth.of(4) > 0
     random = np.random.default_rng(2).uniform(0, 700, pairs.pixel.shape)
     with pytest.raises(FitError):
-        Worth(replace(pairs, pixel=random), even(pairs))
+        worth_of(replace(pairs, pixel=random))
 
 
 def test_what_a_pose_would_explain_tells_nothing_of_the_lens() -> None:
