@@ -40,7 +40,7 @@ from cubicfish_cli.undistortion.projections import PerspectiveView  # noqa: E402
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
 REAL = HERE.parents[1] / "shared" / "data" / "ov_cube"
-CUBICFISH = [sys.executable, "-m", "cubicfish_cli.cli.main"]
+CUBICFISH = [sys.executable, "-m", "cubicfish_cli"]
 QUALITY = 92
 
 
