@@ -96,7 +96,9 @@ def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.exporting import export_files
 
-    made = call(export_files, given, camera=options.calibration_path(given))
+    made = call(
+        export_files, given, camera=options.calibration_path(given.calibration or given.model)
+    )
     if given.as_json:
         print_json(made.record)
         return

@@ -40,7 +40,7 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.describing import info_files
 
-    made = info_files(options.calibration_path(given))
+    made = info_files(options.calibration_path(given.calibration or given.model))
     if given.as_json:
         print_json(made.as_record())
         return

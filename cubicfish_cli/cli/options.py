@@ -620,10 +620,9 @@ def model_path(given: Path | None) -> Path:
     return path
 
 
-def calibration_path(given: Any) -> Path:
-    """The file of the rig or the camera that a command's argument or ``--model`` names."""
-    named = given.calibration or given.model
-    return rig_path(named) or model_path(named)
+def calibration_path(given: Path | None) -> Path:
+    """The file of the rig or the camera to read; see :func:`model_path`."""
+    return rig_path(given) or model_path(given)
 
 
 def rig_path(given: Path | None) -> Path | None:

@@ -54,7 +54,9 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.report_files import report_files
 
     keep_fonts()
-    made = call(report_files, given, calibration=options.calibration_path(given))
+    made = call(
+        report_files, given, calibration=options.calibration_path(given.calibration or given.model)
+    )
     for line in made.absent:
         say(f"left out: {line}")
     if given.as_json:

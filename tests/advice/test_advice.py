@@ -377,6 +377,7 @@ def test_words_stay_within_their_panels(advice, goal):
             assert x + 8.2 * len(text) <= right - 26, text
 
 
+@pytest.mark.slow
 def test_boards_are_cut_smoothly_where_the_lens_is_not_known(advice):
     camera = advice.camera
     rim = rim_of(camera)
