@@ -16,12 +16,13 @@ import numpy as np
 from cubicfish_cli.diagnosis import (
     corner_count,
     left_out,
-    lens_faults,
     mirrored,
     object_faults,
-    photo_lenses,
+    odd_photos,
+    other_lens,
     repeats,
     rig,
+    two_lenses,
     wrong_drawing,
 )
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
@@ -127,12 +128,12 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), _TRIALS, mirrored.no_markers, _no_corners),
     # Of a fit.
     Hypothesis(FitEvidence, _MIRRORED, _TABLES, lambda e: mirrored.handed(e.pairs)),
-    Hypothesis(FitEvidence, _LENSES, _PASS, lens_faults.lens_findings, _named),
+    Hypothesis(FitEvidence, _LENSES, _PASS, two_lenses.lens_findings, _named),
     Hypothesis(
         FitEvidence,
         (Code.SHEARED, Code.PHOTO_LENS),
         _PASS,
-        lambda e: lens_faults.odd_photos(e.fit),
+        lambda e: odd_photos.odd_photos(e.fit),
         lambda e, found: _named(e, found) and _lacks(_LENSES, found),
     ),
     Hypothesis(FitEvidence, _DRAWING, _TRIALS, wrong_drawing.wrong_drawing, _not_bad),
@@ -140,7 +141,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         FitEvidence,
         _CHANGES,
         _TRIALS,
-        lambda e: photo_lenses.unsteady(e.fit),
+        lambda e: odd_photos.unsteady(e.fit),
         lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED, *_LENSES], found),
         # Where all photos differ, those that do so most are not odd.
         instead_of=(Code.PHOTO_LENS,),
@@ -161,7 +162,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         FailedFit, _MIRRORED, _TRIALS, lambda e: mirrored.mirrored_object(e.scaled[0]), _unexplained
     ),
     Hypothesis(
-        FailedFit, _LENS, _TRIALS, lambda e: lens_faults.failed_lens(e.scaled[0]), _unexplained
+        FailedFit, _LENS, _TRIALS, lambda e: other_lens.failed_lens(e.scaled[0]), _unexplained
     ),
     # Of a fitted rig.
     Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), _TABLES, rig.mismatched),

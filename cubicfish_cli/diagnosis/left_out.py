@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.lens_faults import left_out_lens
 from cubicfish_cli.diagnosis.mirrored import handed
 from cubicfish_cli.diagnosis.object_faults import COUNTED, ORDERS, flat_points
+from cubicfish_cli.diagnosis.other_lens import left_out_lens
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.known_lens import fit_poses

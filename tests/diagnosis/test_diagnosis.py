@@ -11,22 +11,24 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.diagnosis import lens_faults, photo_lenses, wrong_drawing
+from cubicfish_cli.diagnosis import odd_photos, other_lens, photo_lenses, two_lenses, wrong_drawing
 from cubicfish_cli.diagnosis.diagnose import HYPOTHESES, find_faults
 from cubicfish_cli.diagnosis.left_out import board_fault, board_findings
-from cubicfish_cli.diagnosis.lens_faults import LensChange, failed_lens, left_out_lens, lens_change
 from cubicfish_cli.diagnosis.mirrored import handed, mirrored_object, seen_sides
 from cubicfish_cli.diagnosis.object_faults import object_fault
+from cubicfish_cli.diagnosis.odd_photos import Unlike, unlike
+from cubicfish_cli.diagnosis.other_lens import LensChange, failed_lens, left_out_lens, lens_change
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
+    SHEAR,
     PhotoLenses,
     enough_photos,
-    left_out_share,
-    sheared_photos,
     spread_out,
-    two_lenses,
-    zoomed_photos,
 )
+from cubicfish_cli.diagnosis.photo_lenses import (
+    LENS as OWN_LENS,
+)
+from cubicfish_cli.diagnosis.two_lenses import best_split, left_out_share
 from cubicfish_cli.diagnosis.wrong_drawing import measured_object
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import radial_reference
@@ -311,9 +313,9 @@ def test_photos_through_one_lens_are_not_split(wild):
     chance = []
     for _ in range(30):
         photos = own_lenses(rng, int(rng.integers(5, 20)), wild)
-        chance.append(two_lenses(photos).chance)
+        chance.append(best_split(photos).chance)
         if wild == 1:
-            singles = [one.chance for one in sheared_photos(photos) + zoomed_photos(photos)]
+            singles = [one.chance for one in unlike(photos, SHEAR) + unlike(photos, OWN_LENS)]
             assert min(singles) > BY_CHANCE
     # No more often than it says.
     assert np.mean(np.array(chance) < 0.1) <= 0.2
@@ -325,7 +327,7 @@ def test_noisier_photos_are_not_odd():
     noisier = np.where(np.isin(np.arange(14), [2, 9, 11]), 5.0, 1.0)
     own, squares = photos.own * noisier[:, None], photos.squares * noisier**2
     dim = replace(photos, own=own, squares=squares)
-    assert min(one.chance for one in sheared_photos(dim) + zoomed_photos(dim)) > 1e-3
+    assert min(one.chance for one in unlike(dim, SHEAR) + unlike(dim, OWN_LENS)) > 1e-3
 
 
 @pytest.mark.parametrize("kind", ["order", "mixed"])
@@ -335,7 +337,7 @@ def test_two_lenses_are_told_apart_with_their_photos(kind):
     second = np.arange(14) >= 9 if kind == "order" else np.isin(np.arange(14), [1, 4, 5, 11])
     own = photos.own.copy()
     own[second, :3] += [24.0, 6.0, -6.0]
-    split = two_lenses(replace(photos, own=own))
+    split = best_split(replace(photos, own=own))
     assert split.kind == kind
     np.testing.assert_array_equal(split.second, second)
     assert split.chance < BY_CHANCE
@@ -348,13 +350,13 @@ def test_photos_that_had_no_say_tell_two_lenses_from_one(wild):
     rng = np.random.default_rng(13)
     for _ in range(10):
         photos = own_lenses(rng, int(rng.integers(10, 20)), wild)
-        split = two_lenses(photos)
-        assert split.explained < lens_faults._MOST
+        split = best_split(photos)
+        assert split.explained < two_lenses._MOST
         many = left_out_share(photos, split.second)
         own = photos.own.copy()
         own[split.second, :3] += 100.0 * wild
         apart = replace(photos, own=own)
-        again = two_lenses(apart)
+        again = best_split(apart)
         assert again.explained > 0.95
         # What the others say of a photo's lens is less right than what it says with them.
         assert 1 < left_out_share(apart, again.second) <= 1.001 * max(many, 1.001) * 3
@@ -366,15 +368,15 @@ def test_photos_that_had_no_say_tell_two_lenses_from_one(wild):
 def test_a_left_out_photo_costs_what_least_squares_without_it_says():
     photos = own_lenses(np.random.default_rng(15), 6)
     second = np.arange(6) >= 3
-    weight = photo_lenses._without_shear(photos.information)
+    weight = photos.told_of(OWN_LENS)
     total = 0.0
     for photo in range(6):
         others = np.flatnonzero((second == second[photo]) & (np.arange(6) != photo))
-        mean = photo_lenses._mean(photos.own[others, :3], weight[others])
+        mean = two_lenses._mean(photos.own[others, :3], weight[others])
         off = photos.own[photo, :3] - mean
         total += off @ weight[photo] @ off
     known = photos.squares.sum() + sum(
-        photo_lenses._scatter(photos.own[part, :3], weight[part]) for part in (second, ~second)
+        two_lenses._scatter(photos.own[part, :3], weight[part]) for part in (second, ~second)
     )
     share = left_out_share(photos, second)
     assert share == pytest.approx((photos.squares.sum() + total) / known)
@@ -392,7 +394,7 @@ def test_a_left_out_photo_costs_what_least_squares_without_it_says():
     ],
 )
 def test_two_lenses_are_worth_an_accusation_or_a_note(together, apart, unforeseen, said):
-    assert lens_faults.worth(together, apart, unforeseen, noticed=0.05) == said
+    assert two_lenses.worth(together, apart, unforeseen, noticed=0.05) == said
 
 
 def test_what_two_lenses_explain_is_not_put_down_to_autofocus():
@@ -411,13 +413,13 @@ def test_photos_that_know_their_lenses_along_different_axes_are_sorted():
         information[photo, :3, :3] = [[1, xy, xz], [xy, 1, yz], [xz, yz, 1]]
     assert np.linalg.eigvalsh(information).min() > 0
     assert np.linalg.eigvalsh(np.median(information, axis=0)).min() < 0
-    assert two_lenses(replace(photos, information=information)).second.any()
+    assert best_split(replace(photos, information=information)).second.any()
 
 
 def test_too_few_photos_are_never_split():
     photos = own_lenses(np.random.default_rng(0), 4)
-    assert two_lenses(photos) is None
-    assert sheared_photos(photos) == zoomed_photos(photos) == []
+    assert best_split(photos) is None
+    assert unlike(photos, SHEAR) == unlike(photos, OWN_LENS) == []
 
 
 def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
@@ -432,8 +434,8 @@ def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
     np.testing.assert_array_equal(found.photos, np.arange(8))
     assert found.own[2, 0] == pytest.approx(0.01 * found.reach, rel=0.15)
     assert found.own[5, 3] == pytest.approx(0.008 * found.reach, rel=0.15)
-    zoomed = [one.photo for one in zoomed_photos(found) if one.chance < BY_CHANCE]
-    leaning = [one.photo for one in sheared_photos(found) if one.chance < BY_CHANCE]
+    zoomed = [one.photo for one in unlike(found, OWN_LENS) if one.chance < BY_CHANCE]
+    leaning = [one.photo for one in unlike(found, SHEAR) if one.chance < BY_CHANCE]
     assert (zoomed, leaning) == ([2], [5])
     # What a wrong pose leaves is no noise.
     poses = as_poses(POSES)
@@ -495,7 +497,7 @@ def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):
     seen = synthetic.synthetic_correspondences(target, poses, lens=zoomed, noise=0.1, seed=7)
     order = ["x", *seen.images]
     assert left_out_lens(LENS, seen, 0.1, order=order) is not None
-    monkeypatch.setattr(lens_faults, "_SURE_FOCAL", np.inf)
+    monkeypatch.setattr(other_lens, "_SURE_FOCAL", np.inf)
     for photos in ([0], [1, 2]):
         some = select_photos(seen, np.array(photos))
         assert left_out_lens(LENS, some, 0.1, order=order) is None
@@ -503,7 +505,7 @@ def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):
 
 @pytest.mark.parametrize("ratio", [1.004, 0.99996, 1 + 1e-12, 0.5, 2.0, 1.25])
 def test_a_ratio_is_never_printed_as_1(ratio):
-    words = lens_faults._ratio_words(ratio)
+    words = other_lens._ratio_words(ratio)
     assert float(words) == pytest.approx(ratio, rel=0.05 * abs(ratio - 1) + 1e-8)
     assert float(words) != 1 or abs(ratio - 1) < 1e-9
 
@@ -578,11 +580,10 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
 @pytest.mark.parametrize("code", [Code.SHEARED, Code.PHOTO_LENS])
 def test_one_odd_photo_is_no_reason_to_doubt_a_camera(pairs, code):
     odd = [
-        photo_lenses.Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6, gain_px=0.4)
-        for photo in (2, 5)
+        Unlike(photo=photo, chance=1e-9, size_px=2.0, share=0.6, gain_px=0.4) for photo in (2, 5)
     ]
-    assert lens_faults._single_finding(odd[:1], pairs, code).severity == "note"
-    assert lens_faults._single_finding(odd, pairs, code).severity == "care"
+    assert odd_photos._single_finding(odd[:1], pairs, code).severity == "note"
+    assert odd_photos._single_finding(odd, pairs, code).severity == "care"
 
 
 def test_photos_that_all_differ_accuse_none_of_them():
@@ -598,11 +599,11 @@ def test_photos_that_all_differ_accuse_none_of_them():
             numbers=np.full(count, 200.0),
             reach=300.0,
         )
-        least = min(least, *(one.chance for one in photo_lenses.zoomed_photos(photos)))
+        least = min(least, *(one.chance for one in unlike(photos, OWN_LENS)))
     assert photo_lenses.BY_CHANCE < least < 0.05
     # One that is another camera's is still found.
     odd = replace(photos, own=own + 400 * (np.arange(count) == 7)[:, None])
-    found = photo_lenses.zoomed_photos(odd)[7]
+    found = unlike(odd, OWN_LENS)[7]
     assert found.chance < photo_lenses.BY_CHANCE
     # Its own lens takes sqrt(3 · 40² · 1e3 / 100) px from its corners.
     assert found.gain_px == pytest.approx(np.sqrt(3 * 400**2 * 1e3 / 100), rel=0.1)
@@ -625,9 +626,9 @@ def test_few_of_each_group_are_looked_at():
     own = photos.own.copy()
     own[[3, 40, 41], :3] += [24.0, 6.0, -6.0]
     photos = replace(photos, own=own)
-    split = two_lenses(photos)
+    split = best_split(photos)
     assert {3, 40, 41} == set(np.flatnonzero(split.second))
-    few = lens_faults._of_each(photos, split)
+    few = two_lenses._of_each(photos, split)
     assert len(few) == 30
     assert {3, 40, 41} < set(few.tolist())
 
@@ -660,7 +661,7 @@ def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
 @pytest.mark.parametrize("ratio", [1.0, 1.002])
 def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
     """A change of no worth is certain among so many photos, and costs nothing."""
-    monkeypatch.setattr(lens_faults, "_followed", lambda *_: pytest.fail("must not be tried"))
+    monkeypatch.setattr(two_lenses, "_followed", lambda *_: pytest.fail("must not be tried"))
     assert not calibrate(zoomed_from(many, 20, ratio), hold_out=False).findings
 
 
@@ -873,8 +874,8 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
 
 
 def test_few_of_many_photos_are_tried():
-    assert len(list(lens_faults._subsets(1000))) < 40
-    assert max(len(few) for few in lens_faults._subsets(1000)) <= 6
+    assert len(list(other_lens._subsets(1000))) < 40
+    assert max(len(few) for few in other_lens._subsets(1000)) <= 6
 
 
 @pytest.mark.slow
@@ -887,6 +888,6 @@ def test_photos_that_only_say_too_little_are_not_taken_apart(pairs, monkeypatch)
         for turn in rng.uniform(-3, 3, 8)
     ]
     facing = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    monkeypatch.setattr(lens_faults, "failed_lens", lambda pairs: pytest.fail("must not be tried"))
+    monkeypatch.setattr(other_lens, "failed_lens", lambda pairs: pytest.fail("must not be tried"))
     with pytest.raises(FitError, match=r"do not determine the lens.*: add photos in which"):
         calibrate(facing, target=flat, hold_out=False)

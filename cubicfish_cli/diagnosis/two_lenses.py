@@ -1,0 +1,327 @@
+"""Photos through two lenses, all of one zoomed, cropped, scaled or turned, or of another camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import comb
+from typing import Literal
+
+import numpy as np
+from scipy.special import fdtrc
+
+from cubicfish_cli.diagnosis.other_lens import LensChange, lens_change
+from cubicfish_cli.diagnosis.photo_lenses import (
+    BY_CHANCE,
+    FEWEST_TOLD_APART,
+    LENS,
+    WORTH,
+    PhotoLenses,
+    enough_photos,
+    fit_of_few,
+    lenses_of,
+    noticed_px,
+    spread_out,
+)
+from cubicfish_cli.fitting.cubic_fit import fit_cubic
+from cubicfish_cli.fitting.evidence import FitEvidence
+from cubicfish_cli.fitting.radial_reference import refit_radial
+from cubicfish_cli.fitting.refinement import TargetFit
+from cubicfish_cli.fitting.statistics import rms_px
+from cubicfish_cli.fitting.two_groups import best_cut
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.words.codes import Severity
+from cubicfish_cli.words.finding import Finding
+
+# A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
+_WORTH_A_LOOK = 1e-2
+# Two lenses are worth an accusation where they take this share of the squared error away from
+# photos that had no say in them, where they explain so much of how photos differ, and where a
+# person would notice: pixels of a photo of 2000.
+_CLEAR_MARGIN = 0.1
+_MOST = 0.8
+_NOTICED_PX = 0.05
+# Photos of one lens foretell another one's squared errors to this share of what is left, or of
+# what two lenses take away. Where the focus is another in every photo, groups of photos do not.
+_FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
+_ROUNDS = 12
+# Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
+# where they are, and by how much less than that another round gains where they have settled.
+_AT_ONCE, _SETTLED = 0.5, 0.01
+_ROUGH_DECREASE = 1e-4
+# A change in the photos' order is the simpler thing: any other split must be as much better.
+_CLEARLY = 1.2
+_FEWEST_IN_GROUP = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TwoLenses:
+    """Photos that fall into two groups, each with a lens of its own.
+
+    Attributes:
+        second: (K,) which of ``PhotoLenses.photos`` are in the smaller or later group.
+        kind: ``order`` where the lens changed once in the order of the photos, else ``mixed``.
+        chance: how often so clear a split would be found among photos through one lens.
+        own: (2, 3) scale, shift x, shift y of both groups, pixels.
+        share: of all photos' squared error that the two lenses explain, beside one for all.
+        explained: share of how the photos' own lenses differ that two lenses explain, however many
+            corners say so: all of it where there are two, and about half where every photo has one
+            of its own, since photos can always be sorted into two groups.
+
+    """
+
+    second: BoolArray
+    kind: Literal["order", "mixed"]
+    chance: float
+    own: FloatArray
+    share: float
+    explained: float
+
+
+def lens_findings(evidence: FitEvidence) -> list[Finding]:
+    """Two groups of photos with a lens each, in place of one lens for all."""
+    # A target that is free may bend to two lenses: as drawn it does not.
+    fits = (evidence.fit,) if evidence.fit is evidence.drawn else (evidence.fit, evidence.drawn)
+    for fit in fits:
+        own = lenses_of(fit)
+        split = best_split(own)
+        if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
+            continue
+        few = _of_each(own, split)
+        # A few of each group tell whether there are two lenses, all of them which photos are whose.
+        if len(few) < len(own.photos):
+            part = fit_of_few(fit, own.photos[few])
+            if _followed(part, rms_px(part.cubic.residual)) is None:
+                continue
+        found = _followed(fit, rms_px(evidence.fit.cubic.residual))
+        if found is not None:
+            return [found]
+    return []
+
+
+def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
+    """Places in ``photos`` of enough photos, half of them of each group where it has as many."""
+    enough = enough_photos(len(photos.photos))
+    groups = [np.flatnonzero(split.second == second) for second in (False, True)]
+    least = min(enough // 2, *map(len, groups))
+    return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
+
+
+def _followed(fit: TargetFit, together: float) -> Finding | None:
+    """Fit with a scale and centre for each of two groups, until they settle; then judge.
+
+    Args:
+        fit: the fit to start from.
+        together: RMS with one lens for all, to be beaten.
+
+    """
+    pairs, photos = fit.reference.pairs, lenses_of(fit)
+    apart, split, reach = fit, best_split(photos), photos.reach
+    noticed = noticed_px(pairs, _NOTICED_PX)
+    given, gains = np.zeros((len(pairs.images), 3)), [0.0]
+    worthy = _worthy_gain(together, noticed)
+    for _ in range(_ROUNDS):
+        if split is None:
+            return None
+        given = _given(split, photos, given)
+        apart, photos = _fitted_apart(fit, apart, given, reach)
+        split = best_split(photos)
+        gains.append(together**2 - rms_px(apart.cubic.residual) ** 2)
+        if len(gains) == 2 and gains[1] < _AT_ONCE * worthy:
+            return None
+        if gains[-1] - gains[-2] < _SETTLED * worthy:
+            break
+    if split is None or split.chance > BY_CHANCE:
+        return None
+    if split.kind == "order":
+        split, apart, photos = _at_the_boundary(fit, split, apart, photos)
+    apart_px = rms_px(apart.cubic.residual)
+    unforeseen = left_out_share(photos, split.second)
+    severity = worth(together, apart_px, unforeseen, noticed)
+    if split.explained < _MOST or severity is None:
+        return None
+    scale = 1 + split.own[:, 0] / reach
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    camera = apart.reference.camera
+    common = np.array([camera.cx, camera.cy]) - middle
+    centres = middle + scale[:, None] * common + split.own[:, 1:]
+    change = LensChange(
+        ratio=float(scale[1] / scale[0]), shift=centres[1] - centres[0], centre=centres[0]
+    )
+    names = [pairs.images[photo] for photo in photos.photos[split.second]]
+    found = lens_change(
+        change,
+        names,
+        pairs,
+        in_order=split.kind == "order",
+        because="apart",
+        figures={"together_px": together, "apart_px": apart_px},
+    )
+    return replace(found, severity=severity)
+
+
+def worth(together: float, apart: float, unforeseen: float, noticed: float) -> Severity | None:
+    """What two lenses are worth that explain clearly more than one; None where they do not.
+
+    Bad is a camera of photos whose two lenses foretell photos that had no say in them. Those of a
+    few photos do not: then it is a note.
+
+    Args:
+        together: RMS with one lens for all, pixels.
+        apart: with two.
+        unforeseen: how many times larger the squared error is of photos that had no say.
+        noticed: pixels that a person would notice.
+
+    """
+    left, gain = apart**2, together**2 - apart**2
+    not_foretold = left * (unforeseen - 1)
+    least = _worthy_gain(together, noticed)
+    foretold = not_foretold <= max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain)
+    if foretold and gain - not_foretold >= least:
+        return Severity.BAD
+    return Severity.NOTE if gain >= least else None
+
+
+def _worthy_gain(together: float, noticed: float) -> float:
+    """By how much two lenses have to lower the mean squared error, pixels²."""
+    return max(_CLEAR_MARGIN * together**2, noticed**2)
+
+
+def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
+    """(photos, 3) scale and shift of each photo's group; none for photos that do not tell."""
+    given = np.zeros_like(like)
+    given[photos.photos] = split.own[split.second.astype(int)]
+    return given
+
+
+def _fitted_apart(
+    fit: TargetFit, start: TargetFit, given: FloatArray, reach: float
+) -> tuple[TargetFit, PhotoLenses]:
+    """Fit with these scales and shifts (photos, 3); and what each photo has of its own in all.
+
+    Raises:
+        FitError: there is no camera.
+
+    """
+    pairs = fit.reference.pairs
+    own, middle = given[pairs.image], (np.array(pairs.image_size, float) - 1) / 2
+    # Pixels as one lens would have taken them.
+    pixel = middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach)
+    reference = refit_radial(start.reference, replace(pairs, pixel=pixel), start.reference.poses)
+    cubic = fit_cubic(
+        reference,
+        fit.cubic.hold,
+        start=start.cubic,
+        relative_decrease=_ROUGH_DECREASE,
+    )
+    apart = replace(start, reference=reference, cubic=cubic)
+    photos = lenses_of(apart)
+    total = photos.own.copy()
+    total[:, :3] += given[photos.photos]
+    return apart, replace(photos, own=total)
+
+
+def _at_the_boundary(
+    fit: TargetFit, split: TwoLenses, apart: TargetFit, photos: PhotoLenses
+) -> tuple[TwoLenses, TargetFit, PhotoLenses]:
+    """The change one photo earlier or later, where that fits better.
+
+    A photo beside the change that was counted to the wrong side has bent the camera to itself.
+    """
+    first = int(np.argmax(split.second))
+    for place in (first, first - 1):
+        second = split.second.copy()
+        second[place] = not second[place]
+        moved = replace(split, second=second)
+        wanted = _given(moved, photos, np.zeros((len(fit.reference.pairs.images), 3)))
+        other, own = _fitted_apart(fit, apart, wanted, photos.reach)
+        if rms_px(other.cubic.residual) ** 2 < (1 - WORTH) * rms_px(apart.cubic.residual) ** 2:
+            return moved, other, own
+    return split, apart, photos
+
+
+def best_split(photos: PhotoLenses) -> TwoLenses | None:
+    """The split of the photos into two groups that explains best how their lenses differ.
+
+    What differs within the groups is the measure of what differs between them (an F test), so
+    that whatever else is imperfect, a target that bends or a lens that the model cannot follow,
+    counts against it. Splits are corrected for how many there are: along the photos' order, or
+    by any plane through the space of scale and centre (Cover, 1965).
+
+    Returns:
+        None where there are too few photos to tell.
+
+    """
+    count = len(photos.photos)
+    if count < FEWEST_TOLD_APART:
+        return None
+    own, weight = photos.own[:, LENS], photos.told_of(LENS)
+    off = own - _mean(own, weight)
+    pull = (weight @ off[:, :, None])[:, :, 0]
+    in_order = best_cut(np.arange(count)[None], weight, pull, _FEWEST_IN_GROUP)
+    mixed = best_cut(_sorted_along(own, weight), weight, pull, _FEWEST_IN_GROUP)
+    trials = {"order": count - 1, "mixed": sum(comb(count - 1, k) for k in range(4))}
+    if in_order is None or mixed is None:
+        return None
+    kind: Literal["order", "mixed"] = "mixed" if mixed[0] > _CLEARLY * in_order[0] else "order"
+    ratio, between, second = mixed if kind == "mixed" else in_order
+    if kind == "mixed" and 2 * second.sum() > count:
+        second = ~second
+    return TwoLenses(
+        second=second,
+        kind=kind,
+        chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
+        own=np.stack([_mean(own[part], weight[part]) for part in (~second, second)]),
+        share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
+        explained=ratio / (ratio + count - 2),
+    )
+
+
+def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
+    """How much larger the squared error is of photos that had no say in their group's lens.
+
+    Each photo in turn is given the scale and centre of the others of its group.
+
+    Args:
+        photos: what each photo has of its own.
+        second: (K,) which are in the second group.
+
+    Returns:
+        The squared error over that with lenses that follow from all photos; 1 or more.
+
+    """
+    own, weight = photos.own[:, LENS], photos.told_of(LENS)
+    pull = (weight @ own[:, :, None])[:, :, 0]
+    known = unknown = float(photos.squares.sum()) + 1e-300
+    for group in (np.flatnonzero(~second), np.flatnonzero(second)):
+        known += _scatter(own[group], weight[group])
+        if len(group) < _FEWEST_IN_GROUP:
+            continue
+        others = weight[group].sum(axis=0) - weight[group]
+        means = np.linalg.solve(others, (pull[group].sum(axis=0) - pull[group])[:, :, None])
+        off = own[group] - means[:, :, 0]
+        unknown += float(np.einsum("ki,kij,kj->", off, weight[group], off))
+    return unknown / known
+
+
+def _mean(own: FloatArray, weight: FloatArray) -> FloatArray:
+    right = np.einsum("kij,kj->i", weight, own)
+    return np.asarray(np.linalg.solve(weight.sum(axis=0), right))
+
+
+def _scatter(own: FloatArray, weight: FloatArray) -> float:
+    off = own - _mean(own, weight)
+    return float(np.einsum("ki,kij,kj->", off, weight, off))
+
+
+def _sorted_along(own: FloatArray, weight: FloatArray) -> IntArray:
+    """(6, K) the photos sorted along the axes of their scatter: cuts are planes across them."""
+    # A mean to which each photo adds alike; medians of single entries need not be a matrix of this
+    # kind.
+    root = np.linalg.cholesky(
+        np.mean(weight / np.trace(weight, axis1=1, axis2=2)[:, None, None], 0)
+    )
+    white = own @ root
+    white = white - np.median(white, axis=0)
+    axes = np.linalg.svd(white, full_matrices=False)[2]
+    along = np.concatenate([white @ axes.T, own], axis=1)
+    return np.argsort(along, axis=0, kind="stable").T
