@@ -14,7 +14,6 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
@@ -88,6 +87,8 @@ def pattern_end(
 
     """
     last = grid.cells.max(axis=0)
+    from scipy.ndimage import map_coordinates  # it takes long to load, and is seldom asked
+
     line, way = (int(last[axis]), 1) if after else (0, -1)
     middle = np.arange(int(last[1 - axis])) + 0.5
     distance = np.concatenate([[_BEFORE], _BEYOND])

@@ -47,6 +47,8 @@ _STILL = 1e7
 _STRONGEST = 1e4
 NEAR_DECREASE = 1e-6
 """For fits that only lead to the next one."""
+# Beyond it pixels move by less than a hundredth of what they are uncertain by.
+_LAST_DECREASE = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +124,7 @@ def fit_cubic(
     *,
     world: World | None = None,
     start: CubicResult | None = None,
-    relative_decrease: float = 1e-10,
+    relative_decrease: float = _LAST_DECREASE,
 ) -> CubicResult:
     """Fit P and all poses (Eq. 10) from a reference's lens and poses.
 

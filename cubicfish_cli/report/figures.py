@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
-from scipy.interpolate import RBFInterpolator
+from scipy.special import xlogy
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
@@ -477,10 +477,30 @@ def _smooth_sigma(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
         return sigma_at(record, pixel)
     points, logs = np.column_stack([x[known], y[known]]), np.log(sigma[known])
     try:
-        smooth = RBFInterpolator(points / x.max(), logs)(pixel / x.max())
+        smooth = _least_bent(points / x.max(), logs, pixel / x.max())
     except np.linalg.LinAlgError:  # all on one line
         return sigma_at(record, pixel)
     return np.exp(np.clip(smooth, logs.min(), logs.max()))
+
+
+def _least_bent(points: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+    """The thin plate through values (N,) at points (N, 2), at others (M, 2) -> (M,).
+
+    Duchon (1977). SciPy's takes a fifth of a second to load, for this alone.
+
+    Raises:
+        numpy.linalg.LinAlgError: all points are on one line.
+
+    """
+
+    def terms(of: FloatArray) -> FloatArray:
+        square = np.sum(np.square(of[:, None] - points), axis=2)
+        return np.column_stack([xlogy(square, square), np.ones(len(of)), of])
+
+    own = terms(points)
+    whole = np.concatenate([own, np.pad(own[:, -3:].T, ((0, 0), (0, 3)))])
+    weights = np.linalg.solve(whole, np.pad(values, (0, 3)))
+    return np.asarray(terms(at) @ weights)
 
 
 def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]:
