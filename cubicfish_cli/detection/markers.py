@@ -70,6 +70,9 @@ _BLURRED = 0.25
 # So many markers, at least two side by side, are no misreadings even where others refute them.
 _NO_ACCIDENT = 3
 _SAME_CORNER = 0.3  # of the distance to the next corner
+# A marker's side that is off by this share puts its outermost modules half a module off. Fewer
+# pairs of markers do not say how wide they are; theirs must lie this straight, as a share.
+_SIDE_OFF, _FEWEST_PAIRS, _STRAIGHT = 0.1, 4, 0.2
 
 
 class How(IntEnum):
@@ -212,7 +215,55 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
-    markers = _all_read(pyramid, target, all_families, grids)
+    alone = _read_alone(pyramid, target, all_families)
+    found = _named(pyramid, target, all_families, alone, grids)
+    measured = _with_sides_seen(target, alone)
+    if measured is None:
+        return found
+    return max(found, _named(pyramid, measured, all_families, alone, grids), key=len)
+
+
+def _with_sides_seen(target: Target, alone: SeenMarkers) -> Target | None:
+    """The target with its markers as wide as they are seen; None where that is what it says.
+
+    A marker that lies two cells from another of its board, or nearer, is as far away as both say
+    in their own sides. Corners do not depend on how wide markers are: a wrong size in the target's
+    file hides them only because markers are looked for in the wrong parts of squares.
+    """
+    changed = {}
+    for index in np.unique(alone.board).tolist():
+        board, own = target.boards[index], alone.of(index)
+        if board.markers is None or board.per_cell == 2:
+            continue
+        apart = own.cell[None] - own.cell[:, None]
+        one, other = np.nonzero((apart != 0).any(-1) & (np.abs(apart).max(-1) <= _VOUCH_CELLS))
+        outline, way = own.pixel[one] + own.pixel[other], apart[one, other]
+        right, down = outline[:, 1] - outline[:, 0], outline[:, 3] - outline[:, 0]
+        right, down = right + outline[:, 2] - outline[:, 3], down + outline[:, 2] - outline[:, 1]
+        expected = 0.25 * (way[:, :1] * right + way[:, 1:] * down)
+        middle = own.pixel.mean(axis=1)
+        seen = middle[other] - middle[one]
+        times = (seen * expected).sum(axis=1) / np.square(expected).sum(axis=1)
+        off = np.linalg.norm(seen - times[:, None] * expected, axis=1)
+        straight = (times > 1) & (off < _STRAIGHT * np.linalg.norm(seen, axis=1))
+        side = board.square / np.median(times[straight]) if straight.any() else 0.0
+        if (
+            straight.sum() >= 2 * _FEWEST_PAIRS
+            and abs(np.log(side / board.markers.side)) > _SIDE_OFF
+        ):
+            changed[index] = replace(board, markers=replace(board.markers, side=side))
+    return target.with_boards(changed) if changed else None
+
+
+def _named(
+    pyramid: Pyramid,
+    target: Target,
+    all_families: list[Family],
+    alone: SeenMarkers,
+    grids: FoundGrids,
+) -> MarkedCorners:
+    """What markers that were read alone, and those in the squares of grids, name."""
+    markers = _with_those_in_grids(pyramid, target, all_families, alone, grids)
     free = np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)])
     pieces: list[_Piece] = []
     refuted = np.zeros(len(target.boards), np.intp)
@@ -342,12 +393,19 @@ def _all_read(
     pyramid: Pyramid, target: Target, all_families: list[Family], grids: FoundGrids
 ) -> SeenMarkers:
     """Markers that are read by their own outlines, or in the squares of grids."""
-    return join(
-        [
-            _read_alone(pyramid, target, all_families),
-            *(read_grid(pyramid, target, all_families, grid) for grid in grids.grids),
-        ]
-    )
+    alone = _read_alone(pyramid, target, all_families)
+    return _with_those_in_grids(pyramid, target, all_families, alone, grids)
+
+
+def _with_those_in_grids(
+    pyramid: Pyramid,
+    target: Target,
+    all_families: list[Family],
+    alone: SeenMarkers,
+    grids: FoundGrids,
+) -> SeenMarkers:
+    in_grids = (read_grid(pyramid, target, all_families, grid) for grid in grids.grids)
+    return join([alone, *in_grids])
 
 
 def _read_alone(pyramid: Pyramid, target: Target, all_families: list[Family]) -> SeenMarkers:

@@ -149,3 +149,14 @@ def test_a_board_that_shows_too_little_is_not_blamed():
     none = seen.corners.select(np.zeros(len(seen.corners.pixel), bool))
     (told,) = find_faults(replace(seen, corners=none))
     assert told.code is Code.NO_MARKERS
+
+
+@pytest.mark.parametrize("side", [9.0, 14.0])
+def test_markers_of_another_size_than_drawn_name_the_same_corners(side):
+    target, pictures = drawing("charuco", (4, 6)), photos("charuco", (4, 6))
+    (board,) = target.boards
+    drawn = target.with_boards({0: replace(board, markers=replace(board.markers, side=side))})
+    right, seen = evidence(pictures, target).corners, evidence(pictures, drawn).corners
+    for name in ("image", "column", "row"):
+        np.testing.assert_array_equal(getattr(seen, name), getattr(right, name))
+    np.testing.assert_allclose(seen.pixel, right.pixel, atol=0.2)
