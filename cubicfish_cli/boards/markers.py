@@ -55,6 +55,14 @@ class Markers:
     inverted: bool = False
 
 
+def alike(dictionary: str) -> list[str]:
+    """The dictionaries that begin with the same markers, the smallest first."""
+    stem, _, count = dictionary.rpartition("_")
+    if not count.isdigit():
+        return [dictionary]
+    return [one for one in MARKER_DICTIONARIES if one.startswith(f"{stem}_")]
+
+
 def read_markers(section: Section, dictionary: str, side: float, count: int) -> Markers:
     """The markers of a board that carries ``count``, from its ``first_marker`` on.
 

@@ -25,6 +25,7 @@ from cubicfish_cli.detection.grids import (
 from cubicfish_cli.detection.markers_detect import (
     Family,
     SeenMarkers,
+    every_family,
     families,
     find_outlines,
     join,
@@ -215,7 +216,7 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
-    alone = _read_alone(pyramid, target, all_families)
+    alone = _read_alone(pyramid, all_families)
     found = _named(pyramid, target, all_families, alone, grids)
     measured = _with_sides_seen(target, alone)
     if measured is None:
@@ -353,6 +354,15 @@ def agreeing_markers(
     return np.array(counts, np.intp)
 
 
+def markers_of_any_kind(image: npt.NDArray[np.generic]) -> dict[str, IntArray]:
+    """Ids of all markers (N,) that are clearly read in a grey photo (H, W), by dictionary."""
+    names, all_families = every_family()
+    if min(image.shape) < 8:
+        return {}
+    seen = _read_alone(build_pyramid(image), all_families)
+    return {name: np.unique(seen.of(index).cell[:, 0]) for index, name in enumerate(names)}
+
+
 def tags_apart(
     image: npt.NDArray[np.generic], target: Target, index: int, grids: FoundGrids
 ) -> FloatArray:
@@ -393,7 +403,7 @@ def _all_read(
     pyramid: Pyramid, target: Target, all_families: list[Family], grids: FoundGrids
 ) -> SeenMarkers:
     """Markers that are read by their own outlines, or in the squares of grids."""
-    alone = _read_alone(pyramid, target, all_families)
+    alone = _read_alone(pyramid, all_families)
     return _with_those_in_grids(pyramid, target, all_families, alone, grids)
 
 
@@ -408,10 +418,10 @@ def _with_those_in_grids(
     return join([alone, *in_grids])
 
 
-def _read_alone(pyramid: Pyramid, target: Target, all_families: list[Family]) -> SeenMarkers:
+def _read_alone(pyramid: Pyramid, all_families: list[Family]) -> SeenMarkers:
     """Markers that are read by their own outlines."""
     grey = np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8)
-    return read_outlines(pyramid, target, all_families, find_outlines(grey, all_families))
+    return read_outlines(pyramid, all_families, find_outlines(grey, all_families))
 
 
 def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
@@ -420,7 +430,7 @@ def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids)
     if not all_families or min(image.shape) < 8:
         return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
-    markers = _read_alone(pyramid, target, all_families)
+    markers = _read_alone(pyramid, all_families)
     pieces = []
     for index in np.unique(markers.board).tolist():
         own = markers.of(index)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES, alike
 from cubicfish_cli.detection.grids import Rows
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
@@ -99,9 +100,31 @@ def families(target: Target) -> list[Family]:
 
 
 def _family(target: Target, indices: list[int], name: str, border: int, *, tags: bool) -> Family:
+    ids = np.concatenate([target.boards[index].marker_cells() for index in indices])
+    board = np.repeat(indices, [len(target.boards[i].marker_cells()) for i in indices])
+    return _family_of(name, border, ids, board, tags=tags)
+
+
+def every_family() -> tuple[list[str], list[Family]]:
+    """The names of dictionaries, and all their markers.
+
+    The board is an index into the names, a marker's cell is (its id, 0). Of dictionaries that begin
+    alike there is the largest. None of so many is to be read with an error.
+    """
+    names = [name for name in MARKER_DICTIONARIES if alike(name)[-1] == name]
+    found = []
+    for index, name in enumerate(names):
+        ids = np.arange(MARKER_DICTIONARIES[name])
+        cells = np.stack([ids, ids, np.zeros_like(ids)], axis=-1)
+        for border in (1, 2) if name in TAG_FAMILIES.values() else (1,):
+            of = _family_of(name, border, cells, np.full(len(ids), index), tags=False)
+            found.append(replace(of, corrected=0))
+    return names, found
+
+
+def _family_of(name: str, border: int, ids: IntArray, board: IntArray, *, tags: bool) -> Family:
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     size = dictionary.markerSize
-    ids = np.concatenate([target.boards[index].marker_cells() for index in indices])
     codes = np.array(
         [
             cv2.aruco.generateImageMarker(dictionary, int(one), size + 2)[1:-1, 1:-1] > 0
@@ -115,7 +138,7 @@ def _family(target: Target, indices: list[int], name: str, border: int, *, tags:
         # OpenCV keeps AprilTag's families upside down; Kalibr prints them as AprilTag does.
         codes=codes[:, ::-1, ::-1] if tags else codes,
         corrected=int(dictionary.maxCorrectionBits),
-        board=np.repeat(indices, [len(target.boards[i].marker_cells()) for i in indices]),
+        board=board,
         cell=ids[:, 1:],
     )
 

@@ -194,9 +194,7 @@ def marker_ratio(target: Target, board: int) -> float:
     return one.markers.side / one.square
 
 
-def read_outlines(
-    pyramid: Pyramid, target: Target, all_families: list[Family], outline: FloatArray
-) -> SeenMarkers:
+def read_outlines(pyramid: Pyramid, all_families: list[Family], outline: FloatArray) -> SeenMarkers:
     """Markers among quadrangles (N, 4, 2) that were found without knowing what they are."""
     # Straight sides make most readable; where sides are bent, the contour's corners are better.
     straight = straightened(pyramid, outline)

@@ -16,7 +16,7 @@ from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.boards.markers import MARKER_DICTIONARIES
 from cubicfish_cli.detection.markers import agreeing_markers, find_marked_corners
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
-from cubicfish_cli.diagnosis.mirrored import richest, unseen_boards
+from cubicfish_cli.diagnosis.mirrored import hardly_named, richest, unseen_boards
 from cubicfish_cli.diagnosis.more_corners import grid_boards
 from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.identification.decide import Decided
@@ -233,12 +233,13 @@ _COLOURS: tuple[FirstSquare, ...] = ("dark", "light")
 
 
 def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
-    """Boards of which no corner has a name, though their markers are read: rows are of others.
+    """Boards of which hardly a corner has a name, though markers are read: rows are of others.
 
     Ids run row by row, so the markers that follow each other across rows tell how long rows are.
     """
     target, findings = evidence.target, []
-    for index in unseen_boards(evidence):
+    none = hardly_named(evidence)
+    for index in range(len(target.boards)) if none else unseen_boards(evidence):
         board = target.boards[index]
         if board.mirrored or board.markers is None or board.markers.inverted:
             continue
@@ -257,7 +258,9 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         seen = [find_marked_corners(picture, drawings[best], grids) for picture, grids in photos]
         rows = np.concatenate([one.row[one.board == index] for one in seen])
         if len(rows):
-            findings.append(_laid_out(board, boards[best], rows, int(counts[best]), evidence))
+            told = _laid_out(board, boards[best], rows, int(counts[best]))
+            some = len(evidence.corners.pixel) > 0 and not none
+            findings.append(replace(told, severity=Severity.CARE if some else Severity.BAD))
     return findings
 
 
@@ -300,16 +303,13 @@ def _lies_alike(one: Board, other: Board) -> bool:
     return one.columns == other.columns and one.first_square == other.first_square
 
 
-def _laid_out(
-    board: Board, other: Board, rows: IntArray, markers: int, evidence: MarkerEvidence
-) -> Finding:
+def _laid_out(board: Board, other: Board, rows: IntArray, markers: int) -> Finding:
     # Tags are counted from the bottom.
     last = other.rows - int(rows.min()) if board.per_cell == 2 else int(rows.max()) + 1
-    named = len(evidence.corners.pixel) > 0
     return Finding(
         code=Code.CORNER_COUNT,
         case="tags" if board.per_cell == 2 else "markers",
-        severity=Severity.CARE if named else Severity.BAD,
+        severity=Severity.BAD,
         boards=(board.name,),
         figures={
             "board": board.name,

@@ -12,8 +12,9 @@ from itertools import islice
 
 import numpy as np
 
+from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, alike
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.detection.markers import find_marked_corners
+from cubicfish_cli.detection.markers import find_marked_corners, markers_of_any_kind
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.diagnosis.more_corners import grid_boards
 from cubicfish_cli.fitting.evidence import FailedFit
@@ -37,6 +38,8 @@ _FLAT = 1e-4
 # Photos in which unseen markers are looked for once more, and how many corners tell.
 _PHOTOS = 3
 _TELLING_CORNERS = 4
+# So many markers of one family, and so many times more than of any other, are no accident.
+_LEAST_MARKERS, _CLEARLY = 4, 2
 
 
 def handed(pairs: Observations) -> list[Finding]:
@@ -160,11 +163,57 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
 
 
 def no_markers(evidence: MarkerEvidence) -> list[Finding]:
-    """That no photo shows any."""
+    """That no photo shows any, and which ones photos show."""
     markers = [board.markers for board in evidence.target.boards]
     families = sorted({one.dictionary for one in markers if one is not None})
-    figures = {"photos": evidence.photos, "families": ", ".join(families)}
-    return [Finding(code=Code.NO_MARKERS, case="all", severity=Severity.BAD, figures=figures)]
+    told = Finding(
+        code=Code.NO_MARKERS,
+        case="all",
+        severity=Severity.BAD,
+        figures={"photos": evidence.photos, "families": ", ".join(families)},
+    )
+    seen = _other_markers(evidence)
+    if seen is None:
+        return [told]
+    dictionary, ids = seen
+    wanted = [one for one in markers if one is not None]
+    own = [one for one in wanted if one.dictionary in alike(dictionary)]
+    if any(one.first <= ids.max() and ids.min() < one.first + one.count for one in own):
+        return [told]
+    name = own[0].dictionary if own else ""
+    if MARKER_DICTIONARIES.get(name, 0) <= ids.max():
+        name = next(one for one in alike(dictionary) if MARKER_DICTIONARIES[one] > ids.max())
+    says = ", ".join(
+        f"{one.first} to {one.first + one.count - 1} of {one.dictionary}" for one in wanted
+    )
+    figures = {
+        **told.figures,
+        "says": says,
+        "seen": name,
+        "first": int(ids.min()),
+        "last": int(ids.max()),
+    }
+    return [replace(told, case="others", figures=figures)]
+
+
+def _other_markers(evidence: MarkerEvidence) -> tuple[str, IntArray] | None:
+    """Markers that photos show, whatever the target says: their dictionary and ids.
+
+    A board's ids follow each other, those that something else is mistaken for do not.
+    """
+    ids: dict[str, list[IntArray]] = {}
+    for picture, _ in islice(richest(evidence), _PHOTOS):
+        for name, seen in markers_of_any_kind(picture).items():
+            ids.setdefault(name, []).append(seen)
+    rows = {}
+    for name, parts in ids.items():
+        every = np.unique(np.concatenate(parts))
+        rows[name] = every[np.isin(every, every - 1) | np.isin(every, every + 1)]
+    best, *others = sorted(rows, key=lambda name: -len(rows[name]))
+    most = len(rows[best])
+    if most < max(_LEAST_MARKERS, _CLEARLY * max(len(rows[name]) for name in others)):
+        return None
+    return best, rows[best]
 
 
 def unseen_boards(evidence: MarkerEvidence) -> list[int]:
@@ -177,16 +226,29 @@ def unseen_boards(evidence: MarkerEvidence) -> list[int]:
     ]
 
 
+def hardly_named(evidence: MarkerEvidence) -> bool:
+    """Whether most of the photos that show most squares have no name for any of their corners.
+
+    The others' few names are then no better: two markers side by side lie as the target says on
+    many a board.
+    """
+    named = np.isin(_richest_first(evidence)[:_PHOTOS], evidence.corners.image)
+    return bool(2 * named.sum() < len(named))
+
+
 def richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
     """Brightness of photos and their grids, those that show most first."""
-    order = sorted(
-        range(len(evidence.grids)),
-        key=lambda number: -sum(map(len, evidence.grids[number].grids)),
-    )
-    for number in order:
+    for number in _richest_first(evidence):
         picture = evidence.picture(number)
         if picture is not None:
             yield picture, evidence.grids[number]
+
+
+def _richest_first(evidence: MarkerEvidence) -> list[int]:
+    return sorted(
+        range(len(evidence.grids)),
+        key=lambda number: -sum(map(len, evidence.grids[number].grids)),
+    )
 
 
 def _printed_so(target: Target, other: Target, boards: list[int], corners: int) -> Finding:

@@ -24,7 +24,7 @@ LENS = AsymmetricLens(
     image_size=SIZE, fx=210.0, fy=210.3, cx=241.0, cy=198.0, k=(-0.02, -0.003, 0, 0)
 )
 FACING = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-NAMES = ["a.png", "b.png"]
+NAMES = ["a.png", "b.png", "c.png"]
 
 
 def drawing(kind, counts, first_square="dark"):
@@ -43,7 +43,9 @@ def drawing(kind, counts, first_square="dark"):
         x_axis=np.array(FACING[0]),
         y_axis=np.array(FACING[1]),
         first_square=first_square,
-        markers=Markers(dictionary=dictionary, side=30.0 if tags else 22.0, first=0, count=count),
+        markers=None
+        if kind == "checkerboard"
+        else Markers(dictionary=dictionary, side=30.0 if tags else 22.0, first=0, count=count),
         spacing=0.3 if tags else 0.0,
     )
     return Target(units="mm", boards=(board,))
@@ -69,11 +71,11 @@ def evidence(pictures, target):
     ]
     return MarkerEvidence(
         photos=len(pictures),
-        names=NAMES,
+        names=NAMES[: len(pictures)],
         digests=[""] * len(pictures),
         picture=lambda number: pictures[number],
         target=target,
-        corners=marked_corners(marked, target, SIZE, NAMES),
+        corners=marked_corners(marked, target, SIZE, NAMES[: len(pictures)]),
         grids=grids,
     )
 
@@ -113,13 +115,44 @@ def test_tags_tell_it_too():
 
 
 @pytest.mark.slow
-def test_markers_of_another_family_tell_nothing_of_rows():
+def test_a_few_wrong_names_in_one_photo_of_three_hide_nothing():
+    pictures = photos("charuco", (4, 6))
+    three = (*pictures, pictures[1])
+    right, wrong = (evidence(three, drawing("charuco", counts)) for counts in ((4, 6), (5, 7)))
+    assert not len(wrong.corners.pixel)
+    some = (right.corners.image == 0) & (right.corners.column < 2) & (right.corners.row < 3)
+    (told,) = find_faults(replace(wrong, corners=right.corners.select(some)))
+    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.BAD, "markers")
+    assert (told.figures["columns"], told.figures["rows"]) == (4, 6)
+
+
+@pytest.mark.parametrize(
+    ("other", "seen"),
+    [
+        ({"dictionary": "DICT_5X5_100"}, "DICT_4X4_50"),
+        ({"dictionary": "DICT_4X4_250", "first": 60}, "DICT_4X4_250"),
+    ],
+    ids=["family", "first"],
+)
+def test_the_markers_that_photos_show_instead_are_named(other, seen):
     target = drawing("charuco", (4, 6))
     (board,) = target.boards
-    markers = replace(board.markers, dictionary="DICT_5X5_100")
-    other = target.with_boards({0: replace(board, markers=markers)})
-    (told,) = find_faults(evidence(photos("charuco", (4, 6)), other))
-    assert told.code is Code.NO_MARKERS
+    drawn = target.with_boards({0: replace(board, markers=replace(board.markers, **other))})
+    (told,) = find_faults(evidence(photos("charuco", (4, 6)), drawn))
+    assert (told.code, told.case) == (Code.NO_MARKERS, "others")
+    assert (told.figures["first"], told.figures["last"]) == (0, 16)
+    assert told.figures["seen"] == seen
+
+
+@pytest.mark.slow
+def test_photos_without_any_markers_are_told_of_none():
+    target = drawing("charuco", (4, 6))
+    plain = drawing("checkerboard", (4, 6))
+    middle = np.array([45.0, 75.0, 0.0])
+    pose = look_at(middle + np.array([20.0, -10.0, -240.0]), middle, up=np.array([0.0, -1.0, 0.0]))
+    picture = render(plain, LENS.unproject, pose, SIZE, noise=1.5, supersample=2)
+    (told,) = find_faults(evidence((picture,), target))
+    assert (told.code, told.case) == (Code.NO_MARKERS, "all")
 
 
 @pytest.mark.parametrize(
