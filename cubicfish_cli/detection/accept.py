@@ -20,11 +20,13 @@ LEAST_SQUARES = 4
 _PIECE_BITS, _CORNER_BITS = 1.7, 0.93
 _BY_CHANCE = 1e-2
 # What a printed board keeps low, as medians over its corners: the distance from what the other
-# corners predict (cells, relative to the fit's own uncertainty), the blur (sides), and the change
-# of contrast from corner to corner (natural logarithm). Grids that grow in smooth noise have about
-# 0.06, 0.17 and 0.22; boards on rendered and on real fisheye photos stay under 0.03, 0.13 (squares
-# of 6 px) and 0.17, mostly far under.
-MOST_MISS, USUAL_BLUR, _CONTRAST = 0.04, 0.15, 0.25
+# corners predict (cells, relative to the fit's own uncertainty), the blur (sides), and how far a
+# corner's contrast is from that of the second likest of the eight around it (natural logarithm): a
+# shadow's edge leaves most corners two that lie in the same light. Grids that grow in smooth noise
+# have about 0.06, 0.17 and 0.11; boards on rendered and on real fisheye photos stay under 0.03,
+# 0.13 (squares of 6 px) and 0.07, mostly far under.
+MOST_MISS, USUAL_BLUR, _CONTRAST = 0.04, 0.15, 0.12
+_AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)])
 # The gaps between dark squares are alike where white bleeds (and by colour where the camera moved),
 # and edges follow the grid: gaps of boards on rendered photos scatter by up to 0.035 sides, edges
 # turn by up to 0.054 radians. In grids of text, lines and dots either is 0.1 to 0.2.
@@ -103,29 +105,24 @@ def _squares(known: BoolArray) -> BoolArray:
     return np.asarray(known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1])
 
 
-def is_board(
-    lattice: Lattice, cells: IntArray, found: Crossings, contrast_around: FloatArray
-) -> bool:
+def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
     """Judge a whole grid.
 
     Args:
         lattice: the grid.
         cells: (N, 2) its corners in the lattice.
         found: the sub-pixel fits of these corners.
-        contrast_around: (N,) median contrast of the corners around each.
 
     """
     if len(cells) < _FILLED * np.prod(np.ptp(cells, axis=0) + 1):
         return False
     side = np.maximum(lattice.fit(cells).side, 1.0)
     blur = float(np.median(found.blur.max(1) / side))
-    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
-    change = np.abs(np.log(np.maximum(contrast, 1e-6) / np.maximum(contrast_around, 1e-6)))
     score = np.array(
         [
             median_miss(lattice, cells) / MOST_MISS,
             blur / USUAL_BLUR,
-            np.median(change) / _CONTRAST,
+            np.median(_unlike(lattice, cells)) / _CONTRAST,
             np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
             max(0.0, -_middle_gap(found.gap, lattice.sign(cells)) / np.median(side)) / _DRAWN_BACK,
@@ -133,6 +130,19 @@ def is_board(
     )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
     return bool((score**2).sum() < limit and blur < _MOST_BLUR)  # never where a score is NaN
+
+
+def _unlike(lattice: Lattice, cells: IntArray) -> FloatArray:
+    """How far the contrast of corners (N, 2) is from the second likest around: logarithms (N,).
+
+    From the likest, where there is one only; corners beside none are left out.
+    """
+    level = np.full(np.add(lattice.known.shape, 2), np.nan)
+    level[1:-1, 1:-1][lattice.known] = np.log(np.maximum(lattice.contrast[lattice.known], 1e-6))
+    around = (cells + 1)[:, None] + _AROUND
+    unlike = np.sort(np.abs(level[around[..., 0], around[..., 1]] - level[*(cells + 1).T, None]))
+    second = np.where(np.isnan(unlike[:, 1]), unlike[:, 0], unlike[:, 1])
+    return np.asarray(second[~np.isnan(second)], float)
 
 
 def _middle_gap(gap: FloatArray, sign: IntArray) -> float:

@@ -154,10 +154,7 @@ def _is_board_at_last(lattice: Lattice, found: Crossings) -> bool:
     cells = lattice.cells()
     held = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
     lattice.drop(cells[~held])
-    cells, found = cells[held], found.select(held)
-    contrast = lattice.contrast[cells[:, 0], cells[:, 1]]
-    around = _median_around(contrast[:, None], lattice, cells)[:, 0]
-    return is_board(lattice, cells, found, around)
+    return is_board(lattice, cells[held], found.select(held))
 
 
 def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:

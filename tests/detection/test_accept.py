@@ -26,12 +26,13 @@ def judged(
     gap=0.0,
     gap_by_colour=0.0,
     gap_scatter=0.0,
+    shade=lambda cells: 1.0,
 ):
     rng = np.random.default_rng(0)
     cells = np.argwhere(np.ones(shape, bool))
     pixel = 50 + side * cells + side * rng.normal(0, 1, cells.shape) * jitter
     count = len(cells)
-    contrast = 100 * np.exp(contrast_change * rng.normal(0, 1, count))
+    contrast = 100 * np.exp(contrast_change * rng.normal(0, 1, count)) * shade(cells)
     lattice = Lattice.from_cells(cells, pixel, contrast, 1)
     found = Crossings(
         pixel=pixel,
@@ -43,7 +44,7 @@ def judged(
         misfit=np.zeros(count),
         spread=np.zeros(count),
     )
-    return is_board(lattice, lattice.cells(), found, np.full(count, 100.0))
+    return is_board(lattice, lattice.cells(), found)
 
 
 def test_a_regular_sharp_grid_is_a_board():
@@ -72,11 +73,17 @@ def test_a_few_strands_across_a_wide_extent_are_no_board():
         blur=np.ones((60, 2)),
         **measures,
     )
-    assert not is_board(lattice, lattice.cells(), found, np.ones(60))
+    assert not is_board(lattice, lattice.cells(), found)
     # The same corners, side by side.
     cells = np.argwhere(np.ones((6, 10)))
     beside = Lattice.from_cells(cells, 20.0 * cells, np.ones(len(cells)), 1)
-    assert is_board(beside, beside.cells(), found, np.ones(60))
+    assert is_board(beside, beside.cells(), found)
+
+
+def test_a_board_that_shadows_fall_across_is_one():
+    """Two rows in the light, two in the dark: most corners are unlike the median around them."""
+    flaws = {"jitter": 0.01, "blur": 1.5, "contrast_change": 0.03, "shape": (6, 4)}
+    assert judged(shade=lambda cells: np.where(cells[:, 0] % 4 < 2, 1.0, 0.3), **flaws)
 
 
 def test_gaps_that_are_alike_or_alike_by_colour_are_a_board_s():

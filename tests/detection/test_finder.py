@@ -156,6 +156,15 @@ def test_a_shadow_across_a_board_does_not_split_it(box):
     assert recall(found, truth) > 0.93
 
 
+@pytest.mark.parametrize("turn", [0.3, 0.8, 1.2])
+def test_bars_of_shadow_across_all_of_a_board_do_not_hide_it(turn):
+    """As of sunlight between laths: of every corner's light another share is gone."""
+    picture, i, j = drawn_board()
+    shaded = (i * np.cos(turn) + j * np.sin(turn)) % 3.2 < 1.6
+    (grid,) = find_grids(seen(picture * np.where(shaded, 0.35, 1.0))).grids
+    assert len(grid) > 0.75 * 54
+
+
 @pytest.mark.slow
 def test_number_type_and_range_do_not_matter(box):
     image, _ = box
