@@ -210,6 +210,7 @@ REFUSED: list[tuple[list[object], str]] = [
     ([{**FLOOR, "type": "chekerboard"}], "'floor', type: .*did you mean 'checkerboard'"),
     ([{**FLOOR, "type": ["points"]}], "'floor', type: must be text"),
     ([{**FLOOR, "sqare": 3}], "board 'floor': unknown key 'sqare' .*did you mean 'square'"),
+    ([{**FLOOR, "squares": 3}], r"unknown key 'squares' .*: say corners: \[columns, rows\]"),
     ([{**FLOOR, "marker": 3}], "unknown key 'marker' for a board of type checkerboard"),
     ([{**POINTS, "origin": [0, 0, 0]}], "unknown key 'origin' for a board of type points"),
     ([without(FLOOR, "corners")], r"'floor': corners is missing: \[columns, rows\], inner corners"),

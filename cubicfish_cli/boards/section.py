@@ -13,6 +13,9 @@ from cubicfish_cli.wording import did_you_mean, quoted
 
 MAX_COUNT = 1000
 MIN_LENGTH, MAX_LENGTH = 1e-9, 1e9
+# How other tools count boards, and how it is done here.
+_OTHER_COUNTS = ("squares", "columns", "cols", "rows", "size")
+_CORNERS = "say corners: [columns, rows], counted where four squares meet"
 
 
 class Section:
@@ -37,10 +40,9 @@ class Section:
         keys = tuple(keys)
         for key in self.data:
             if key not in keys:
-                raise TargetError(
-                    f"{self.where}: unknown key {quoted(key)} for {owner}: "
-                    f"{did_you_mean(key, keys)}"
-                )
+                counts = key in _OTHER_COUNTS and "corners" in keys
+                meant = _CORNERS if counts else did_you_mean(key, keys)
+                raise TargetError(f"{self.where}: unknown key {quoted(key)} for {owner}: {meant}")
 
     def required(self, key: str, hint: str) -> Any:
         """The value of a key that must be there."""
