@@ -357,9 +357,7 @@ def agreeing_markers(
 def markers_of_any_kind(image: npt.NDArray[np.generic]) -> dict[str, IntArray]:
     """Ids of all markers (N,) that are clearly read in a grey photo (H, W), by dictionary."""
     names, all_families = every_family()
-    if min(image.shape) < 8:
-        return {}
-    seen = _read_alone(build_pyramid(image), all_families)
+    seen = _read_alone(build_pyramid(image), all_families) if min(image.shape) >= 8 else join([])
     return {name: np.unique(seen.of(index).cell[:, 0]) for index, name in enumerate(names)}
 
 

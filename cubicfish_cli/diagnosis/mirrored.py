@@ -40,6 +40,7 @@ _PHOTOS = 3
 _TELLING_CORNERS = 4
 # So many markers of one family, and so many times more than of any other, are no accident.
 _LEAST_MARKERS, _CLEARLY = 4, 2
+_NO_IDS: IntArray = np.empty(0, np.intp)
 
 
 def handed(pairs: Observations) -> list[Finding]:
@@ -164,56 +165,37 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
 
 def no_markers(evidence: MarkerEvidence) -> list[Finding]:
     """That no photo shows any, and which ones photos show."""
-    markers = [board.markers for board in evidence.target.boards]
-    families = sorted({one.dictionary for one in markers if one is not None})
+    markers = [board.markers for board in evidence.target.boards if board.markers is not None]
+    says = [f"{one.first} to {one.first + one.count - 1} of {one.dictionary}" for one in markers]
     told = Finding(
         code=Code.NO_MARKERS,
         case="all",
         severity=Severity.BAD,
-        figures={"photos": evidence.photos, "families": ", ".join(families)},
+        figures={"photos": evidence.photos, "says": ", ".join(dict.fromkeys(says))},
     )
-    seen = _other_markers(evidence)
-    if seen is None:
+    dictionary, ids = _other_markers(evidence)
+    own = [one for one in markers if one.dictionary in alike(dictionary)]
+    if not len(ids) or any(np.isin(ids - one.first, range(one.count)).any() for one in own):
         return [told]
-    dictionary, ids = seen
-    wanted = [one for one in markers if one is not None]
-    own = [one for one in wanted if one.dictionary in alike(dictionary)]
-    if any(one.first <= ids.max() and ids.min() < one.first + one.count for one in own):
-        return [told]
-    name = own[0].dictionary if own else ""
-    if MARKER_DICTIONARIES.get(name, 0) <= ids.max():
-        name = next(one for one in alike(dictionary) if MARKER_DICTIONARIES[one] > ids.max())
-    says = ", ".join(
-        f"{one.first} to {one.first + one.count - 1} of {one.dictionary}" for one in wanted
-    )
-    figures = {
-        **told.figures,
-        "says": says,
-        "seen": name,
-        "first": int(ids.min()),
-        "last": int(ids.max()),
-    }
+    names = [*(one.dictionary for one in own), *alike(dictionary)]
+    seen = next(name for name in names if MARKER_DICTIONARIES[name] > ids.max())
+    figures = {**told.figures, "seen": seen, "first": int(ids.min()), "last": int(ids.max())}
     return [replace(told, case="others", figures=figures)]
 
 
-def _other_markers(evidence: MarkerEvidence) -> tuple[str, IntArray] | None:
-    """Markers that photos show, whatever the target says: their dictionary and ids.
+def _other_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
+    """Markers that photos show, whatever the target says: their dictionary and ids, if any.
 
     A board's ids follow each other, those that something else is mistaken for do not.
     """
-    ids: dict[str, list[IntArray]] = {}
-    for picture, _ in islice(richest(evidence), _PHOTOS):
-        for name, seen in markers_of_any_kind(picture).items():
-            ids.setdefault(name, []).append(seen)
-    rows = {}
-    for name, parts in ids.items():
-        every = np.unique(np.concatenate(parts))
-        rows[name] = every[np.isin(every, every - 1) | np.isin(every, every + 1)]
-    best, *others = sorted(rows, key=lambda name: -len(rows[name]))
-    most = len(rows[best])
-    if most < max(_LEAST_MARKERS, _CLEARLY * max(len(rows[name]) for name in others)):
-        return None
-    return best, rows[best]
+    seen = [markers_of_any_kind(picture) for picture, _ in islice(richest(evidence), _PHOTOS)]
+    rows = []
+    for name in seen[0] if seen else ():
+        ids = np.unique(np.concatenate([one[name] for one in seen]))
+        rows.append((name, ids[np.isin(ids, ids - 1) | np.isin(ids, ids + 1)]))
+    *_, next_best, best = sorted(rows, key=lambda row: len(row[1])) or [("", _NO_IDS)] * 2
+    clear = len(best[1]) >= max(_LEAST_MARKERS, _CLEARLY * len(next_best[1]))
+    return best if clear else (best[0], _NO_IDS)
 
 
 def unseen_boards(evidence: MarkerEvidence) -> list[int]:
