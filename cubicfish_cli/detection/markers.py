@@ -238,20 +238,15 @@ def _with_sides_seen(target: Target, alone: SeenMarkers) -> Target | None:
             continue
         apart = own.cell[None] - own.cell[:, None]
         one, other = np.nonzero((apart != 0).any(-1) & (np.abs(apart).max(-1) <= _VOUCH_CELLS))
-        outline, way = own.pixel[one] + own.pixel[other], apart[one, other]
-        right, down = outline[:, 1] - outline[:, 0], outline[:, 3] - outline[:, 0]
-        right, down = right + outline[:, 2] - outline[:, 3], down + outline[:, 2] - outline[:, 1]
-        expected = 0.25 * (way[:, :1] * right + way[:, 1:] * down)
-        middle = own.pixel.mean(axis=1)
+        middle, step = _axes(own.pixel)
         seen = middle[other] - middle[one]
+        expected = (0.5 * (step[one] + step[other]) @ apart[one, other][..., None])[..., 0]
         times = (seen * expected).sum(axis=1) / np.square(expected).sum(axis=1)
         off = np.linalg.norm(seen - times[:, None] * expected, axis=1)
         straight = (times > 1) & (off < _STRAIGHT * np.linalg.norm(seen, axis=1))
         side = board.square / np.median(times[straight]) if straight.any() else 0.0
-        if (
-            straight.sum() >= 2 * _FEWEST_PAIRS
-            and abs(np.log(side / board.markers.side)) > _SIDE_OFF
-        ):
+        enough = straight.sum() >= 2 * _FEWEST_PAIRS
+        if enough and abs(np.log(side / board.markers.side)) > _SIDE_OFF:
             changed[index] = replace(board, markers=replace(board.markers, side=side))
     return target.with_boards(changed) if changed else None
 
@@ -380,13 +375,17 @@ def tags_apart(
         return np.zeros(0)
     seen = _all_read(build_pyramid(image), target, families(target), grids).of(index)
     cell, first = np.unique(seen.cell, axis=0, return_index=True)
-    outline = seen.pixel[first]
+    middle, step = _axes(seen.pixel[first])
     row, following = np.nonzero((cell[None] - cell[:, None] == (1, 0)).all(axis=-1))
-    middle = outline.mean(axis=1)
-    along = 0.5 * (outline[:, 1] + outline[:, 2] - outline[:, 0] - outline[:, 3])
-    side = np.linalg.norm(along, axis=1)
+    side = np.linalg.norm(step[..., 0], axis=1)
     distance = np.linalg.norm(middle[following] - middle[row], axis=1)
     return np.asarray(distance / (0.5 * (side[row] + side[following])), float)
+
+
+def _axes(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Middles (N, 2) of quadrangles (N, 4, 2), and (N, 2, 2): columns to the right, and down."""
+    a, b, c, d = outline.transpose(1, 0, 2)
+    return outline.mean(axis=1), 0.5 * np.stack([b + c - a - d, c + d - a - b], axis=-1)
 
 
 def _ids_by_cell(board: Board) -> IntArray:
@@ -449,12 +448,9 @@ def _places(markers: SeenMarkers, target: Target, board: int) -> IntArray:
     count = len(markers)
     pitch = 1 + target.boards[board].spacing if target.boards[board].kind == "aprilgrid" else 1.0
     square = squares(markers.pixel, marker_ratio(target, board))
-    middle = square.mean(axis=1)
-    right = 0.5 * (square[:, 1] + square[:, 2] - square[:, 0] - square[:, 3]) * pitch
-    down = 0.5 * (square[:, 3] + square[:, 2] - square[:, 0] - square[:, 1]) * pitch
+    middle, step = _axes(square)
     apart = markers.cell[None] - markers.cell[:, None]
-    step = np.stack([right, down], axis=-1)
-    step = 0.5 * (step[None] + step[:, None])
+    step = 0.5 * pitch * (step[None] + step[:, None])
     expected = (step @ apart[..., None])[..., 0]
     miss = np.linalg.norm(middle[None] - middle[:, None] - expected, axis=-1)
     length = np.linalg.norm(step, axis=-2).min(axis=-1)
