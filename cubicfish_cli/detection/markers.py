@@ -608,7 +608,9 @@ def _agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece:
         own |= modules.clear & (wrong <= family.corrected)
         other |= modules.clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
     least = 2 if piece.markers == 1 else 1
-    if own.sum() >= least and own.sum() >= _OWN_FOR_ANOTHER * (other & ~own).sum():
+    # Those that place the piece were read in the same squares, or beyond the known corners.
+    agreeing = max(int(own.sum()), piece.markers)
+    if own.sum() >= least and agreeing >= _OWN_FOR_ANOTHER * (other & ~own).sum():
         return True
     # Modules of a pixel or two are misread one by one where all together leave no doubt.
     return any(

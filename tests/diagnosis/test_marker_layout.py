@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 
@@ -193,3 +194,20 @@ def test_markers_of_another_size_than_drawn_name_the_same_corners(side):
     for name in ("image", "column", "row"):
         np.testing.assert_array_equal(getattr(seen, name), getattr(right, name))
     np.testing.assert_allclose(seen.pixel, right.pixel, atol=0.2)
+
+
+def test_one_marker_that_cannot_be_read_does_not_outweigh_those_that_agree():
+    """Most corners are covered: few markers are seen through corners, and one of them is spoilt."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100)
+    board = cv2.aruco.CharucoBoard((5, 7), 0.03, 0.022, dictionary)
+    sheet = cv2.copyMakeBorder(board.generateImage((300, 420)), 30, 30, 30, 30, 0, value=255)
+    for row in range(3, 6):
+        for column in range(4):
+            cv2.circle(sheet, (90 + 60 * column, 90 + 60 * row), 11, 128, -1)
+    code = sheet[105:135, 165:195]  # its modules without their frame, between rows 0 and 1
+    sheet[105:135, 165:195] = 255 - code
+    picture = cv2.GaussianBlur(sheet, (0, 0), 0.8)
+    target = drawing("charuco", (4, 6))
+    found = find_marked_corners(picture, target, find_grids(picture))
+    assert len(found) == 12
+    assert found.contradictory == ()

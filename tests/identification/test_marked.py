@@ -95,7 +95,7 @@ def test_the_wrong_family_is_said(photos):
     charuco = target.boards[0]
     other = replace(charuco.markers, dictionary="DICT_7X7_50")
     wrong = replace(target, boards=(replace(charuco, markers=other),))
-    with pytest.raises(DetectionError, match=r"DICT_7X7_50.*check dictionary"):
+    with pytest.raises(DetectionError, match=r"DICT_7X7_50.*which show.*correct dictionary"):
         detect_corners(files[:2], wrong, Work(jobs=1))
 
 
