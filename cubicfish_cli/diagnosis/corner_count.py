@@ -258,9 +258,9 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         seen = [find_marked_corners(picture, drawings[best], grids) for picture, grids in photos]
         rows = np.concatenate([one.row[one.board == index] for one in seen])
         if len(rows):
-            told = _laid_out(board, boards[best], rows, int(counts[best]))
             some = len(evidence.corners.pixel) > 0 and not none
-            findings.append(replace(told, severity=Severity.CARE if some else Severity.BAD))
+            severity = Severity.CARE if some else Severity.BAD
+            findings.append(_laid_out(board, boards[best], rows, int(counts[best]), severity))
     return findings
 
 
@@ -303,13 +303,15 @@ def _lies_alike(one: Board, other: Board) -> bool:
     return one.columns == other.columns and one.first_square == other.first_square
 
 
-def _laid_out(board: Board, other: Board, rows: IntArray, markers: int) -> Finding:
+def _laid_out(
+    board: Board, other: Board, rows: IntArray, markers: int, severity: Severity
+) -> Finding:
     # Tags are counted from the bottom.
     last = other.rows - int(rows.min()) if board.per_cell == 2 else int(rows.max()) + 1
     return Finding(
         code=Code.CORNER_COUNT,
         case="tags" if board.per_cell == 2 else "markers",
-        severity=Severity.BAD,
+        severity=severity,
         boards=(board.name,),
         figures={
             "board": board.name,

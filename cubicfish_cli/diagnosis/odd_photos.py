@@ -16,6 +16,7 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     FEWEST_TOLD_APART,
     LENS,
+    ROUGH_DECREASE,
     SHEAR,
     WORTH,
     PhotoLenses,
@@ -44,8 +45,6 @@ from cubicfish_cli.words.finding import Finding
 _SUSPICIOUS = 1e-4
 _TIMES_DETERMINED = 10
 _FEWEST_OTHERS = 8
-_NOTICED_PX = 0.05
-_ROUGH_DECREASE = 1e-4
 # Wide enough to feel every corner while a pose is off.
 _WIDE_HUBER_PX = 10.0
 _FEWEST_PHOTOS = 5
@@ -103,7 +102,7 @@ def odd_photos(fit: TargetFit) -> list[Finding]:
             if one.photo in suspects
             and one.chance < BY_CHANCE
             and one.share > WORTH
-            and one.gain_px > noticed_px(pairs, _NOTICED_PX)
+            and one.gain_px > noticed_px(pairs)
         ]
         suspects -= {one.photo for one in certain}
         if certain and 2 * len(certain) < len(pairs.images):
@@ -127,7 +126,7 @@ def _without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
     good = spread_out(good, 2 * enough_photos(len(good)))
     few = fit_of_few(fit, good)
     cubic = fit_cubic(
-        few.reference, few.cubic.hold, start=few.cubic, relative_decrease=_ROUGH_DECREASE
+        few.reference, few.cubic.hold, start=few.cubic, relative_decrease=ROUGH_DECREASE
     )
     poses = fit.cubic.poses.with_photos(good, cubic.poses)
     # Beside their poses under the other lens, photos would look grossly wrong all over.

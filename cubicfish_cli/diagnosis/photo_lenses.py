@@ -36,10 +36,13 @@ BY_CHANCE = 1e-6
 WORTH = 0.05
 # Fewer photos do not show how much photos differ.
 FEWEST_TOLD_APART = 5
-_SIDE = 2000.0
+# Pixels of a photo of 2000 that a person would notice.
+_NOTICED_PX, _SIDE = 0.05, 2000.0
+ROUGH_DECREASE = 1e-4
+"""For fits that photos are only looked at beside."""
 
 
-def noticed_px(pairs: Observations, of_2000: float) -> float:
+def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
     """Pixels that a person would notice, by those in a photo of 2000."""
     return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
 

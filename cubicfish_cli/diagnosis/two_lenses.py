@@ -14,6 +14,7 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     FEWEST_TOLD_APART,
     LENS,
+    ROUGH_DECREASE,
     WORTH,
     PhotoLenses,
     enough_photos,
@@ -36,10 +37,9 @@ from cubicfish_cli.words.finding import Finding
 _WORTH_A_LOOK = 1e-2
 # Two lenses are worth an accusation where they take this share of the squared error away from
 # photos that had no say in them, where they explain so much of how photos differ, and where a
-# person would notice: pixels of a photo of 2000.
+# person would notice.
 _CLEAR_MARGIN = 0.1
 _MOST = 0.8
-_NOTICED_PX = 0.05
 # Photos of one lens foretell another one's squared errors to this share of what is left, or of
 # what two lenses take away. Where the focus is another in every photo, groups of photos do not.
 _FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
@@ -47,7 +47,6 @@ _ROUNDS = 12
 # Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
 # where they are, and by how much less than that another round gains where they have settled.
 _AT_ONCE, _SETTLED = 0.5, 0.01
-_ROUGH_DECREASE = 1e-4
 # A change in the photos' order is the simpler thing: any other split must be as much better.
 _CLEARLY = 1.2
 _FEWEST_IN_GROUP = 2
@@ -116,7 +115,7 @@ def _followed(fit: TargetFit, together: float) -> Finding | None:
     """
     pairs, photos = fit.reference.pairs, lenses_of(fit)
     apart, split, reach = fit, best_split(photos), photos.reach
-    noticed = noticed_px(pairs, _NOTICED_PX)
+    noticed = noticed_px(pairs)
     given, gains = np.zeros((len(pairs.images), 3)), [0.0]
     worthy = _worthy_gain(together, noticed)
     for _ in range(_ROUNDS):
@@ -211,7 +210,7 @@ def _fitted_apart(
         reference,
         fit.cubic.hold,
         start=start.cubic,
-        relative_decrease=_ROUGH_DECREASE,
+        relative_decrease=ROUGH_DECREASE,
     )
     apart = replace(start, reference=reference, cubic=cubic)
     photos = lenses_of(apart)

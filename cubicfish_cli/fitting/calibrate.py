@@ -42,7 +42,7 @@ from cubicfish_cli.fitting.subset import flatness, middle, with_mean_weight_one,
 from cubicfish_cli.fitting.uncertainty import uncertainty_record
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
-from cubicfish_cli.lenses.nearest import FreeLens
+from cubicfish_cli.lenses.nearest import nearest_from_near
 from cubicfish_cli.lenses.pupil import from_pupil
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
@@ -59,8 +59,6 @@ _FLAT = 1e-4
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _RAYS = 500
-# Millimetres of a pupil's travel move it little: so many steps of Gauss and Newton find it.
-_NEAREST_STEPS = 3
 _NO_CONVERGENCE = "the fit does not converge"
 _INSTEAD_OF_DOUBTS = (
     Code.BOARD_PLACE,
@@ -293,16 +291,10 @@ def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
     if not lens.travel:
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)
-    pixel = lens.far(rays)
-    free = FreeLens.of(reference.camera, terms_beyond(reference.terms))
-    for _ in range(_NEAREST_STEPS):
-        seen, _, by_parameter = free.project_jacobian(rays)
-        slope = np.nan_to_num(by_parameter).reshape(2 * len(rays), -1)
-        miss = np.nan_to_num(seen - pixel).reshape(-1)
-        free = free.with_parameters(free.parameters - np.linalg.lstsq(slope, miss, rcond=None)[0])
-    found, before = (np.linalg.norm(of.project(rays) - pixel) for of in (free, reference.camera))
+    held = terms_beyond(reference.terms)
+    found = nearest_from_near(reference.camera, rays, lens.far(rays), held=held)
     sees = min(reference.covered, reference.camera.max_angle)
-    return free.lens if found < before and free.lens.max_angle >= sees else reference.camera
+    return found if found.max_angle >= sees else reference.camera
 
 
 def _rank(reference: RadialReference, cubic: CubicResult) -> int:

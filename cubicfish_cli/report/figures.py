@@ -16,7 +16,7 @@ from scipy.special import xlogy
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.findings import FieldCells, blind_angle, field_cells
+from cubicfish_cli.fitting.findings import FieldCells, field_cells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -439,7 +439,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     if facts.errors is not None:  # where the camera sees itself
-        blind = blind_angle(camera.unproject(facts.errors.pairs.pixel))
+        blind = field_cells(camera, facts.errors.pairs.pixel).blind
         sigma[angle_from_axis(camera.unproject(grid)) < blind] = np.nan
     inside = inside_polygon(grid.reshape(-1, 2), facts.outline).reshape(sigma.shape)
     shown = sigma[inside & np.isfinite(sigma)]

@@ -17,6 +17,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from running import SAMPLE, run_cli
+from scipy.interpolate import RBFInterpolator
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
@@ -573,3 +574,12 @@ def test_levels_are_few_and_hold_all(low: float, ratio: float) -> None:
     assert levels == sorted(set(levels))
     assert levels[-1] >= low * ratio * 0.99
     assert levels[0] <= max(low, low * ratio / 1e4, 1e-9) * 1.01
+
+
+def test_the_smooth_map_is_the_thin_plate_through_its_points() -> None:
+    rng = np.random.default_rng(0)
+    points, values, others = rng.random((90, 2)), rng.normal(size=90), rng.random((50, 2)) * 1.2
+    plate = RBFInterpolator(points, values)(others)
+    np.testing.assert_allclose(figures._least_bent(points, values, others), plate, atol=1e-9)
+    with pytest.raises(np.linalg.LinAlgError):
+        figures._least_bent(points * [1, 0], values, others)
