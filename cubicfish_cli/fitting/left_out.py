@@ -20,6 +20,7 @@ from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import (
     Eliminated,
     Linearised,
+    Nearly,
     NormalEquations,
     NormalSums,
 )
@@ -60,7 +61,7 @@ class Leaving:
     def steps(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group; its own poses' are 0."""
         for group, put_in in zip(self._groups, self._put_in, strict=True):
-            yield self._fit.normal.without(group, put_in).eliminated(_DAMPING).solve()
+            yield self._without(group, put_in).solve()
 
     def residuals(self, priors: FloatArray | None = None) -> Iterator[tuple[int, FloatArray]]:
         """Residuals of every photo under the fit without its group, its own pose fitted anew.
@@ -78,7 +79,7 @@ class Leaving:
         change = (own[None] if priors is None else priors) - own
         for group in self._groups:
             seen = self._seen(group)
-            equations = self._fit.normal.without(group, self._sums(seen)).eliminated(_DAMPING)
+            equations = self._without(group, self._sums(seen))
             yield from seen.after(group, *equations.solve_changed(change))
 
     def held_as(self, lens: FitLens) -> FloatArray:
@@ -98,6 +99,12 @@ class Leaving:
         for group, put_in in enumerate(self._put_in):
             shared[group], corner[group] = -put_in.shared_gradient, -put_in.corner_gradient
         return self._equations_of_all.shared_steps(shared, corner)
+
+    def _without(self, group: IntArray, put_in: NormalEquations) -> Eliminated:
+        """The equations less what was seen from some poses, which put this into them."""
+        corners = np.flatnonzero(put_in.corner.any(axis=(1, 2)))
+        known = Nearly(self._equations_of_all, group, corners)
+        return self._fit.normal.without(group, put_in).eliminated(_DAMPING, known=known)
 
     @cached_property
     def _equations_of_all(self) -> Eliminated:

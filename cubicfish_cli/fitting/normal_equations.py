@@ -7,7 +7,7 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,16 +106,23 @@ class NormalEquations:
             corner_gradient=self.corner_gradient - put_in.corner_gradient,
         )
 
-    def eliminated(self, damping: float, of_pose: FloatArray | float = 0.0) -> Eliminated:
+    def eliminated(
+        self,
+        damping: float,
+        of_pose: FloatArray | float = 0.0,
+        known: Nearly | None = None,
+    ) -> Eliminated:
         """The damped equations with the larger family of small blocks eliminated.
 
         Args:
             damping: of all unknowns.
             of_pose: (M, 1) the least of each pose.
+            known: equations from which these differ little, eliminated with the same damping.
 
         """
         pose = damped(self.pose, np.maximum(damping, of_pose))
-        return self._eliminated(damped(self.shared, damping), pose, damped(self.corner, damping))
+        shared, corner = damped(self.shared, damping), damped(self.corner, damping)
+        return self._eliminated(shared, pose, corner, known)
 
     def reduced_shared(self) -> FloatArray:
         """(K, K): the shared unknowns' Hessian with poses and corners eliminated, undamped."""
@@ -130,7 +137,13 @@ class NormalEquations:
         cross = reduced[count:, :count]
         return reduced[:count, :count] - cross.T @ np.linalg.solve(rest, cross)
 
-    def _eliminated(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> Eliminated:
+    def _eliminated(
+        self,
+        shared: FloatArray,
+        pose: FloatArray,
+        corner: FloatArray,
+        known: Nearly | None = None,
+    ) -> Eliminated:
         """By the Schur complement of poses or corners, with these diagonal blocks."""
         keeps_poses = 0 < pose.size // 6 <= corner.size // 3
         if keeps_poses:
@@ -143,17 +156,25 @@ class NormalEquations:
             dense = _bordered(shared, self.shared_corner, corner)
             cross = [self.shared_pose, self.pose_corner.T]
             gradient = np.concatenate([self.shared_gradient, self.corner_gradient.ravel()])
-        count, size = blocks.shape[:2]
-        right = np.concatenate([*(part.T for part in cross), block_gradient.reshape(-1, 1)], axis=1)
-        inverse_root = _inverse_root(blocks)
-        half = inverse_root @ right.reshape(count, size, -1)
-        flat = half.reshape(count * size, -1)
-        product = flat.T @ flat
+        parts = [*cross, block_gradient.reshape(1, -1)]
+        if known is None:
+            inverse_root, half = _halved(blocks, parts)
+            product = _products(half)
+        else:
+            own = known.corners if keeps_poses else known.poses
+            columns = (blocks.shape[1] * own[:, None] + np.arange(blocks.shape[1])).reshape(-1)
+            inverse_root, half = known.whole.inverse_root.copy(), known.whole.half.copy()
+            product = known.whole.product - _products(half[own])
+            inverse_root[own], half[own] = _halved(
+                blocks[own], [part[:, columns] for part in parts]
+            )
+            product += _products(half[own])
         return Eliminated(
             matrix=dense - product[:-1, :-1],
             gradient=gradient - product[:-1, -1],
             inverse_root=inverse_root,
             half=half,
+            product=product,
             shared=len(shared),
             corners=len(corner),
             keeps_poses=keeps_poses,
@@ -169,6 +190,7 @@ class Eliminated:
         gradient: (D,).
         inverse_root: (n, b, b) R of each block that was eliminated, with RᵀR its inverse.
         half: (n, b, D + 1) R [cross | gradient] of each.
+        product: (D + 1, D + 1) what these squares add up to.
         shared: K.
         corners: Q.
         keeps_poses: whether it was the corners that were eliminated.
@@ -179,6 +201,7 @@ class Eliminated:
     gradient: FloatArray
     inverse_root: FloatArray
     half: FloatArray
+    product: FloatArray
     shared: int
     corners: int
     keeps_poses: bool
@@ -244,6 +267,29 @@ class Eliminated:
         return -solve_scaled(self.matrix, right.T)[: self.shared].T
 
 
+@dataclass(frozen=True, eq=False)
+class Nearly:
+    """What some equations have been eliminated to, from which others differ in a few blocks.
+
+    Attributes:
+        whole: the equations, eliminated.
+        poses: of which poses the others' blocks differ.
+        corners: of which corners.
+
+    """
+
+    whole: Eliminated
+    poses: IntArray
+    corners: IntArray
+
+
+def _halved(blocks: FloatArray, parts: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """R (n, b, b) of blocks, and R times their columns (n, b, D) of parts (·, nb)."""
+    root = _inverse_root(blocks)
+    right = np.concatenate([part.T for part in parts], axis=1)
+    return root, root @ right.reshape(*blocks.shape[:2], -1)
+
+
 def _inverse_root(blocks: FloatArray) -> FloatArray:
     """R with RᵀR = block⁻¹ of many small symmetric blocks (n, b, b)."""
     try:
@@ -252,6 +298,12 @@ def _inverse_root(blocks: FloatArray) -> FloatArray:
         size, axes = np.linalg.eigh(blocks)
         least = np.finfo(float).eps * np.abs(size).max(axis=1, keepdims=True) + 1e-300
         return np.asarray(axes.transpose(0, 2, 1) / np.sqrt(np.maximum(size, least))[..., None])
+
+
+def _products(half: FloatArray) -> FloatArray:
+    """(D, D) the sum of halfᵀhalf over many blocks (n, b, D)."""
+    flat = half.reshape(-1, half.shape[2])
+    return np.asarray(flat.T @ flat)
 
 
 def _bordered(shared: FloatArray, cross: FloatArray, blocks: FloatArray) -> FloatArray:

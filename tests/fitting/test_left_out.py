@@ -12,7 +12,7 @@ from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.hold import EXPECTED, _hold, _likeliest, _place_of, choose_hold
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import _DAMPING, Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
@@ -106,6 +106,24 @@ def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
             for photo, residual in alone.items():
                 left = together[photo][:, :, [place]]
                 assert rms_px(left[..., 0]) == pytest.approx(rms_px(residual[..., 0]), rel=2e-3)
+
+
+@pytest.mark.parametrize("level", ["off", "shape", "points"])
+def test_what_is_known_of_all_photos_saves_work_and_changes_nothing(reference, target, level):
+    """Whichever family of blocks is eliminated."""
+    pairs, world = reference.pairs, None
+    if level != "off":
+        spread = 2e-3 if level == "points" else None
+        world = World.drawn(pairs, target, noise=0.2, offset_spread=spread)
+    fit = fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4).fit
+    leaving = Leaving(fit, pairs, huber_px(fit.residual), FOLDS)
+    kept = set()
+    for group, put_in, steps in zip(FOLDS, leaving._put_in, leaving.steps(), strict=True):
+        anew = fit.normal.without(group, put_in).eliminated(_DAMPING)
+        kept.add(anew.keeps_poses)
+        for step, wanted in zip(steps, anew.solve(), strict=True):
+            np.testing.assert_allclose(step, wanted, atol=1e-6 * np.abs(wanted).max(initial=0))
+    assert kept == {level == "points"}
 
 
 @pytest.mark.parametrize("turned", [0.0, 1.0, 3.0])
