@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -112,10 +111,8 @@ def svg_text(figure: Figure, name: str, label: str) -> str:
     # It would hold for the whole page.
     text = re.sub(r"<style type=\"text/css\">[^<]*</style>", "", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    named = dict.fromkeys(re.findall(r'(?:url\(|href=")#([^)"]+)', text))
-    # matplotlib's ids are hashes with salt, of numbers in full: they differ from run to run.
-    names = {old: f"{name}-{number}" for number, old in enumerate(named, start=1)}
-    text = re.sub(r"<(?!/)[^>]+>", lambda tag: _page_tag(tag[0], names), text)
+    text = _page_colours(_own_ids(text, name))
+    text = re.sub(r"<(?!/)[^>]+>", _short_tag, text)
     text = re.sub(r">\s+<", "><", text)
     size = re.search(r'viewBox="[^"]*"', text)
     inner = text[text.index(">") + 1 :].strip()
@@ -125,22 +122,34 @@ def svg_text(figure: Figure, name: str, label: str) -> str:
     )
 
 
-def _page_tag(tag: str, names: Mapping[str, str]) -> str:
-    """An opening tag with ids of its own, the page's colours and letters, and short numbers."""
+def _own_ids(text: str, name: str) -> str:
+    """The same with ids that start with a name, and none that nothing refers to."""
+    named = dict.fromkeys(re.findall(r'(?:url\(|href=")#([^)"]+)', text))
+    # matplotlib's ids are hashes with salt, of numbers in full: they differ from run to run.
+    names = {old: f"{name}-{number}" for number, old in enumerate(named, start=1)}
 
     def own_id(found: re.Match[str]) -> str:
         return f' id="{names[found[1]]}"' if found[1] in names else ""
 
-    tag = re.sub(r"font-family: [^;\"]*;? ?", "", tag)
-    tag = re.sub(r"font: ([0-9.]+px) [^;\"]*", r"font-size: \1", tag)
-    tag = re.sub(r'\sid="([^"]*)"', own_id, tag)
-    tag = re.sub(r"url\(#([^)]+)\)", lambda found: f"url(#{names[found[1]]})", tag)
-    tag = re.sub(r'(?:xlink:)?href="#([^"]+)"', lambda found: f'href="#{names[found[1]]}"', tag)
-    tag = tag.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
+    text = re.sub(r'\sid="([^"]*)"', own_id, text)
+    text = re.sub(r"url\(#([^)]+)\)", lambda found: f"url(#{names[found[1]]})", text)
+    text = re.sub(r'(?:xlink:)?href="#([^"]+)"', lambda found: f'href="#{names[found[1]]}"', text)
+    return text.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
+
+
+def _page_colours(text: str) -> str:
+    """The same in the page's colours and letters."""
+    text = re.sub(r"font-family: [^;\"]*;? ?", "", text)
+    text = re.sub(r"font: ([0-9.]+px) [^;\"]*", r"font-size: \1", text)
     for colour, variable in VARIABLES.items():
-        tag = tag.replace(colour, f"var({variable})")
-    tag = re.sub(r"-?[0-9]+\.[0-9]{3,}", lambda number: f"{float(number[0]):.2f}", tag)
-    return re.sub(r"\s+", " ", tag)
+        text = text.replace(colour, f"var({variable})")
+    return text
+
+
+def _short_tag(tag: re.Match[str]) -> str:
+    """A tag with short numbers and spaces."""
+    text = re.sub(r"-?[0-9]+\.[0-9]{3,}", lambda number: f"{float(number[0]):.2f}", tag[0])
+    return re.sub(r"\s+", " ", text)
 
 
 def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.0) -> None:
