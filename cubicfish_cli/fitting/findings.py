@@ -92,7 +92,8 @@ def field_cells(camera: CubicCamera | PointCamera, pixel: FloatArray) -> FieldCe
     blind = 0.0
     if isinstance(camera, CubicCamera):
         blind = blind_angle(camera.unproject(pixel))
-        field &= ~(angle_from_axis(camera.unproject(middle)) < blind)
+        if blind:
+            field &= ~(angle_from_axis(camera.unproject(middle)) < blind)
     column, row = np.floor(pixel / cell).astype(int).T
     kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
     hit = np.zeros_like(field)

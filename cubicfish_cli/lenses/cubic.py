@@ -190,20 +190,28 @@ class CubicCamera:
 
     def edge(self, count: int = 180) -> FloatArray:
         """Unit rays (count, 3) at the edge of the valid field, evenly by their azimuths from x."""
-        around = np.linspace(0, 2 * np.pi, count, endpoint=False)
-        near, far = np.zeros(count), np.full(count, np.deg2rad(self.max_angle_deg))
-        width, height = self.image_size
+        return _edge(self, count)
 
-        def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
-            u, v = self.project(ray_at(theta, around)).T
-            return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
 
-        near = np.where(inside(far), far, near)
-        for _ in range(_HALVINGS):
-            middle = (near + far) / 2
-            ok = inside(middle)
-            near, far = np.where(ok, middle, near), np.where(ok, far, middle)
-        return ray_at(near, around)
+@lru_cache(maxsize=4)
+def _edge(camera: CubicCamera, count: int) -> FloatArray:
+    """See :meth:`CubicCamera.edge`: all that tell of a camera's field ask for the same."""
+    around = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    near, far = np.zeros(count), np.full(count, np.deg2rad(camera.max_angle_deg))
+    width, height = camera.image_size
+
+    def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
+        u, v = camera.project(ray_at(theta, around)).T
+        return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
+
+    near = np.where(inside(far), far, near)
+    for _ in range(_HALVINGS):
+        middle = (near + far) / 2
+        ok = inside(middle)
+        near, far = np.where(ok, middle, near), np.where(ok, far, middle)
+    rays = ray_at(near, around)
+    rays.flags.writeable = False
+    return rays
 
 
 @dataclass(frozen=True, kw_only=True)

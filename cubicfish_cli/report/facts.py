@@ -15,6 +15,7 @@ from cubicfish_cli.advice.advise import summary
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import photo_verdicts
+from cubicfish_cli.fitting.findings import FieldCells, field_cells
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
 from cubicfish_cli.fitting.subset import select
@@ -86,12 +87,14 @@ class ErrorFacts:
         pairs: the corners.
         residual: (N, 2) projection less pixel, pixels.
         angle_deg: (N,) from the camera's axis; None for a camera without rays.
+        cells: the field in squares, and which of them hold corners.
 
     """
 
     pairs: Observations
     residual: FloatArray
     angle_deg: FloatArray | None
+    cells: FieldCells
 
     @property
     def length(self) -> FloatArray:
@@ -339,7 +342,8 @@ def _errors(
     angle = None
     if isinstance(camera, CubicCamera):
         angle = np.rad2deg(angle_from_axis(points))
-    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle), None
+    cells = field_cells(camera, used.pixel)
+    return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
 
 def _recorded_rms(photos: Sequence[PhotoFacts]) -> float | None:

@@ -16,7 +16,7 @@ from scipy.special import xlogy
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.findings import FieldCells, field_cells
+from cubicfish_cli.fitting.findings import FieldCells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -157,7 +157,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     figure, axes = _photo_axes(facts.camera.image_size)
     pixel, pairs = errors.pairs.pixel, errors.pairs
     outline = facts.outline
-    empty = _empty_cells(field_cells(facts.camera, pixel))
+    empty = _empty_cells(errors.cells)
     areas(axes, empty, RED, 0.22)
     shown = some(len(pixel), MOST_DOTS)
     boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ()
@@ -438,8 +438,8 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     x, y = np.linspace(0, width - 1, 145), np.linspace(0, height - 1, 109)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
-    if facts.errors is not None:  # where the camera sees itself
-        blind = field_cells(camera, facts.errors.pairs.pixel).blind
+    blind = facts.errors.cells.blind if facts.errors else 0.0
+    if blind:  # where the camera sees itself
         sigma[angle_from_axis(camera.unproject(grid)) < blind] = np.nan
     inside = inside_polygon(grid.reshape(-1, 2), facts.outline).reshape(sigma.shape)
     shown = sigma[inside & np.isfinite(sigma)]
