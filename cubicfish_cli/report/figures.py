@@ -435,7 +435,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     if record is None:
         return None
     width, height = camera.image_size
-    x, y = np.linspace(0, width - 1, 145), np.linspace(0, height - 1, 109)
+    x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     blind = facts.errors.cells.blind if facts.errors else 0.0
