@@ -13,13 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, blended_transform_factory
 from scipy.special import xlogy
 
-from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.findings import FieldCells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.sphere import ray_at
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.rendering.difference_picture import COLOURS
 from cubicfish_cli.report.facts import ErrorFacts, Facts
@@ -29,6 +29,7 @@ from cubicfish_cli.report.svg import (
     GRID,
     INK,
     ORANGE,
+    PAPER,
     PURPLE,
     RED,
     STYLE,
@@ -438,11 +439,13 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
-    blind = facts.errors.cells.blind if facts.errors else 0.0
-    if blind:  # where the camera sees itself
-        sigma[angle_from_axis(camera.unproject(grid)) < blind] = np.nan
-    inside = inside_polygon(grid.reshape(-1, 2), facts.outline).reshape(sigma.shape)
-    shown = sigma[inside & np.isfinite(sigma)]
+    inside = inside_polygon(grid.reshape(-1, 2), facts.outline)
+    hole = np.zeros((0, 2))
+    if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
+        around = np.linspace(0, 2 * np.pi, 180)
+        hole = camera.project(ray_at(np.full(180, facts.errors.cells.blind), around))
+        inside &= ~inside_polygon(grid.reshape(-1, 2), hole)
+    shown = sigma[inside.reshape(sigma.shape) & np.isfinite(sigma)]
     if not len(shown):
         return None
     levels = _levels(float(shown.min()), float(shown.max()))
@@ -452,6 +455,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     bands = axes.contourf(x, y, known, levels=levels, colors=colours)
     edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
     bands.set_clip_path(edge)
+    axes.fill(*hole.T, facecolor=PAPER, linewidth=0)
     _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
     figures = recorded_uncertainty(facts.fit)
     return finished(
