@@ -11,162 +11,88 @@ import cubicfish_cli
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 
-# Part -> what it may import directly; a part also may import itself. Read from top to bottom,
-# this is the flow of the data: nothing imports a part that stands below it.
+# Utilities: whatever stands below them in ARCHITECTURE.md may import them.
+FOR_ALL = {"errors", "types", "units", "angles", "geometry", "wording"}
+# Part -> what else it may import directly. A part may import itself, too.
 ALLOWED: dict[str, set[str]] = {
-    "errors": set(),
-    "types": set(),
-    "wording": set(),
+    **{part: set() for part in FOR_ALL},
     "words": set(),
     "listener": {"words"},
-    "angles": set(),
-    "units": set(),
-    "geometry": set(),
-    "arrays": {"errors", "wording"},
-    "files": {"errors"},
-    "reading": {"errors"},
-    "plain_yaml": {"errors", "reading", "wording"},
-    "tables": {"errors", "reading", "wording"},
-    "boards": {"errors", "wording"},
-    "target": {"errors", "boards", "plain_yaml", "wording"},
+    "arrays": set(),
+    "files": set(),
+    "reading": set(),
+    "plain_yaml": {"reading"},
+    "tables": {"reading"},
+    "boards": set(),
+    "target": {"plain_yaml", "boards"},
     "picture_headers": set(),
     "frame_names": set(),
-    "photos": {"errors", "files", "wording", "picture_headers"},
-    "films": {"errors", "files", "frame_names", "photos", "wording"},
-    "executors": {"errors", "files", "photos"},
-    "detection": {
-        "errors",
-        "angles",
-        "files",
-        "photos",
-        "executors",
-        "target",
-        "boards",
-        "words",
-    },
-    "observations": {"errors", "wording", "arrays", "target", "boards"},
-    "placement": {"geometry", "observations", "target"},
-    "corner_files": {
-        "errors",
-        "files",
-        "reading",
-        "tables",
-        "target",
-        "boards",
-        "observations",
-        "wording",
-    },
-    "lenses": {"errors", "angles", "geometry", "units"},
-    "assess": {"errors", "angles", "frame_names", "lenses", "units", "words"},
-    "formats": {
-        "errors",
-        "files",
-        "reading",
-        "plain_yaml",
-        "target",
-        "boards",
-        "lenses",
-        "assess",
-        "wording",
-    },
+    "photos": {"files", "picture_headers"},
+    "films": {"files", "frame_names", "photos"},
+    "executors": {"files", "photos"},
+    "detection": {"words", "files", "boards", "target", "photos", "executors"},
+    "observations": {"arrays", "boards", "target"},
+    "placement": {"target", "observations"},
+    "corner_files": {"files", "reading", "tables", "boards", "target", "observations"},
+    "lenses": set(),
+    "assess": {"words", "frame_names", "lenses"},
+    "formats": {"files", "reading", "plain_yaml", "boards", "target", "lenses", "assess"},
     "fitting": {
-        "errors",
-        "angles",
-        "wording",
-        "geometry",
-        "target",
+        "words",
         "boards",
+        "target",
+        "frame_names",
         "observations",
         "placement",
-        "frame_names",
         "lenses",
         "assess",
         "formats",
-        "words",
     },
     "identification": {
-        "errors",
-        "geometry",
-        "executors",
-        "photos",
-        "target",
+        "words",
         "boards",
+        "target",
+        "photos",
+        "executors",
         "detection",
         "observations",
         "placement",
         "lenses",
         "fitting",
-        "words",
     },
     "diagnosis": {
-        "errors",
-        "geometry",
-        "photos",
-        "target",
+        "words",
         "boards",
+        "target",
+        "photos",
         "detection",
         "observations",
         "placement",
         "lenses",
         "fitting",
         "identification",
-        "words",
     },
     "overlay": {
-        "photos",
-        "target",
+        "words",
         "boards",
+        "target",
+        "photos",
         "detection",
         "observations",
         "identification",
-        "words",
     },
-    "undistortion": {
-        "errors",
-        "angles",
-        "executors",
-        "files",
-        "photos",
-        "picture_headers",
-        "films",
-        "lenses",
-        "wording",
-    },
-    "rendering": {
-        "units",
-        "errors",
-        "angles",
-        "lenses",
-        "plain_yaml",
-        "tables",
-        "target",
-        "boards",
-        "wording",
-        "observations",
-    },
-    "printing": {
-        "errors",
-        "files",
-        "wording",
-        "words",
-        "target",
-        "boards",
-        "formats",
-        "rendering",
-        "units",
-    },
+    "undistortion": {"files", "picture_headers", "photos", "films", "executors", "lenses"},
+    "rendering": {"plain_yaml", "tables", "boards", "target", "observations", "lenses"},
+    "printing": {"words", "files", "boards", "target", "formats", "rendering"},
     "advice": {
-        "errors",
-        "angles",
-        "target",
+        "words",
         "boards",
+        "target",
         "observations",
         "lenses",
         "assess",
         "fitting",
         "rendering",
-        "units",
-        "words",
     },
 }
 ALLOWED["report"] = {*ALLOWED}
@@ -175,42 +101,22 @@ ALLOWED["cli"] = {*ALLOWED}
 ALLOWED["__main__"] = {"cli"}
 ALLOWED["__init__"] = {*ALLOWED} - {"cli", "report", "__main__"}  # what it offers when it is asked
 
-# Libraries that only some parts may import. numpy is left out of what `--help` loads by
-# test_cli_main.py, since importing it lazily is enough there.
-CONFINED: dict[str, set[str]] = {
-    "cv2": {
-        "boards",
-        "executors",
-        "photos",
-        "films",
-        "detection",
-        "overlay",
-        "undistortion",
-        "rendering",
-    },
-    "scipy": {*ALLOWED} - {"__init__", "__main__", "cli", "errors", "wording", "files"},
-    "av": {"films", "undistortion"},
-    "rosbags": {"films"},
-    "OpenEXR": {"undistortion"},
-    "click": {"cli"},
-    "rich": {"cli"},
-    "platformdirs": {"cli"},
-    "yaml": {"plain_yaml"},
-    "matplotlib": {"printing", "report"},
-    "jinja2": {"report"},
-    "dask": {"executors"},
-    "distributed": {"executors"},
-    "numpy": {*ALLOWED}
-    - {
-        "__init__",
-        "errors",
-        "wording",
-        "files",
-        "reading",
-        "plain_yaml",
-        "picture_headers",
-        "frame_names",
-    },
+# Parts that do not even load numpy, so that `--help` answers at once.
+LIGHT = {
+    "__init__", "errors", "wording", "files", "reading", "plain_yaml", "picture_headers",
+    "frame_names",
+}  # fmt: skip
+
+ROOT = Path(__file__).parents[2]
+ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+# Part -> its libraries beside numpy, from top to bottom, as ARCHITECTURE.md lists them.
+PARTS = {
+    part: {*libraries.split(", ")} - {""}
+    for part, libraries in re.findall(
+        r"^  (\w+)(?:\.py|/) .*?(?:\(([\w, ]+)\))?$",
+        ARCHITECTURE.partition("```\ncubicfish_cli/\n")[2].partition("```")[0],
+        re.MULTILINE,
+    )
 }
 
 
@@ -242,6 +148,12 @@ def imported(path: Path) -> set[str]:
     return names
 
 
+def above(part: str) -> set[str]:
+    """What stands above a part in ARCHITECTURE.md; the package's own two files stand below all."""
+    order = [*PARTS]
+    return {*order[: order.index(part)]} if part in PARTS else {*order}
+
+
 @cache
 def all_imported() -> dict[Path, set[str]]:
     """What each file imports: read when a test asks, not while tests are collected."""
@@ -253,16 +165,16 @@ def test_a_module_imports_only_what_stands_above_it() -> None:
         part = part_of(path)
         assert part in ALLOWED, f"{part} has no place in the layers: give it one here"
         parts = {full.split(".")[1] for full in names if full.startswith("cubicfish_cli.")}
-        assert parts - {"__version__", "types"} <= ALLOWED[part] | {part}, path
+        assert parts - {"__version__", part} <= (ALLOWED[part] | FOR_ALL) & above(part), path
 
 
 def test_libraries_stay_in_the_parts_that_need_them() -> None:
+    found: dict[str, set[str]] = {part: set() for part in PARTS}
     for path, names in all_imported().items():
         libraries = {full.split(".")[0] for full in names} - sys.stdlib_module_names
-        libraries -= {"cubicfish_cli"}
-        assert libraries <= set(CONFINED), f"{path}: declare it here and in pyproject.toml"
-        misplaced = {one for one in libraries if part_of(path) not in CONFINED[one]}
-        assert not misplaced, path
+        assert "numpy" not in libraries or part_of(path) not in LIGHT, path
+        found.setdefault(part_of(path), set()).update(libraries - {"cubicfish_cli", "numpy"})
+    assert found == {**PARTS, "__init__": set(), "__main__": set()}
 
 
 # What commands take of the package beside one call of a public name: names resolved, words read.
@@ -310,17 +222,14 @@ def test_the_package_itself_imports_nothing_until_it_is_asked() -> None:
 
 
 def test_the_layers_only_go_down() -> None:
-    above: set[str] = set()
+    assert {*ALLOWED} == {*PARTS, "__init__", "__main__"}
     for part, allowed in ALLOWED.items():
-        assert allowed <= above, part
-        above.add(part)
+        assert allowed <= above(part), part
 
 
 def test_the_architecture_names_modules_that_are_there() -> None:
-    root = Path(__file__).parents[2]
-    text = (root / "ARCHITECTURE.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`([\w/]+\.py)`", text))
+    named = set(re.findall(r"`([\w/]+\.py)`", ARCHITECTURE))
     folders = ("cubicfish_cli", "tests", "docs", "benchmarks")
-    there = [path.as_posix() for folder in folders for path in (root / folder).rglob("*.py")]
+    there = [path.as_posix() for folder in folders for path in (ROOT / folder).rglob("*.py")]
     assert len(named) > 100
     assert [one for one in sorted(named) if not any(p.endswith(f"/{one}") for p in there)] == []
