@@ -14,9 +14,13 @@ from fuzz_foreign import RAYS
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
 from cubicfish_cli.formats.colmap_cameras import MODELS as COLMAP_MODELS
 from cubicfish_cli.formats.foreign import WRITTEN, read_foreign
+from cubicfish_cli.formats.registry import ENTRIES, READABLE
 
 SIZE = (640, 480)
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])
+# More than what is exported is read of the others: fuzz_readers.py has them one by one.
+_SEEDED = {"opencv", "colmap", "ocamcalib", "pyocamcalib", "mrcal"}
+EXPORTED = [name for name in READABLE if name not in _SEEDED]
 KEYS = (
     "camera_matrix", "K", "M1", "distortion_coefficients", "D", "xi", "image_size", "image_width",
     "fisheye_model", "model", "fisheye", "pinhole", "rows", "cols", "data", "opencv_storage", "_",
@@ -57,20 +61,21 @@ def storage_seeds(syntax: str) -> Callable[[], Sequence[bytes]]:
 
 
 @cache
-def exported_seeds(start: str) -> Sequence[bytes]:
-    """Files of the formats whose names begin so, as ``cubicfish export`` writes them."""
+def exported_seeds(read: str) -> Sequence[bytes]:
+    """Files that are read under this name, as ``cubicfish export`` writes them."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
+    (names,) = (entry.written for entry in ENTRIES if entry.read == read)
     return [
         made.write(to_lens(camera(), made.lenses[name]).lens, ["a note"], poses).encode()
         for name, made in WRITTEN.items()
-        if name.startswith(start)
+        if name in names
     ]
 
 
 @cache
 def all_seeds() -> Sequence[bytes]:
     return [
-        *(seed for start in ("colmap", "kalibr", "ros", "nerf") for seed in exported_seeds(start)),
+        *(seed for read in ("colmap", *EXPORTED) for seed in exported_seeds(read)),
         *(storage_seeds(syntax)()[0] for syntax in ("yml", "xml", "json")),
         colmap_binary_seeds()[0],
         json.dumps({"mtx": K.tolist(), "dist": [[0.1] * 5], "resolution": SIZE}).encode(),

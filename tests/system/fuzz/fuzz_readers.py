@@ -4,7 +4,7 @@ import io
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
@@ -227,19 +227,14 @@ READERS = {
     "cameras.bin": Reader(
         read=lenses.look_through("colmap"), seeds=lenses.colmap_binary_seeds, suffix=".bin"
     ),
-    "camchain.yaml": Reader(
-        read=lenses.look_through("kalibr"),
-        seeds=lambda: lenses.exported_seeds("kalibr"),
-        suffix=".yaml",
-    ),
-    "camera_info.yaml": Reader(
-        read=lenses.look_through("ros"), seeds=lambda: lenses.exported_seeds("ros"), suffix=".yaml"
-    ),
-    "transforms.json": Reader(
-        read=lenses.look_through("nerfstudio"),
-        seeds=lambda: lenses.exported_seeds("nerf"),
-        suffix=".json",
-    ),
+    **{
+        name: Reader(
+            read=lenses.look_through(name),
+            seeds=partial(lenses.exported_seeds, name),
+            suffix="",
+        )
+        for name in lenses.EXPORTED
+    },
     "any camera": Reader(
         read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
     ),
