@@ -1,8 +1,9 @@
 """Lens interface, and what all models share.
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
-marked by :data:`HELD` are carried along and never fitted. It gives :meth:`Lens.pixels`, or
-:meth:`Lens.pixel_and_slopes` where it has derivatives of its own, and :meth:`Lens.starts`. The rest
+marked by :data:`HELD` are carried along and never fitted. It has a ``name``, a ``label``,
+:meth:`Lens.starts` and its formula: :meth:`SymmetricLens.scale` of a symmetric lens, else
+:meth:`Lens.pixels`, or :meth:`Lens.pixel_and_slopes` where it knows its derivatives. The rest
 follows from these.
 """
 
@@ -23,7 +24,6 @@ from cubicfish_cli.types import FloatArray
 if TYPE_CHECKING:
     from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.lenses.radial import RadialCamera
-from abc import abstractmethod
 
 HELD: Mapping[str, Any] = {"held": True}
 """Metadata of a field that is no parameter of a fit."""
@@ -312,9 +312,9 @@ class Scale:
 class SymmetricLens(FocalLens):
     """An axially symmetric lens: its shape's parameters come after fx, fy, cx, cy."""
 
-    @abstractmethod
     def scale(self, points: FloatArray) -> Scale:
         """The model itself: camera-frame points (N, 3) -> s and its derivatives."""
+        raise NotImplementedError
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`Lens`."""

@@ -184,7 +184,7 @@ def nearest(
     return index, distance, position
 
 
-class Lens(Protocol):
+class AnyLens(Protocol):
     """Anything that projects points (..., 3) to pixels (..., 2), NaN outside its field."""
 
     def project(self, points: npt.ArrayLike, /) -> FloatArray:
@@ -217,7 +217,7 @@ class TrueCorners:
 
 def project_corners(
     target: Target,
-    lens: Lens,
+    lens: AnyLens,
     camera_from_world: Pose,
     image_size: tuple[int, int],
     *,
@@ -265,7 +265,7 @@ def project_corners(
 
 
 def true_corners_text(
-    target: Target, lens: Lens, poses: Mapping[str, Pose], image_size: tuple[int, int]
+    target: Target, lens: AnyLens, poses: Mapping[str, Pose], image_size: tuple[int, int]
 ) -> str:
     """The visible corners of photos, by the photos' names, as the text of a corners.csv.
 

@@ -20,7 +20,7 @@ from cubicfish_cli.errors import TargetError
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.pupil import pupil_profile
 from cubicfish_cli.rendering.truth import (
-    Lens,
+    AnyLens,
     Pose,
     TrueCorners,
     pose_of_matrix,
@@ -43,7 +43,7 @@ _CELLS = 8  # along the photo's shorter side, as coverage is counted
 _VARIETY = 0.15
 
 
-class WholeLens(Lens, Protocol):
+class WholeLens(AnyLens, Protocol):
     """A lens that also knows the ray of each pixel."""
 
     def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
@@ -146,7 +146,7 @@ class Distances:
 
 
 def view_from(
-    target: Target, lens: Lens, pose: Pose, image_size: tuple[int, int]
+    target: Target, lens: AnyLens, pose: Pose, image_size: tuple[int, int]
 ) -> Viewpoint | None:
     """What is seen from a pose; None where no corner is visible.
 
@@ -370,7 +370,7 @@ def _whole_boards(target: Target, seen: TrueCorners) -> int:
 
 def _with_a_board_inside(
     thing: _Thing,
-    lens: Lens,
+    lens: AnyLens,
     image_size: tuple[int, int],
     kept: IntArray,
     turns: FloatArray,

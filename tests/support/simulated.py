@@ -26,7 +26,7 @@ import numpy.typing as npt
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.simulate import chosen_poses
-from cubicfish_cli.rendering.truth import Lens, Pose, project_corners
+from cubicfish_cli.rendering.truth import AnyLens, Pose, project_corners
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.target import Target
 
@@ -69,7 +69,7 @@ class Truth:
     poses: tuple[Pose, ...]
     pixel: FloatArray
     factor: FloatArray
-    lens: Lens
+    lens: AnyLens
 
 
 def simulated_corners(

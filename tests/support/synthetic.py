@@ -14,7 +14,7 @@ from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.truth import (
-    Lens,
+    AnyLens,
     Pose,
     TrueCorners,
     camera_points,
@@ -168,7 +168,7 @@ def synthetic_corners(
     target: Target,
     poses: Sequence[Pose],
     *,
-    lens: Lens = TRUE_LENS,
+    lens: AnyLens = TRUE_LENS,
     image_size: tuple[int, int] = IMAGE_SIZE,
     noise: float = 0.0,
     seed: int = 0,
@@ -198,7 +198,7 @@ def synthetic_correspondences(
     target: Target,
     poses: Sequence[Pose],
     *,
-    lens: Lens = TRUE_LENS,
+    lens: AnyLens = TRUE_LENS,
     image_size: tuple[int, int] = IMAGE_SIZE,
     noise: float = 0.0,
     seed: int = 0,
@@ -218,7 +218,7 @@ def synthetic_correspondences(
 
 
 def true_pixels(
-    pairs: Observations, poses: Sequence[Pose], lens: Lens = TRUE_LENS
+    pairs: Observations, poses: Sequence[Pose], lens: AnyLens = TRUE_LENS
 ) -> npt.NDArray[np.float64]:
     """Exact pixels (N, 2) of the pairs' world points under the true lens and poses."""
     pixel = np.empty((len(pairs.world), 2))
