@@ -92,7 +92,7 @@ MODELS = {
 """COLMAP's name -> the model. EQUIRECTANGULAR, 17, is no lens."""
 _BY_NUMBER = {model.number: name for name, model in MODELS.items()}
 
-WRITTEN: Mapping[type[Lens], str] = {
+WRITTEN_AS: Mapping[type[Lens], str] = {
     RadialCamera: "OPENCV_FISHEYE",
     ThinPrismLens: "THIN_PRISM_FISHEYE",
     RadTanThinPrismLens: "RAD_TAN_THIN_PRISM_FISHEYE",
@@ -109,7 +109,7 @@ _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:
-    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN`'s models.
+    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN_AS`'s models.
 
     A pinhole's distortion is left out: a flat picture has none.
 
@@ -117,7 +117,7 @@ def parameters_of(lens: Lens) -> tuple[str, list[float]]:
         CameraFileError: the lens's values lie outside what COLMAP takes.
 
     """
-    name = {**WRITTEN, PinholeLens: "PINHOLE"}[type(lens)]
+    name = {**WRITTEN_AS, PinholeLens: "PINHOLE"}[type(lens)]
     own = dict(zip(lens.parameter_names, lens.parameters.tolist(), strict=True))
     own["cx"], own["cy"] = own["cx"] + HALF, own["cy"] + HALF
     if name == "EUCM" and not (0 <= own["alpha"] <= 1 and own["beta"] > 0):
@@ -151,12 +151,12 @@ def lens_of(where: Path, name: str, given: Sequence[float], image_size: tuple[in
         for key, length in _LENGTHS[model.lens].items():
             record[key] = np.array([own.get(f"{key}{i + 1}", 0.0) for i in range(length)])
     else:
-        record |= {key: own[key] for key in ("omega", "bend", "alpha", "beta") if key in own}
+        record |= {key: own[key] for key in model.parameters if key not in ("f", *record)}
     return model.lens(image_size=image_size, **record)
 
 
 def colmap_text(lens: Lens, note: Sequence[str]) -> str:
-    """A lens of one of :data:`colmap_models.WRITTEN`'s models as a cameras.txt of one camera.
+    """A lens of one of :data:`WRITTEN_AS`'s models as a cameras.txt of one camera.
 
     Raises:
         CameraFileError: the lens's values lie outside what COLMAP takes.
@@ -177,7 +177,7 @@ def colmap_text(lens: Lens, note: Sequence[str]) -> str:
 
 
 def colmap_rig_text(rig: LensRig) -> str:
-    """Lenses of :data:`colmap_models.WRITTEN`'s models as rig_config.json, with their cameras.
+    """Lenses of :data:`WRITTEN_AS`'s models as rig_config.json, with their cameras.
 
     The photos of each camera are in a folder of its name; lengths are the rig's own.
 
@@ -324,7 +324,7 @@ def _cameras(
 # Most programs that read COLMAP's files take OPENCV_FISHEYE: it is the one without a name.
 _LENSES = {
     "colmap" if name == "OPENCV_FISHEYE" else f"colmap-{name.lower().replace('_', '-')}": lens
-    for lens, name in WRITTEN.items()
+    for lens, name in WRITTEN_AS.items()
 }
 FORMAT = CameraFormat(
     lenses=_LENSES,

@@ -31,14 +31,6 @@ from cubicfish_cli.lenses.unified import DoubleSphereLens, EnhancedUnifiedLens, 
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
 
-LENSES: Mapping[str, type[Lens]] = {
-    "pinhole-equi": RadialCamera,
-    "omni": UnifiedLens,
-    "eucm": EnhancedUnifiedLens,
-    "ds": DoubleSphereLens,
-}
-"""Kalibr's name of a lens -> its model."""
-
 _CORE = ("fx", "fy", "cx", "cy")
 # Kalibr's camera_model -> what stands before the core in its intrinsics.
 _INTRINSICS = {"pinhole": (), "omni": ("xi",), "eucm": ("alpha", "beta"), "ds": ("xi", "alpha")}
@@ -58,7 +50,7 @@ _WRITTEN = {made[0]: (*names, made[1]) for names, made in [*_MODELS.items()][::-
 
 
 def kalibr_text(lens: Lens, note: Sequence[str]) -> str:
-    """A lens of one of :data:`LENSES` as a camchain of one camera.
+    """A lens of a model of :data:`FORMAT` as a camchain of one camera.
 
     Raises:
         CameraFileError: the lens's values lie outside what Kalibr takes.
@@ -68,7 +60,7 @@ def kalibr_text(lens: Lens, note: Sequence[str]) -> str:
 
 
 def kalibr_rig_text(rig: LensRig) -> str:
-    """Lenses of one of :data:`LENSES` as a camchain.
+    """Lenses of a model of :data:`FORMAT` as a camchain.
 
     Raises:
         CameraFileError: a lens's values lie outside what Kalibr takes, or the rig's unit of length
@@ -168,7 +160,12 @@ def _check(path: Path, kind: str, own: Sequence[float]) -> None:
 
 
 FORMAT = CameraFormat(
-    lenses={f"kalibr-{name}": lens for name, lens in LENSES.items()},
+    lenses={
+        "kalibr-pinhole-equi": RadialCamera,
+        "kalibr-omni": UnifiedLens,
+        "kalibr-eucm": EnhancedUnifiedLens,
+        "kalibr-ds": DoubleSphereLens,
+    },
     file_name="camchain.yaml",
     write=lambda lens, note, poses: kalibr_text(lens, note),
     read=read_kalibr,

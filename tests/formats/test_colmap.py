@@ -11,7 +11,7 @@ from lenses import cubic_camera, radial_camera
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.fitting.conversion.from_lens import from_lens
 from cubicfish_cli.fitting.conversion.to_lens import to_lens
-from cubicfish_cli.formats.colmap_cameras import MODELS, WRITTEN, colmap_text, read_colmap
+from cubicfish_cli.formats.colmap_cameras import MODELS, WRITTEN_AS, colmap_text, read_colmap
 from cubicfish_cli.formats.foreign import sniffed
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
@@ -65,7 +65,7 @@ def test_every_model_is_read_as_colmap_means_it(tmp_path, file):
         np.testing.assert_allclose(ours[inside], theirs[inside], atol=1e-9, rtol=0)
 
 
-@pytest.mark.parametrize("model", WRITTEN, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("model", WRITTEN_AS, ids=lambda kind: kind.name)
 def test_colmap_projects_what_is_written_the_same(tmp_path, model):
     pycolmap = pytest.importorskip("pycolmap")
     written = to_lens(cubic_camera(80, bend=0.001), model).lens
