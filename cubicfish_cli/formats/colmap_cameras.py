@@ -29,7 +29,8 @@ from cubicfish_cli.formats.camera_format import (
     read_bounded_bytes,
     size,
 )
-from cubicfish_cli.lenses.field_of_view import DivisionLens, FieldOfViewLens
+from cubicfish_cli.lenses.division import DivisionLens
+from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera

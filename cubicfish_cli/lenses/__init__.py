@@ -1,1 +1,1 @@
-"""Lens models, one module each: the cubic, its radial reference, and those of other tools."""
+"""Lens models: the cubic, its radial reference, and those of other tools."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.lenses.field_of_view import DivisionLens, FieldOfViewLens
+from cubicfish_cli.lenses.division import DivisionLens
+from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
 from cubicfish_cli.lenses.ftheta import FThetaLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens

@@ -1,8 +1,8 @@
-"""The unified model (Mei & Rives 2007) with radial-tangential distortion, as cv2.omnidir.
+"""Models that go by a unit sphere: the unified one and two that descend from it.
 
-The double sphere model (Usenko, Demmel & Cremers 2018).
-
-The enhanced unified camera model (Khomutenko, Garcia & Martinet 2016).
+- ``unified`` (Mei & Rives 2007), with radial-tangential distortion, as cv2.omnidir;
+- ``double_sphere`` (Usenko, Demmel & Cremers 2018);
+- ``eucm``, the enhanced unified camera model (Khomutenko, Garcia & Martinet 2016).
 """
 
 from __future__ import annotations

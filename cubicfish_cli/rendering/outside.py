@@ -15,10 +15,9 @@ Glass of the first two is held by three screws, which shifts pixels by 0.15 px a
 decentred by a rear group that is turned against the front one, not by Brown's polynomial. Lengths
 inside a lens are millimetres: :func:`outside_lens` takes the target's unit.
 
-Lens files: the exact formula of a made-up lens as YAML.
-
-A lens from outside the fitted families is stated by its name; the centre and the distance beside it
-say as which lens of rays it is compared with others.
+Lens files state a lens's formula as YAML: that of an ``AsymmetricLens`` by its numbers, that of one
+of these by its name. The centre and the distance beside a name say as which lens of rays it is
+compared with others.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from cubicfish_cli.fitting.model_comparison import (
     compare_models,
     near_reference,
 )
-from cubicfish_cli.lenses.field_of_view import DivisionLens
+from cubicfish_cli.lenses.division import DivisionLens
 from cubicfish_cli.lenses.sphere import usable_angle_deg
 
 

@@ -7,7 +7,7 @@ import pytest
 from lenses import cubic_camera, radial_camera, random_rays
 
 from cubicfish_cli.angles import angle_from_axis, unit_rays
-from cubicfish_cli.lenses.field_of_view import DivisionLens
+from cubicfish_cli.lenses.division import DivisionLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.nearest import FreeLens, nearest_accepted, nearest_lens
