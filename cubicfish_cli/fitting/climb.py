@@ -36,7 +36,7 @@ class Climbed:
         fit: the fit.
         drawing: the target as drawn; its pairs have the fit's names.
         held_out: the held-out error at each level that was judged; None where photos are too few.
-        refused: a richer fit by which photos that were left out did not gain.
+        refused: a richer fit that did not lower the held-out error enough.
 
     """
 
@@ -46,7 +46,7 @@ class Climbed:
     refused: TargetFit | None = None
 
     def without(self, wrong: BoolArray) -> Climbed:
-        """The same of all pairs but some (N,)."""
+        """The same without some of the pairs: ``wrong`` (N,)."""
         held_out = {level: error and error.of(~wrong) for level, error in self.held_out.items()}
         drawing = self.drawing.of(self.drawing.pairs.select(~wrong))
         return replace(self, fit=without(self.fit, wrong), drawing=drawing, held_out=held_out)
@@ -55,8 +55,8 @@ class Climbed:
     def in_doubt(self) -> list[tuple[CubicFit, float]]:
         """The lens of a richer fit, and how likely it is the better one.
 
-        A few photos may gain nothing by a refined target and be bent by its departures all the
-        same.
+        A few photos may not show that a refined target predicts better, although boards are
+        deformed.
         """
         if self.refused is None:
             return []
@@ -67,7 +67,19 @@ class Climbed:
 def climb(
     fit: TargetFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
 ) -> Climbed:
-    """Refine the target up to the level asked for, or as far as held-out photos gain by it."""
+    """Refine the target up to the level asked for, or as far as held-out photos gain by it.
+
+    Args:
+        fit: the fit to the target as drawn.
+        drawing: the target as drawn, with that fit's pairs.
+        refine_target: how far.
+        hold_out: whether the held-out error is measured, which ``auto`` goes by.
+        stages: told of each step.
+
+    Raises:
+        FitError: no sound camera was found.
+
+    """
     measured: dict[Level, HeldOut | None] = {}
     auto = refine_target == "auto"
     if auto and (drawing.target is None or not hold_out):
@@ -103,7 +115,7 @@ def climb(
 
 
 def better_named(judged: Sequence[Judged]) -> Judged:
-    """Of fits with the names that were given, and with likelier ones, if photos agree."""
+    """The fit with the likelier names where held-out photos agree, else with those given."""
     (*_, given, _), (*_, likelier, _) = judged[0], judged[-1]
     if given is None or likelier is None or likelier.times(given) > 1:
         return judged[0]
@@ -115,9 +127,9 @@ def _judged(
 ) -> tuple[TargetFit, HeldOut | None]:
     """The held-out error, which has the last word on how P is held.
 
-    The choice was made to first order. Where the cubic is worse than its reference on photos that
-    were left out, its pupil stands still, or it is held as firmly as can be, or both, whichever is
-    best.
+    The hold was chosen to first order. Where the cubic is worse than its reference on photos that
+    were left out, its pupil stands still, or it is held as firmly as can be, or both, whichever
+    has the least held-out error.
     """
     held_out = held_out_error(fit, progress)
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:

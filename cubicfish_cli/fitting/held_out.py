@@ -24,12 +24,12 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
-# A step that lowers a fold's cost by less is taken unseen.
+# A step expected to lower a fold's cost by a smaller share is taken without evaluating it.
 _FOLD_DECREASE = 1e-4
 # Photos' ratios are never told apart better than this.
 _LEAST_SPREAD = 1e-3
 _RADIAL_DECREASE = 1e-5
-# Of poses alone.
+# For fits of poses alone.
 _WIDE_PX = 10.0
 _POSE_DECREASE = 1e-6
 
@@ -87,15 +87,15 @@ class HeldOut:
     def times(self, other: HeldOut) -> float:
         """Ratio to the error of another fit of the same photos.
 
-        The geometric mean of that of all corners and of that of the typical photo: one photo that
-        one of the fits fails on does not decide, and counts.
+        The geometric mean of that of all corners and of that of the typical photo: one photo on
+        which one fit fails counts, but does not decide.
         """
         photos = np.log(self.photos_px / other.photos_px)
         typical = np.nanmean(photos) if np.isfinite(photos).any() else np.inf
         return float(np.exp((typical + np.log(self.rms_px / other.rms_px)) / 2))
 
     def doubt(self, other: HeldOut) -> float:
-        """How likely other photos would be told better by the other fit, 0 to 1.
+        """How likely it is that the other fit predicts other photos better, 0 to 1.
 
         Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
@@ -112,18 +112,18 @@ def held_out_error(
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    Which photos are left out together, folds.py says. In each fold reference, P and, at its level,
+    folds.py says which photos are left out together. In each fold reference, P and, at its level,
     the target are fitted to the other photos; then only the poses of the photos left out are
-    fitted. The fits start near their own optimum: where the fit to all photos ended, of P and the
-    target a step from there, to first order. The priors and their weights are those that the fit
-    to all photos chose.
+    fitted. The cubic's fit starts one first-order step from the fit to all photos, poses and target
+    included; the reference's starts where that fit ended. The priors and their weights are those
+    that the fit to all photos chose.
 
     Args:
         fit: the fit to all photos.
         progress: called before each fold with folds done and all folds.
 
     Returns:
-        None with fewer than :data:`MIN_PHOTOS` places.
+        The errors; None with fewer than :data:`~cubicfish_cli.fitting.folds.MIN_PHOTOS` places.
 
     """
     parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
@@ -152,7 +152,7 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
     limit, own = huber_px(fit.cubic.residual), np.flatnonzero(~out)
     try:
         trained = _trained(near, training, train, own, limit)
-    except FitError:  # too far for a first order: corners of other photos hold the lens
+    except FitError:  # the first-order step was too long: start where the fit ended
         trained = _trained(fit.cubic.fit.state, training, train, own, limit)
     radial = adjust(
         fit.reference.lens,
@@ -188,7 +188,10 @@ def _squares(camera: CubicCamera | RadialCamera, pairs: Observations, start: Pos
 def _trained(
     start: State[CubicFit], pairs: Observations, photos: IntArray, rows: IntArray, limit: float
 ) -> Adjustment[CubicFit]:
-    """The fit to some photos, from a state of all: their pairs, which of all pairs these are."""
+    """The fit to ``photos``, from a state of the fit to all.
+
+    ``pairs`` are theirs, and ``rows`` says which of all pairs these are.
+    """
     return adjust(
         start.lens,
         start.poses[photos],

@@ -21,8 +21,8 @@ from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
 
-# From the most symmetric and the firmest on. A hundredth is far more asymmetry than any lens has
-# that is sold; from a hundredth of a pixel's worth of weight on P is free.
+# From the most symmetric and the firmest on. An asymmetry of 0.01 is far more than any lens on sale
+# has; at a weight of 0.01 P is practically free.
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
@@ -50,12 +50,13 @@ def choose_hold(
 ) -> CubicResult:
     """Fit the cubic under the hold that photos left out speak for.
 
-    From a fit under one hold, others and the photos left out are each a step away, to first
-    order; the best is fitted.
+    Other holds, and fits without some photos, are one Gauss-Newton step from a fit under one hold;
+    the best is then fitted in full.
 
     Args:
         reference: the radial fit.
-        groups: photos to be left out together; fewer than two leave the choice open.
+        groups: photos to be left out together; with fewer than two the hold of ``start``, or the
+            expected one, is kept.
         world: the target, where it is free.
         start: a fit to the same photos whose hold is where to begin.
         everywhere: look at all holds from there, as without a start; else at those around.
@@ -64,7 +65,7 @@ def choose_hold(
         A fit that is good to compare and to go on from, not yet to the last digit.
 
     Raises:
-        FitError: no hold gives a sound camera.
+        FitError: the hold begun with, or the one chosen, gives no sound camera.
 
     """
     hold = EXPECTED if start is None else start.hold
@@ -102,7 +103,7 @@ def _around(place: _Place) -> list[_Place]:
 def _squares(
     leaving: Leaving, lens: CubicFit, reference: RadialReference, places: Sequence[_Place]
 ) -> dict[_Place, FloatArray]:
-    """(M,) squared errors of each photo under a fit without it, summed over its corners.
+    """Squared errors of each photo under a fit without it, summed over its corners.
 
     Under some holds, to first order from a fit under one of them, whose lens is given.
 
@@ -110,7 +111,10 @@ def _squares(
         leaving: that fit.
         lens: its lens.
         reference: what P is held to.
-        places: the holds, by their spreads.
+        places: the holds, those of one spread together: the order is relied on.
+
+    Returns:
+        By hold, the (M,) squared errors.
 
     """
     priors = []
@@ -137,8 +141,8 @@ def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:
     """Log likelihood of each hold by the photos left out.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
-    that photo alone and not known (the likelihood is 1 / squared error where all noises are taken
-    to be as likely), so no photo outweighs the others.
+    that photo alone and unknown: integrated over noise with the prior 1/σ, the likelihood is
+    1 / squared error. So no photo outweighs the others.
     """
     return {
         place: -float(np.log(np.maximum(of_photos, _NO_ERROR)).sum())
@@ -147,10 +151,6 @@ def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:
 
 
 def _expected(places: Iterable[_Place]) -> dict[_Place, float]:
-    """Log likelihood of each hold before any photo speaks.
-
-    A step from what is expected, ten times the asymmetry or half a power of ten of weight, is one
-    standard deviation.
-    """
+    """Log prior of each hold, up to a constant: a step in either list is a standard deviation."""
     middle = _place_of(EXPECTED)
     return {place: -float(np.square(np.subtract(place, middle)).sum()) / 2 for place in places}

@@ -29,15 +29,16 @@ from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
-# Of the diagonal: what no other photo touches stays where it is.
+# As a share of the diagonal: unknowns that no remaining photo touches stay where they are.
 _DAMPING = 1e-9
+# Least square root of a weight, so that residuals can be divided by it.
 _SMALLEST_ROOT = 1e-6
 # Below this share of the largest, a singular value is rounding.
 _RANK = 1e-12
 
 
 class Leaving:
-    """A fit, ready to be taken apart into groups of photos and the others."""
+    """Leaves groups of photos out of a fit, to first order."""
 
     def __init__(
         self,
@@ -52,14 +53,14 @@ class Leaving:
             fit: the fit to all photos, at its optimum.
             pairs: its pairs, sorted by photo.
             huber_px: where its loss turns linear.
-            groups: photos to be left out together.
+            groups: photos (of a rig: shots) that are left out together.
 
         """
         self._fit, self._pairs, self._huber_px, self._groups = fit, pairs, huber_px, groups
         self._shot = body_of(fit.lens, len(fit.poses)).shot_of(pairs.image)
 
     def steps(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Steps (K,), (M, 6) and (Q, 3) to the fit without each group; its own poses' are 0."""
+        """Steps (K,), (M, 6) and (Q, 3) to the fit without each group, whose own poses stay."""
         for group, put_in in zip(self._groups, self._put_in, strict=True):
             yield self._without(group, put_in).solve()
 
@@ -88,10 +89,9 @@ class Leaving:
         return self._equations_of_all.solve_changed(change[None])[0][:, 0]
 
     def influence(self) -> FloatArray:
-        """Steps (G, K) of the shared unknowns with each group's pull gone, but not its weight.
+        """Steps (G, K) of the shared unknowns without each group's gradient, its Hessian kept.
 
-        The empirical influence of a group (Jaeckel's infinitesimal jackknife): what it adds to the
-        gradient counts, its share of the equations stays.
+        The empirical influence of a group (Jaeckel's infinitesimal jackknife).
         """
         normal, groups = self._fit.normal, len(self._groups)
         shared = np.empty((groups, *normal.shared_gradient.shape))

@@ -59,7 +59,7 @@ def runs_linearised(
     body = body_of(lens, len(poses))
     views = body.views(poses)
     unknowns = len(lens.parameters) + len(world.parameters) + _POSE
-    for photos, run in runs_of_photos(pairs.image, len(views), body.stops, unknowns):
+    for photos, run in runs_of_photos(pairs.image, len(views), body.starts, unknowns):
         if run.start < run.stop:
             terms = linearised(body, poses, world, pairs, run, views)
             length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])

@@ -1,4 +1,4 @@
-"""Normal equations in the arrow's shape of calibration, and their damped solution.
+"""Normal equations, arrow-shaped as calibration has them, and their damped solution.
 
 Shared unknowns (the lens, the boards' shapes) touch every photo, a pose only its own, a corner's
 offset only the photos that see it. The larger of the two families of small blocks is eliminated
@@ -20,16 +20,17 @@ from cubicfish_cli.types import FloatArray, IntArray
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
 # memory.
 _RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
-_NO_STOPS: IntArray = np.zeros(0, np.intp)
+_NO_STARTS: IntArray = np.zeros(0, np.intp)
 COLD_DAMPING = 1e-4
-"""For a start of which it is not known how near the optimum it is."""
+"""First damping for a start that may be far from the optimum."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NormalEquations:
     """Blocks of the Gauss-Newton Hessian and of the gradient.
 
-    K shared unknowns, M photos, Q free corners (0 where the corners stay as they are).
+    K shared unknowns, M poses (photos, or a rig's shots), Q free corners (0 where the corners stay
+    as they are).
 
     Attributes:
         shared: (K, K), priors included.
@@ -71,7 +72,7 @@ class NormalEquations:
         return -0.5 * float(slope)
 
     def of_shared(self) -> NormalEquations:
-        """The same without what is known of poses."""
+        """The same without the poses' blocks."""
         return replace(
             self,
             pose=self.pose[:0],
@@ -85,7 +86,7 @@ class NormalEquations:
 
         Args:
             poses: the poses.
-            put_in: what that put into what is shared, and into corners.
+            put_in: those poses' own sums, as :meth:`of_shared` gives them.
 
         """
         columns = (6 * poses[:, None] + np.arange(6)).reshape(-1)
@@ -116,7 +117,7 @@ class NormalEquations:
 
         Args:
             damping: of all unknowns.
-            of_pose: (M, 1) the least of each pose.
+            of_pose: (M, 1) the least damping of each pose.
             known: equations from which these differ little, eliminated with the same damping.
 
         """
@@ -294,7 +295,7 @@ def _inverse_root(blocks: FloatArray) -> FloatArray:
     """R with RᵀR = block⁻¹ of many small symmetric blocks (n, b, b)."""
     try:
         return np.linalg.inv(np.linalg.cholesky(blocks))
-    except np.linalg.LinAlgError:  # rounding left a block that is not positive
+    except np.linalg.LinAlgError:  # rounding left a block not positive definite
         size, axes = np.linalg.eigh(blocks)
         least = np.finfo(float).eps * np.abs(size).max(axis=1, keepdims=True) + 1e-300
         return np.asarray(axes.transpose(0, 2, 1) / np.sqrt(np.maximum(size, least))[..., None])
@@ -322,12 +323,12 @@ def _bordered(shared: FloatArray, cross: FloatArray, blocks: FloatArray) -> Floa
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solve symmetric systems (..., D, D) for (..., D, H) after scaling their diagonals to 1."""
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-    # What rounding made of nothing, or less than nothing, is not scaled beyond all numbers.
+    # Diagonals that rounding left tiny or negative are not scaled up without bound.
     least = np.maximum(1e-300, 1e-40 * diagonal.max(axis=-1, keepdims=True, initial=0.0))
     scale = (1 / np.sqrt(np.maximum(diagonal, least)))[..., None]
     scaled = matrix * scale * np.swapaxes(scale, -1, -2)
     if scaled.ndim == 2 and right.size:
-        # By Cholesky's factor, at a third of the cost, where rounding left the matrix positive.
+        # By Cholesky's factor, at a third of the cost, where rounding left it positive definite.
         _, solved, failed = dposv(scaled.T, scale * right, lower=1)
         if not failed:
             return np.asarray(scale * solved)
@@ -351,17 +352,17 @@ def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
 
 
 def runs_of_photos(
-    image: IntArray, photos: int, stops: IntArray = _NO_STOPS, unknowns: int = _RUN_UNKNOWNS
+    image: IntArray, photos: int, starts: IntArray = _NO_STARTS, unknowns: int = _RUN_UNKNOWNS
 ) -> Iterator[tuple[slice, slice]]:
     """Whole photos in runs whose derivatives stay in the processor's cache.
 
     Args:
         image: (N,) photo of each pair, non-decreasing.
         photos: M.
-        stops: photos with which a run has to begin, increasing.
-        unknowns: by how many unknowns each pair is derived, roughly.
+        starts: photos with which a run has to begin, increasing.
+        unknowns: by how many unknowns each pair is differentiated, roughly.
 
-    Returns:
+    Yields:
         The photos of each run and their pairs.
 
     """
@@ -370,7 +371,7 @@ def runs_of_photos(
     first = 0
     while first < photos:
         stop = int(np.searchsorted(bounds, bounds[first] + pairs, side="right")) - 1
-        stop = min([max(stop, first + 1), photos, *stops[stops > first]])
+        stop = min([max(stop, first + 1), photos, *starts[starts > first]])
         yield slice(first, stop), slice(int(bounds[first]), int(bounds[stop]))
         first = stop
 
@@ -378,7 +379,7 @@ def runs_of_photos(
 def summed_by_corner(
     corner: IntArray, corners: int, by_corner: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Products of rows with the derivatives by the place of each free corner: (Q, 3, C).
+    """(Q, 3, C) of each free corner, the sum over its pairs of (derivative by its place)ᵀ rows.
 
     Args:
         corner: (n,) which corner each pair is of.
@@ -425,8 +426,8 @@ class Linearised:
 class NormalSums:
     """The blocks of the normal equations, summed up over runs of photos.
 
-    Shared unknowns are the lens's, then the boards'. Of several lenses, a photo touches one's own
-    unknowns only, so the work does not grow with how many there are.
+    Shared unknowns are the lens's, then the boards'. With several lenses a photo touches only its
+    own lens's unknowns, so the work does not grow with their number.
     """
 
     def __init__(self, lens: int, boards: int, poses: int, world: World) -> None:
@@ -537,15 +538,15 @@ class NormalSums:
         return hessian, gradient
 
     def equations(
-        self, of_lens: FloatArray | None = None, world: World | None = None
+        self, lens_prior: FloatArray | None = None, world: World | None = None
     ) -> NormalEquations:
-        """The sums, with the prior of the lens and the pulls of a world where these count."""
+        """The sums, with the lens's prior and the world's where both are given."""
         count = self._shared
         hessian, gradient = self._totals()
         pull, offsets = 0.0, np.zeros((self._corners, 3))
-        if of_lens is not None and world is not None:
+        if lens_prior is not None and world is not None:
             for own, prior in (
-                (slice(0, self._lens), of_lens),
+                (slice(0, self._lens), lens_prior),
                 (slice(self._lens, count), world.prior()),
             ):
                 hessian[own, own] += prior[:-1, :-1]

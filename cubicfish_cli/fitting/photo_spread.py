@@ -1,16 +1,16 @@
-"""How far the camera may be off, by how much it hangs on single photos.
+"""Uncertainty of the camera from how much it depends on single photos.
 
 Corners of one photo share their errors: its blur, its light, the sheet's own bend in it, and what
 the model misses. The noise of single corners, carried through the fit, knows nothing of that. What
 does is how far the camera moves when a photo is left out: a variance estimate that is robust to
 errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
 
-Nor does it know how P should be held. Where photos that are left out do not tell the hold that was
-taken from the one that predicts best, the distance between the two cameras is in doubt, too (as in
-the averaging of models, Buckland, Burnham & Augustin 1997); so it is where they do not tell whether
-the target should have been refined further. And in a middle without any corner,
-where a mirror camera sees itself, P and the lens that it is held to are two guesses: they are off
-by what they differ by.
+Leaving photos out does not show how P should be held either. Where held-out photos cannot tell the
+hold that was chosen from the one that predicts best, the distance between the two cameras is added
+(as in the averaging of models, Buckland, Burnham & Augustin 1997); likewise where they cannot tell
+whether the target should be refined further. And in a middle without any corner, where a mirror
+camera sees itself, P and the lens that it is held to are two guesses: they are off by what they
+differ by.
 """
 
 from __future__ import annotations
@@ -47,10 +47,9 @@ class PhotoSpread:
     Attributes:
         noise: the part of the corners' own noise, which is a lower bound.
         left_out: (G, K) steps of the lens's parameters without each cluster.
-        influence: (G, K) steps with the cluster's pull gone, but not its weight.
-        rival: (R, K) steps to lenses that photos left out do not tell from the one that was taken:
-            as a target that is refined further has it, and as the hold that predicted best has it,
-            each times the root of how likely that is the better one.
+        influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
+        rival: (R, K) steps to other lenses that may be better (that of a target refined further,
+            that of the hold that predicts best), each times the root of its probability.
         aligned: (M, 3) unit rays over which a common turn is taken out.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
@@ -95,11 +94,11 @@ class PhotoSpread:
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
-        """Variance (F,) of what changes so, (F, G), without each cluster.
+        """(F,) variances from changes (F, G) without each cluster.
 
-        Leaving clusters out overstates the variance by their leverage twice, their influence
-        alone understates it by none: the geometric mean takes it once, which is unbiased where
-        clusters are alike (HC2; MacKinnon & White 1985).
+        With leverage h, leaving out divides squared residuals by (1 - h)² (HC3), influence by
+        nothing (HC0). The geometric mean divides by 1 - h, which is unbiased where clusters are
+        alike (HC2; MacKinnon & White 1985).
         """
         clusters = left_out.shape[1]
         if clusters < 2:
@@ -139,8 +138,8 @@ def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
     """Variances from sums of squared changes without each of some clusters, of any shape.
 
     A variance that is itself estimated from few is below the true one more often than above it.
-    It is made larger by as much as lets errors exceed it as often as they exceed the true one: the
-    median of Fisher's F in place of that of chi squared.
+    It is enlarged so that errors exceed the estimate as often as they exceed the true variance: the
+    median of F(1, G - 1) over that of chi squared with one degree of freedom.
     """
     larger = fdtri(1, clusters - 1, 0.5) / chdtri(1, 0.5)
     return squares * (clusters - 1) / clusters * larger
@@ -157,7 +156,8 @@ def photo_spread(
     Args:
         result: the fit, at its optimum.
         reference: what P is held to, with the fit's pairs.
-        places: (M,) from which place each photo is, counted from 0: those from one place are one.
+        places: (M,) from which place each photo is, counted from 0: those from one place are left
+            out together.
         doubted: other lenses, and how likely each is the better one, 0 to 1.
 
     """

@@ -108,7 +108,7 @@ class RigLens:
         return self.shot[views]
 
     @property
-    def stops(self) -> IntArray:
+    def starts(self) -> IntArray:
         """Views at which another camera's begin."""
         return np.flatnonzero(np.diff(self.camera)) + 1
 
