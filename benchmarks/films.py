@@ -34,7 +34,8 @@ import numpy as np
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.films.source import decode, opened
+from cubicfish_cli.films.decoding import decode
+from cubicfish_cli.films.source import opened
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.calibration import Calibration
@@ -77,7 +78,7 @@ def decoding(film: Path, threads: int | None = None) -> float:
         with opened(film) as (container, stream):
             if threads is not None:
                 stream.thread_count = threads
-            for _ in decode(film, container, stream, sound=False):
+            for _ in decode(film, container, stream):
                 pass
         seconds.append(time.process_time() - begin)
     return float(np.median(seconds))
@@ -87,7 +88,7 @@ def photos_of(film: Path, every: int) -> list[Photo]:
     """Frames of a film, one of so many."""
     photos = []
     with opened(film) as (container, stream):
-        for frame in islice(decode(film, container, stream, sound=False), None, None, every):
+        for frame in islice(decode(film, container, stream), None, None, every):
             name = frame_name(film.stem, float(frame.pts * stream.time_base)) + ".png"
             picture = frame.to_ndarray(format="gray")
             photos.append(Photo(name=name, path=Path(name), picture=picture))

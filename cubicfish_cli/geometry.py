@@ -1,4 +1,4 @@
-"""Maths that several parts share: similarities, mean rotations, the Kannala–Brandt profile."""
+"""Maths that several parts share: similarities, rotations, polygons, the Kannala–Brandt profile."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from cubicfish_cli.types import BoolArray, FloatArray
 
 # Points at a time, against all edges of a polygon at once.
 _BLOCK = 4096
+_DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
 # Newton's method squares the error: a table of so many steps gives 1e-6, two rounds the rest.
 _TABLE = 1024
 _NEWTON_ROUNDS = 4
@@ -72,6 +73,11 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
 def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
     """The weighted mean of rotations (N, 3, 3) by weights (N,): (3, 3)."""
     return nearest_rotation(np.einsum("k,kij->ij", weight, rotations))
+
+
+def outermost(points: FloatArray) -> FloatArray:
+    """The point furthest out in each of eight directions, of points (N, 2): (8, 2)."""
+    return np.asarray(points[np.argmax(points @ _DIRECTIONS.T, axis=0)])
 
 
 def inside_polygon(points: FloatArray, polygon: FloatArray) -> BoolArray:

@@ -77,7 +77,12 @@ def candidates(measured: Sequence[Measured]) -> list[Candidate]:
             if name in taken:  # less than a millisecond apart
                 name += f"_{index}"
             taken.add(name)
-            seen = Seen(patches=(), sharpness=film.sharpness[index], motion=film.motion[index])
+            seen = Seen(
+                patches=(),
+                sharpness=film.sharpness[index],
+                motion=film.motion[index],
+                damaged=bool(film.damaged[index]),
+            )
             every.append(
                 Candidate(
                     film=number, index=index, name=f"{name}.png", path=film.kept[index], seen=seen
@@ -91,7 +96,7 @@ def passed_over(
     size: tuple[int, int],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[str | None]:
-    """Why each frame is not looked at: blurred, moving or a copy; None for those that are."""
+    """Why each frame is not looked at: damaged, blurred, moving or a copy; None where it is."""
     still = still_px(size)
     scale = Scale.of([frame.seen for frame in frames], still)
     why: list[str | None] = []

@@ -15,10 +15,13 @@ from typing import Protocol
 
 import numpy as np
 
+from cubicfish_cli.geometry import outermost
 from cubicfish_cli.types import FloatArray, IntArray
 
 # The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
 _FINE, _COARSE = (12, 9), (4, 3)
+# Sides that a board may be seen from, beside the front.
+_SIDES = 4
 # So many corners in a part are all that one picture can say of it.
 _FULL = 4
 # A board counts as tilted where squares grow by this share (of a logarithm) from end to end.
@@ -35,7 +38,6 @@ _ENOUGH = 3
 # So many different views are taken even where the last add hardly anything: a lens and the poses of
 # one flat board are told apart by many views, and so is how right a camera is on those left out.
 _FEWEST = 10
-_DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,12 +48,15 @@ class Patch:
         board: its number; -1 where that is not known, and cells mean nothing across pictures.
         cells: (N, 2) column and row of each corner.
         pixel: (N, 2) its x, y.
+        certain: whether the corners are surely these; so little of a board may be seen that they
+            may be others, some squares further on.
 
     """
 
     board: int
     cells: IntArray
     pixel: FloatArray
+    certain: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,12 +67,14 @@ class Seen:
         patches: what it shows.
         sharpness: how sharp it is, in any measure.
         motion: how far it moved, pixels.
+        damaged: whether parts of it are made up.
 
     """
 
     patches: tuple[Patch, ...]
     sharpness: float
     motion: float = 0.0
+    damaged: bool = False
 
     @property
     def corners(self) -> int:
@@ -316,6 +323,7 @@ class Scale:
     @classmethod
     def of(cls, pictures: Sequence[Seen], still_px: float) -> Scale:
         """Of pictures, ``still_px`` as in :func:`choose`."""
+        pictures = [one for one in pictures if not one.damaged] or pictures
         return cls(
             sharp=float(np.quantile([one.sharpness for one in pictures], 0.75)),
             still=max(still_px, float(np.quantile([one.motion for one in pictures], 0.25))),
@@ -323,6 +331,8 @@ class Scale:
 
     def spoilt(self, picture: Seen) -> str | None:
         """Why a picture is clearly worse than the others; None where it is not."""
+        if picture.damaged:
+            return "damaged"
         if picture.sharpness < _BLURRED * self.sharp:
             return "blurred"
         return "moving" if picture.motion > _MOVING * self.still else None
@@ -336,7 +346,7 @@ class Scale:
 def _shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
     """What a picture shows, thing by thing: 1 where it says of it all that one picture can."""
     places = np.bincount(_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
-    tilts = np.zeros((_COARSE[0] * _COARSE[1], len(_DIRECTIONS) // 2 + 1))
+    tilts = np.zeros((_COARSE[0] * _COARSE[1], _SIDES + 1))
     for patch in picture.patches:
         count = np.bincount(_part(patch.pixel, size, _COARSE), minlength=len(tilts))
         tilts[:, _tilt(patch)] += count
@@ -382,16 +392,11 @@ def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
 
 def _apart(one: Seen, other: Seen) -> float | None:
     """How far apart what both show is, pixels; None where they show nothing in common."""
-    if any(patch.board < 0 for patch in (*one.patches, *other.patches)):
-        return float(np.median(np.linalg.norm(_outline(one) - _outline(other), axis=1)))
+    if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):
+        apart = outermost(one.pixel) - outermost(other.pixel)
+        return float(np.median(np.linalg.norm(apart, axis=1)))
     _, at, also_at = np.intersect1d(one.names, other.names, return_indices=True)
     fewer = min(one.corners, other.corners)
     if len(at) < min(_FEWEST_COMMON, fewer) or 2 * len(at) < fewer:
         return None
     return float(np.median(np.linalg.norm(one.pixel[at] - other.pixel[also_at], axis=1)))
-
-
-def _outline(picture: Seen) -> FloatArray:
-    """The outermost corner in each of eight directions (8, 2)."""
-    furthest = np.argmax(picture.pixel @ _DIRECTIONS.T, axis=0)
-    return np.asarray(picture.pixel[furthest])

@@ -18,14 +18,18 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import OutputError, PhotoError
 from cubicfish_cli.files import whole_file, write_text
+from cubicfish_cli.films.decoding import Decoded, frames
 from cubicfish_cli.films.frame_files import SUFFIX, brightness, save_frame
 from cubicfish_cli.films.measure import motion, sharpness, small_picture
-from cubicfish_cli.films.source import Film, decode, opened
+from cubicfish_cli.films.source import Film, opened
 from cubicfish_cli.photos import shown
 
-_VERSION = 2
+_VERSION = 3
 # A film that claims more frames than this share beyond what came out of it was cut short.
 _SHORT = 0.95
+# One frame is kept of so many, or where they come more slowly than the film says, of those in so
+# many times the time that they should take.
+_SLOWER = 1.5
 _SAME = 1e-4
 
 
@@ -38,6 +42,8 @@ class Measured:
         time: seconds from its beginning, of each frame.
         sharpness: see :mod:`cubicfish_cli.films.measure`.
         motion: to the nearer of both neighbours, pixels.
+        damaged: whether parts of each frame are made up by the decoder.
+        lost: how many frames could not be decoded, between those that could.
         kept: frames (by index) that were kept -> their files, see :mod:`~.frame_files`.
         turned_deg: how far players are told to turn the film.
         interlaced: whether frames are two half pictures of different times.
@@ -49,6 +55,8 @@ class Measured:
     time: array[float] = field(default_factory=lambda: array("d"))
     sharpness: array[float] = field(default_factory=lambda: array("f"))
     motion: array[float] = field(default_factory=lambda: array("f"))
+    damaged: array[int] = field(default_factory=lambda: array("b"))
+    lost: int = 0
     kept: dict[int, Path] = field(default_factory=dict)
     turned_deg: int = 0
     interlaced: bool = False
@@ -57,6 +65,11 @@ class Measured:
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.time)
+
+    @property
+    def spoilt(self) -> int:
+        """How many frames are damaged or lost."""
+        return sum(self.damaged) + self.lost
 
 
 def scan(
@@ -70,7 +83,7 @@ def scan(
     Args:
         film: the film.
         folder: where it is kept, for this film alone; of an unfinished run what is there is used.
-        every: how many frames one is kept of.
+        every: how many frames one is kept of, or of fewer where they come slowly.
         progress: called with frames done and all frames (0 where unknown).
 
     Raises:
@@ -96,10 +109,9 @@ def scan(
 class _Frame:
     """A frame whose right neighbour is not known yet."""
 
-    frame: Any
+    decoded: Decoded
     small: npt.NDArray[np.float32]
     time: float
-    pts: int
     sharpness: float
     motion: float
 
@@ -120,7 +132,9 @@ class _Scan:
         self.measured = Measured(film=film)
         self._last_pts: int | None = None
         self._rows: list[str] = []  # of the few frames that one is kept of
-        self._best: tuple[float, int, Any] | None = None
+        self._begun = 0.0  # the time of their first
+        self._longest = _SLOWER * every / film.rate if film.rate > 0 else np.inf
+        self._best: tuple[tuple[bool, float], int, Any] | None = None
 
     def run(self) -> Measured:
         if self._resumed():
@@ -136,7 +150,11 @@ class _Scan:
                 measured.problem or f"{shown(film.path)} holds no frames: copy it again"
             )
         self._close_few()
-        if measured.problem is None and film.counted and len(measured) < _SHORT * film.frames:
+        if (
+            measured.problem is None
+            and film.counted
+            and (len(measured) + measured.lost < _SHORT * film.frames)
+        ):
             measured.problem = (
                 f"{shown(film.path)} claims {film.frames} frames and has {len(measured)}: its end "
                 "is missing"
@@ -173,19 +191,22 @@ class _Scan:
         return False
 
     def _take(self, line: str) -> None:
-        pts, time, sharp, moved, kept = line.rstrip("\n").split(",")
+        pts, time, sharp, moved, damaged, lost, kept = line.rstrip("\n").split(",")
         for index in kept.split():
             path = self._folder / f"{int(index)}{SUFFIX}"
             if not path.is_file():
                 raise ValueError("a frame is missing")
             self.measured.kept[int(index)] = path
-        self._add(int(pts), float(time), float(sharp), float(moved))
+        self._add(float(time), float(sharp), float(moved), int(damaged), int(lost))
+        # Where a frame's time is not that of the file, the film is measured from its beginning.
+        self._last_pts = int(pts)
 
-    def _add(self, pts: int, time: float, sharp: float, moved: float) -> None:
+    def _add(self, time: float, sharp: float, moved: float, damaged: int, lost: int) -> None:
         self.measured.time.append(time)
         self.measured.sharpness.append(sharp)
         self.measured.motion.append(moved)
-        self._last_pts = pts
+        self.measured.damaged.append(damaged)
+        self.measured.lost += lost
 
     def _anew(self) -> None:
         self.measured = Measured(film=self._film)
@@ -207,7 +228,8 @@ class _Scan:
                 container.seek(self._last_pts, stream=stream, backward=True)
             pending: _Frame | None = None
             try:
-                for frame in decode(film.path, container, stream, sound=False):
+                for decoded in frames(film.path, container, stream):
+                    frame = decoded.frame
                     self._refuse(frame)
                     measured.turned_deg = measured.turned_deg or int(
                         getattr(frame, "rotation", 0) or 0
@@ -224,10 +246,9 @@ class _Scan:
                         pending.motion = min(pending.motion, moved)
                         self._finish(pending)
                     pending = _Frame(
-                        frame=frame,
+                        decoded=decoded,
                         small=small,
                         time=float((frame.pts - begin) * stream.time_base),
-                        pts=int(frame.pts),
                         sharpness=sharp,
                         motion=float(moved),
                     )
@@ -254,27 +275,30 @@ class _Scan:
         return True
 
     def _refuse(self, frame: Any) -> None:
-        """Refuse a frame that is not of the film as it began."""
-        shown_path = shown(self._film.path)
         if frame.pts is None:
             raise PhotoError(
-                f"{shown_path} does not say when its frames are: convert it with ffmpeg"
-            )
-        if (frame.width, frame.height) != self._film.size:
-            raise PhotoError(
-                f"{shown_path} changes its size after frame {len(self.measured)}: cut it there"
+                f"{shown(self._film.path)} does not say when its frames are: convert it with ffmpeg"
             )
 
     def _finish(self, frame: _Frame) -> None:
         """A frame of which all is known: keep it if it is the best of its few."""
         if not np.isfinite(frame.motion):  # the only frame
             frame.motion = 0.0
-        index = len(self.measured)
-        self._add(frame.pts, frame.time, frame.sharpness, frame.motion)
-        self._rows.append(f"{frame.pts},{frame.time!r},{frame.sharpness!r},{frame.motion!r},")
-        score = quality(frame.sharpness, frame.motion, self._film.size)
+        if not self._rows:
+            self._begun = frame.time
+        elif frame.time - self._begun > self._longest:
+            self._close_few()
+            self._begun = frame.time
+        index, decoded = len(self.measured), frame.decoded
+        damaged, lost = int(decoded.damaged), decoded.lost
+        self._add(frame.time, frame.sharpness, frame.motion, damaged, lost)
+        pts = "" if decoded.entered_by is None else decoded.entered_by
+        self._rows.append(
+            f"{pts},{frame.time!r},{frame.sharpness!r},{frame.motion!r},{damaged},{lost},"
+        )
+        score = (not damaged, quality(frame.sharpness, frame.motion, self._film.size))
         if self._best is None or score > self._best[0]:
-            self._best = (score, index, frame.frame)
+            self._best = (score, index, decoded.frame)
         if len(self._rows) >= self._every:
             self._close_few()
 

@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.files import whole_file
+from cubicfish_cli.films.decoding import frames
 from cubicfish_cli.films.frame_files import write_frame
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.films.scan import Measured, quality
-from cubicfish_cli.films.source import Film, decode, opened
+from cubicfish_cli.films.source import Film, opened
 from cubicfish_cli.types import FloatArray, IntArray
 
 Picture = npt.NDArray[Any]
@@ -107,6 +108,7 @@ def _goodness(measured: Measured) -> FloatArray:
             for sharp, moved in zip(measured.sharpness, measured.motion, strict=True)
         ]
     )
+    own[np.asarray(measured.damaged, bool)] = 0.0
     usual = float(np.median(own[own > 0])) if (own > 0).any() else 1.0
     return np.asarray(np.minimum(np.log(np.maximum(own / usual, 1e-3)), 1.0))
 
@@ -137,10 +139,10 @@ def take_out(
     """
     last = max(paths, default=-1)
     with opened(film.path) as (container, stream):
-        for index, frame in enumerate(decode(film.path, container, stream, sound=False)):
+        for index, decoded in enumerate(frames(film.path, container, stream)):
             if index in paths:
                 with whole_file(paths[index], overwrite=True) as temporary:
-                    write_frame(temporary, frame)
+                    write_frame(temporary, decoded.frame)
             progress(index, last + 1)
             if index >= last:
                 return

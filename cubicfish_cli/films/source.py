@@ -1,4 +1,4 @@
-"""A film on disk: opening it, what it says of itself, its frames, and writing one of pictures.
+"""A film on disk: opening it, what it says of itself, and writing one of pictures.
 
 PyAV does it, the extra ``video``. Frames are as the sensor made them: a note that tells players to
 turn the film is not followed, since the lens does not turn with it.
@@ -6,7 +6,7 @@ turn the film is not followed, since the lens does not turn with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -69,7 +69,9 @@ class opened:
             there = Path(self._path).exists()
             raise PhotoError(f"{shown(self._path)} {'is no file' if there else MISSING}")
         try:
-            self._container = av.open(f"file:{self._path}", options=_ONLY)
+            # As ``options`` PyAV before 18 hands them to every stream that it finds later on, too,
+            # by a list that is as long as the streams known at first: MPEG files crash.
+            self._container = av.open(f"file:{self._path}", container_options=_ONLY)
         except av.FFmpegError as problem:
             raise PhotoError(
                 f"{shown(self._path)} cannot be read as a video ({problem.strerror}): "
@@ -87,11 +89,6 @@ class opened:
         self._container.close()
 
 
-def is_frame(item: Any) -> bool:
-    """Whether what :func:`decode` gave is a frame, not a packet of sound."""
-    return hasattr(item, "planes")
-
-
 def frame_count(container: Any, stream: Any) -> int:
     """How many frames a stream has, as its header says; 0 where that is not known."""
     if stream.frames:
@@ -102,42 +99,6 @@ def frame_count(container: Any, stream: Any) -> int:
         return int(stream.duration * stream.time_base * stream.average_rate)
     # Matroska has the length of the file alone, in microseconds.
     return int((container.duration or 0) * stream.average_rate / 1_000_000)
-
-
-def decode(source: Path, container: Any, stream: Any, *, sound: bool = True) -> Iterator[Any]:
-    """Frames of the film and packets of its sound, in the file's order.
-
-    Args:
-        source: the file, for messages.
-        container: as :class:`opened` gives it.
-        stream: its pictures.
-        sound: whether packets of sound are wanted too.
-
-    Raises:
-        PhotoError: the file is damaged; the frames before that have been given.
-
-    """
-    if isinstance(container, Recording):
-        yield from container.frames()
-        return
-    av = library()
-    count = 0
-    try:
-        for packet in container.demux(stream, *(container.streams.audio if sound else ())):
-            if packet.stream is not stream:
-                if packet.dts is not None:  # the last packet is a mark without content
-                    yield packet
-                continue
-            for frame in packet.decode():
-                if frame.pts is None and stream.average_rate:
-                    frame.pts = round(count / (stream.average_rate * stream.time_base))
-                count += 1
-                yield frame
-    except av.FFmpegError as problem:
-        raise PhotoError(
-            f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
-            "copy it again or cut it with ffmpeg"
-        ) from problem
 
 
 @dataclass(frozen=True, kw_only=True)

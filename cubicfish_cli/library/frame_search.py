@@ -154,7 +154,12 @@ def _of_corners(corners: Observations) -> Found:
     for number in np.unique(corners.image).tolist():
         here = corners.image == number
         patches[corners.images[number]] = tuple(
-            Patch(board=int(board), cells=cells[own], pixel=corners.pixel[own])
+            Patch(
+                board=int(board),
+                cells=cells[own],
+                pixel=corners.pixel[own],
+                certain=bool(corners.certain[own].all()),
+            )
             for board in np.unique(corners.board[here])
             for own in (here & (corners.board == board),)
         )

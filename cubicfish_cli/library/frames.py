@@ -54,7 +54,8 @@ class ChosenFrames:
         frames: how many frames the films have.
         looked_at: in how many of them corners were looked for.
         films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
-            told), interlaced, and the problem with it in one line or None.
+            told), interlaced, damaged (how many frames are damaged or lost), and the problem with
+            it in one line or None.
 
     """
 
@@ -277,6 +278,9 @@ def tell_of_film(measured: Measured, listener: Listener) -> None:
     name = shown(measured.film.path)
     if measured.problem is not None:
         listener.tell(Event.FILM_ENDS, problem=measured.problem)
+    if measured.spoilt:
+        frames = len(measured) + measured.lost
+        listener.tell(Event.FILM_DAMAGED, film=name, damaged=measured.spoilt, frames=frames)
     if measured.turned_deg:
         listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)
     if measured.interlaced:
@@ -316,5 +320,6 @@ def _record(measured: Measured) -> dict[str, Any]:
         "seconds": measured.time[-1],
         "turned_deg": measured.turned_deg,
         "interlaced": measured.interlaced,
+        "damaged": measured.spoilt,
         "problem": measured.problem,
     }

@@ -22,7 +22,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError, ViewError
 from cubicfish_cli.files import whole_file
-from cubicfish_cli.films.source import decode, frame_count, is_frame, library, opened
+from cubicfish_cli.films.decoding import decode, is_frame
+from cubicfish_cli.films.source import frame_count, library, opened
 from cubicfish_cli.photos import shown
 from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering, naming
 from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap

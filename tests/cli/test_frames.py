@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("av")
 
+import av
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
 from running import Run
 
@@ -152,7 +153,7 @@ def test_a_search_that_was_interrupted_does_not_read_the_film_again(
     with monkeypatch.context() as patch:
         patch.setattr(frame_search, "found_at_a_glance", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
-    monkeypatch.setattr(scan, "decode", stop)
+    monkeypatch.setattr(scan, "frames", stop)
     run("frames", short, "-o", tmp_path / "p", "-j", 1)
     assert len(list((tmp_path / "p").glob("*.png"))) == 3
 
@@ -216,6 +217,25 @@ def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path:
     (line,) = [line for line in said.stderr.splitlines() if line.startswith("warning:")]
     assert "cut.avi" in line
     assert 4 <= len(rows(tmp_path / "p")) < 16
+
+
+def test_damaged_frames_are_told_and_passed_over(run: Run, target: Path, tmp_path: Path) -> None:
+    frames = [photo for photo in photos()[:4] for _ in range(5)]
+    film = write_film(tmp_path / "bad.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
+    with av.open(str(film)) as container:
+        packets = [packet for packet in container.demux(video=0) if packet.size]
+    data = bytearray(film.read_bytes())
+    for packet in packets[5:10]:
+        begin, end = packet.pos + packet.size // 2, packet.pos + packet.size
+        data[begin:end] = bytes(end - begin)
+    film.write_bytes(data)
+    said = run("frames", film, "-o", tmp_path / "p", "-t", target, "-j", 1, "--json")
+    (record,) = json.loads(said.stdout)["films"]
+    assert record["damaged"] == 5
+    assert said.stderr.count("bad.avi: 5 frames of 20 are damaged") == 1
+    table = rows(tmp_path / "p")
+    assert {number // 5 for number, row in enumerate(table) if row["photo"]} == {0, 2, 3}
+    assert "damaged" in {row["chosen"] for row in table[5:10]}
 
 
 def test_what_cannot_be_used_is_one_line(

@@ -109,6 +109,27 @@ def test_near_copies_are_never_chosen_and_what_is_new_comes_first() -> None:
     assert "adds less than those chosen" in choose(seen, SIZE, 2, 0.6).why_not
 
 
+def test_copies_are_told_by_their_place_where_names_are_uncertain() -> None:
+    """Of a part of a board it may not be known which rows it shows; a copy may name other ones."""
+
+    def part(first_row: int, x: float, *, certain: bool) -> Seen:
+        (patch,) = at(x, 40).patches
+        moved = patch.cells + np.array([0, first_row])
+        return Seen(
+            patches=(Patch(board=0, cells=moved, pixel=patch.pixel, certain=certain),),
+            sharpness=0.6,
+        )
+
+    for certain, taken in ((False, {0, 2, 3}), (True, {0, 1, 2, 3})):
+        # The second is a copy that is named one row further on, the third is elsewhere under the
+        # names of the first.
+        seen = [part(0, 40, certain=certain), part(1, 41, certain=certain)]
+        seen += [part(0, 300, certain=certain), at(160, 240)]
+        assert len(choose(seen, SIZE, 9, 0.6).order) == len(taken)
+    # Nor do certain names say anything of uncertain ones.
+    assert len(choose([part(1, 41, certain=False), at(40, 40)], SIZE, 9, 0.6).order) == 1
+
+
 def test_each_side_that_a_board_is_seen_from_is_told_from_the_others() -> None:
     (patch,) = at(200, 150).patches
     middle = patch.pixel.mean(axis=0)

@@ -1,5 +1,6 @@
 """Choosing frames and photos in a program: what is looked at, and when that ends."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from cubicfish_cli.library import frame_search
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.frame_search import Found, Search
 from cubicfish_cli.library.frames import choose_frames, earlier_frames
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import read_picture
 from cubicfish_cli.target import Target
 
@@ -50,6 +52,21 @@ def shows(what: list[bool]):
         return Found(patches=dict.fromkeys(seen, (patch,)))
 
     return look
+
+
+def test_what_is_uncertain_of_names_goes_along() -> None:
+    """Near copies are told by it."""
+    places = [[0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1]]
+    pixel = np.arange(8.0).reshape(4, 2)
+    corners = Observations.from_corners(
+        [places, places], [pixel, pixel], (64, 48), images=["a", "b"], boards=["board"]
+    )
+    corners = replace(corners, certain=corners.image == 0)
+    found = frame_search._of_corners(corners)
+    assert {name: [one.certain for one in own] for name, own in found.patches.items()} == {
+        "a": [True],
+        "b": [False],
+    }
 
 
 def test_pictures_are_looked_at_until_hardly_any_is_chosen(monkeypatch) -> None:
