@@ -23,11 +23,13 @@ import numpy.typing as npt
 
 from cubicfish_cli.errors import MISSING, PhotoError
 from cubicfish_cli.files import on_host
+from cubicfish_cli.mosaic import evened
 from cubicfish_cli.picture_headers import (
     OTHER_SUFFIXES,
     RAW_SUFFIXES,
     VIDEO_SUFFIXES,
     Claim,
+    as_stored,
     claimed,
     is_picture,
     other_kind,
@@ -278,6 +280,7 @@ def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
         PhotoError: as :func:`read_picture`.
 
     """
+    data = as_stored(data)
     _claim_of(path, data)
     with quiet_stderr():
         try:
@@ -306,9 +309,9 @@ def read_grey(path: Path) -> Picture:
 def grey(picture: Picture) -> Picture:
     """A picture in BGR order, (H, W) or (H, W, 1 to 4) -> its brightness (H, W)."""
     if picture.ndim == 2:
-        return picture
+        return evened(picture)
     if picture.shape[2] < 3:  # grey, with or without transparency
-        return np.ascontiguousarray(picture[..., 0])
+        return evened(np.ascontiguousarray(picture[..., 0]))
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 _MOST_PARTS = 1_000_000
@@ -193,11 +193,24 @@ def _bmp(data: bytes) -> Claim | None:
 
 # Tags, and the codes of struct for the types of numbers, in TIFF files.
 _WIDTH, _HEIGHT, _BITS, _SAMPLES, _TILE_WIDTH, _TILE_HEIGHT = 256, 257, 258, 277, 322, 323
+_ORIENTATION, _NOT_TURNED = 274, 1
 _NUMBERS = {1: "B", 3: "H", 4: "I", 6: "b", 8: "h", 9: "i", 16: "Q", 17: "q"}
 
 
 def _tiff(data: bytes) -> Claim | None:
     """The first picture of a TIFF file, little or big endian, classic or with 64-bit offsets."""
+    found = {_BITS: 1, _SAMPLES: 1, _TILE_WIDTH: 0, _TILE_HEIGHT: 0}
+    for tag, code, place in _tiff_numbers(data, (*found, _WIDTH, _HEIGHT)):
+        value = int(struct.unpack_from(code, data, place)[0])
+        found[tag] = max(value, found.get(tag, value))
+    # A tile may be larger than the picture, and room is made for a whole one.
+    pixels = max(found[_WIDTH] * found[_HEIGHT], found[_TILE_WIDTH] * found[_TILE_HEIGHT])
+    memory = pixels * found[_SAMPLES] * -(-found[_BITS] // 8)
+    return Claim(width=found[_WIDTH], height=found[_HEIGHT], memory=memory)
+
+
+def _tiff_numbers(data: bytes, tags: Collection[int]) -> Iterator[tuple[int, str, int]]:
+    """(tag, code of struct, place) of what the first picture's directory says under some tags."""
     order = "<" if data.startswith(b"II") else ">"
     big = data[2:4] in (b"+\0", b"\0+")
     word, count_code, entry_size = ("Q", "Q", 20) if big else ("I", "H", 12)
@@ -205,22 +218,36 @@ def _tiff(data: bytes) -> Claim | None:
     entries = struct.unpack_from(order + count_code, data, start)[0]
     first = start + struct.calcsize(order + count_code)
     if entries > 65_535:
-        return None
-    found = {_BITS: 1, _SAMPLES: 1, _TILE_WIDTH: 0, _TILE_HEIGHT: 0}
+        raise IndexError("more entries than a directory has")
     for at in range(first, first + entry_size * entries, entry_size):
         tag, kind, count = struct.unpack_from(order + "HH" + word, data, at)
-        if tag not in (*found, _WIDTH, _HEIGHT):
+        if tag not in tags:
             continue
         code = order + _NUMBERS[kind]
         place = at + 4 + struct.calcsize("=" + word)
         if count * struct.calcsize(code) > struct.calcsize("=" + word):
             place = struct.unpack_from(order + word, data, place)[0]
-        value = int(struct.unpack_from(code, data, place)[0])
-        found[tag] = max(value, found.get(tag, value))
-    # A tile may be larger than the picture, and room is made for a whole one.
-    pixels = max(found[_WIDTH] * found[_HEIGHT], found[_TILE_WIDTH] * found[_TILE_HEIGHT])
-    memory = pixels * found[_SAMPLES] * -(-found[_BITS] // 8)
-    return Claim(width=found[_WIDTH], height=found[_HEIGHT], memory=memory)
+        yield tag, code, place
+
+
+def as_stored(data: bytes) -> bytes:
+    """A picture file whose decoder leaves the pixels as they are stored.
+
+    OpenCV turns a TIFF file by its note of orientation, whatever it is told: in a copy the note is
+    made to say that nothing is turned. What is decoded is the copy, so :func:`claimed` has to be
+    asked about that.
+    """
+    if not any(data.startswith(magic) for magic, read in _KINDS if read is _tiff):
+        return data
+    copy = None
+    try:
+        for _, code, place in _tiff_numbers(data, (_ORIENTATION,)):
+            if struct.unpack_from(code, data, place)[0] != _NOT_TURNED:
+                copy = copy or bytearray(data)
+                struct.pack_into(code, copy, place, _NOT_TURNED)
+    except (struct.error, IndexError, KeyError, OverflowError):
+        return data  # damaged, or no note that a decoder would follow
+    return data if copy is None else bytes(copy)
 
 
 def _webp(data: bytes) -> Claim | None:

@@ -145,6 +145,33 @@ def test_an_orientation_noted_in_the_file_is_not_applied(tmp_path):
     assert photo_size(path) == (40, 30)
 
 
+def with_orientation(data, turned):
+    """A little-endian TIFF file whose directory notes an orientation too."""
+    start = struct.unpack_from("<I", data, 4)[0]
+    entries = [
+        data[at : at + 12]
+        for at in range(start + 2, start + 2 + 12 * struct.unpack_from("<H", data, start)[0], 12)
+    ]
+    entries = [one for one in entries if struct.unpack_from("<H", one)[0] != 274]
+    entries.append(struct.pack("<HHIHH", 274, 3, 1, turned, 0))
+    entries.sort(key=lambda one: struct.unpack_from("<H", one)[0])
+    directory = struct.pack("<H", len(entries)) + b"".join(entries) + bytes(4)
+    return data[:4] + struct.pack("<I", len(data)) + data[8:] + directory
+
+
+@pytest.mark.parametrize("turned", range(1, 9))
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("shape", [(30, 40), (30, 40, 3)])
+def test_a_tiff_is_read_as_stored_whatever_its_orientation(tmp_path, shape, dtype, turned):
+    picture = RNG.integers(0, np.iinfo(dtype).max, shape).astype(dtype)
+    path = tmp_path / "turned.tif"
+    path.write_bytes(with_orientation(cv2.imencode(".tif", picture)[1].tobytes(), turned))
+    others = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)  # which follow the note
+    assert (turned == 1) == np.array_equal(others, picture)
+    np.testing.assert_array_equal(read_picture(path), picture)
+    assert photo_size(path) == (40, 30)
+
+
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm"])
 def test_sizes_and_cut_files(tmp_path, suffix):
     path = tmp_path / f"p{suffix}"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cubicfish_cli import photos
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.picture_headers import claimed, is_picture, other_kind
+from cubicfish_cli.picture_headers import as_stored, claimed, is_picture, other_kind
 
 RNG = np.random.default_rng(0)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 255, (48, 64, 3)).astype(np.uint8), (0, 0), 3)
@@ -213,3 +213,35 @@ def test_places_beyond_any_memory_are_damage(far):
     big_tiff = b"II" + struct.pack("<HHHQ", 43, 8, 0, far)
     assert is_picture(big_tiff)
     assert claimed(big_tiff + bytes(64)) is None
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("big", [False, True])
+def test_a_note_of_orientation_is_undone_in_every_kind_of_tiff(order, big):
+    size = [(256, 3, 70), (257, 4, 50)]
+    noted, plain = (
+        tiff([*size, (274, 3, way), (274, 4, way)], order=order, big=big) for way in (6, 1)
+    )
+    assert as_stored(noted) == plain
+    assert as_stored(plain) is plain
+
+
+def test_a_note_outside_the_file_or_of_no_number_changes_nothing():
+    note = tiff([(274, 3, 6)])
+    text = note.replace(struct.pack("<HH", 274, 3), struct.pack("<HH", 274, 2))
+    afar = tiff([(274, 3, 60_000)]).replace(
+        struct.pack("<HHI", 274, 3, 1), struct.pack("<HHI", 274, 3, 9)
+    )
+    for data in (text, afar, note[:14], b"II+\0\x08\0\0\0" + b"\xff" * 16, b""):
+        assert as_stored(data) is data
+
+
+def test_a_size_is_judged_as_it_is_decoded(tmp_path, monkeypatch):
+    """A note of orientation whose place is that of the size would change what a header claims."""
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("it was decoded"))
+    data = tiff([(256, 4, 14_000), (257, 4, 14_000), (274, 3, 20)])
+    data = data.replace(struct.pack("<HHII", 274, 3, 1, 20), struct.pack("<HHII", 274, 3, 9, 20))
+    path = tmp_path / "p.tif"
+    path.write_bytes(data)  # 20 is the upper half of the width: 1 there makes it 79 536
+    with pytest.raises(PhotoError, match="79536x14000"):
+        photos.read_picture(path)
