@@ -38,7 +38,8 @@ from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.library.detection import detect
-from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, OutsideLens, outside_lens
+from cubicfish_cli.rendering.options import OUTSIDE_LENSES
+from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.simulate import RayGrid, render, room_background
 from cubicfish_cli.rendering.truth import Pose, TrueCorners, project_corners
 from cubicfish_cli.target import Target

@@ -21,7 +21,8 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.markers import How, find_marked_corners
+from cubicfish_cli.detection.markers import find_marked_corners
+from cubicfish_cli.detection.markers_pieces import How
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import Pose, TrueCorners, look_at, project_corners

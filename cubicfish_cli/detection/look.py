@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli import __version__, detection
+from cubicfish_cli import __version__, detection, mosaic, photos, picture_headers
 from cubicfish_cli.detection.closer import is_part, look_closer
 from cubicfish_cli.detection.diagnose import explain_no_grids
 from cubicfish_cli.detection.finder import MOST_PIXELS, find_grids
@@ -121,9 +121,10 @@ class GridCache:
 
 @cache
 def _searcher() -> str:
-    """The package's version and a hash of the source that finds grids."""
+    """The package's version and a hash of the source that reads pictures and finds grids."""
     digest = hashlib.sha256(__version__.encode())
-    for path in sorted(Path(str(detection.__file__)).parent.glob("*.py")):
+    reading = [Path(str(module.__file__)) for module in (photos, mosaic, picture_headers)]
+    for path in [*reading, *sorted(Path(str(detection.__file__)).parent.glob("*.py"))]:
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -11,9 +11,10 @@ from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.look import look_at as search
-from cubicfish_cli.detection.markers import How, find_marked_corners
+from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.detection.markers_detect import families
 from cubicfish_cli.detection.markers_lattice import BoardLattice
+from cubicfish_cli.detection.markers_pieces import How
 from cubicfish_cli.detection.markers_read import read_grid
 from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.identification.glance import glance_at_markers
