@@ -8,7 +8,9 @@ from html import escape
 
 import numpy as np
 
-from cubicfish_cli.advice.advise import GRID, Advice, Proposal, reach_of, rim_of
+from cubicfish_cli.advice.advise import Advice
+from cubicfish_cli.advice.field import GRID, reach_of, rim_of
+from cubicfish_cli.advice.proposals import Proposal
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.rendering.object_drawing import board_rim

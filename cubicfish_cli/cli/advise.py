@@ -12,7 +12,8 @@ from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.advice.advise import Advice, Proposal
+    from cubicfish_cli.advice.advise import Advice
+    from cubicfish_cli.advice.proposals import Proposal
     from cubicfish_cli.assess.verdict import Verdict
 
 _MOST_PARTS = 4
@@ -111,7 +112,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
 
 
 def _how_many(advice: Advice) -> str:
-    from cubicfish_cli.advice.advise import MOST_PHOTOS
+    from cubicfish_cli.advice.proposals import MOST_PHOTOS
 
     if advice.photos_needed is not None:
         more = count(advice.photos_needed, "more photo")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.advice.advise import summary
+from cubicfish_cli.advice.enough import summary
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import photo_verdicts

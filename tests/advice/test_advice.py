@@ -16,7 +16,9 @@ from synthetic import (
     synthetic_correspondences,
 )
 
-from cubicfish_cli.advice.advise import advise, reach_of, rim_of, summary, why_not_enough
+from cubicfish_cli.advice.advise import advise
+from cubicfish_cli.advice.enough import summary, why_not_enough
+from cubicfish_cli.advice.field import reach_of, rim_of
 from cubicfish_cli.advice.gaps import (
     across,
     find_gaps,
