@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import CODES, PhotoReport
+from cubicfish_cli.identification.identified import CODES, Decided, PhotoReport
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray

@@ -16,6 +16,7 @@ import numpy as np
 from cubicfish_cli.diagnosis import (
     corner_count,
     left_out,
+    marker_layout,
     mirrored,
     object_faults,
     odd_photos,
@@ -89,6 +90,11 @@ def _lacks(codes: Sequence[Code], found: Sequence[Finding]) -> bool:
     return all(finding.code not in codes for finding in found)
 
 
+def _few_sheared(found: Sequence[Finding]) -> bool:
+    """Whether no more photos are sheared than may look so where all of them differ."""
+    return _lacks([Code.SHEARED], [one for one in found if one.severity is not Severity.NOTE])
+
+
 def _no_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Finding]) -> bool:
     return _only_notes(evidence, found) and not len(evidence.corners.pixel)
 
@@ -121,7 +127,8 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(GridEvidence, _NOTHING, _TRIALS, corner_count.nothing_named, _no_corners),
     Hypothesis(GridEvidence, _MIRRORED, _TABLES, mirrored.other_colours),
     Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), _TRIALS, mirrored.otherwise_printed),
-    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, corner_count.otherwise_laid_out, _only_notes),
+    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.otherwise_laid_out, _only_notes),
+    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.more_rows, _only_notes),
     Hypothesis(
         MarkerEvidence, (Code.BOARD_SQUARE,), _TRIALS, wrong_drawing.other_spacing, _only_notes
     ),
@@ -142,9 +149,9 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         _CHANGES,
         _TRIALS,
         lambda e: odd_photos.unsteady(e.fit),
-        lambda e, found: _not_bad(e, found) and _lacks([Code.SHEARED, *_LENSES], found),
+        lambda e, found: _not_bad(e, found) and _lacks(_LENSES, found) and _few_sheared(found),
         # Where all photos differ, those that do so most are not odd.
-        instead_of=(Code.PHOTO_LENS,),
+        instead_of=(Code.PHOTO_LENS, Code.SHEARED),
     ),
     Hypothesis(FitEvidence, _NAMES, _TRIALS, left_out.left_out, _named),
     Hypothesis(

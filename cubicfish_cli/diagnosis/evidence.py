@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
-from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.diagnosis.fewer_corners import fewer_corners
-from cubicfish_cli.diagnosis.more_corners import Count, more_corners
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.fitting.evidence import Evidence
-from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
+
+if TYPE_CHECKING:
+    from cubicfish_cli.detection.grids import FoundGrids
+    from cubicfish_cli.diagnosis.more_corners import Count
+    from cubicfish_cli.identification.identified import Identified
+    from cubicfish_cli.photos import Picture
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +59,9 @@ class GridEvidence(PhotoEvidence):
     @cached_property
     def counts(self) -> list[Count]:
         """Boards that have another number of corners than the target says, as photos show it."""
+        from cubicfish_cli.diagnosis.fewer_corners import fewer_corners  # for photos alone
+        from cubicfish_cli.diagnosis.more_corners import more_corners
+
         more = more_corners(self.identified, self.target)
         fewer = fewer_corners(self.identified, self.target, self.picture)
         known = {count.board for count in more}
@@ -75,3 +81,13 @@ class MarkerEvidence(PhotoEvidence):
 
     corners: Observations
     grids: Sequence[FoundGrids]
+
+
+def boards_with_squares(target: Target) -> list[int]:
+    """Indices of the boards whose corners are where squares meet."""
+    return [index for index, board in enumerate(target.boards) if board.has_squares]
+
+
+def grid_boards(target: Target) -> list[Board]:
+    """The boards that show as a grid of squares."""
+    return [target.boards[index] for index in boards_with_squares(target)]

@@ -17,10 +17,10 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.diagnosis.evidence import boards_with_squares
 from cubicfish_cli.diagnosis.more_corners import (
     FEWEST_PHOTOS,
     Count,
-    boards_with_squares,
     is_full,
 )
 from cubicfish_cli.identification.ends import Ends

@@ -9,25 +9,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, alike
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.detection.markers import find_marked_corners, markers_of_any_kind
-from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
-from cubicfish_cli.diagnosis.more_corners import grid_boards
+from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, grid_boards
 from cubicfish_cli.fitting.evidence import FailedFit
 from cubicfish_cli.fitting.local_noise import neighbours
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import flatness
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
+
+if TYPE_CHECKING:
+    from cubicfish_cli.photos import Picture
 
 # Fewer squares than this, or a smaller majority of them, say nothing.
 _FEWEST = 3
@@ -142,6 +143,8 @@ def seen_sides(pairs: Observations) -> IntArray:
 
 def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
     """That markers of some boards are inverted, or photos are mirrored, where they are unseen."""
+    from cubicfish_cli.detection.markers import find_marked_corners  # for photos alone
+
     target, unseen = evidence.target, unseen_boards(evidence)
     if not unseen:
         return []
@@ -188,6 +191,8 @@ def _other_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
 
     A board's ids follow each other, those that something else is mistaken for do not.
     """
+    from cubicfish_cli.detection.markers_measure import markers_of_any_kind  # for photos alone
+
     seen = [markers_of_any_kind(picture) for picture, _ in islice(richest(evidence), _PHOTOS)]
     rows = []
     for name in seen[0] if seen else ():

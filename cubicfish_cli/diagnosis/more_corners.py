@@ -10,6 +10,7 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
+from cubicfish_cli.diagnosis.evidence import boards_with_squares
 from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport, Identified
 from cubicfish_cli.identification.name_grids import name_again
 from cubicfish_cli.placement import TURNS
@@ -46,16 +47,6 @@ class Count:
 def is_full(grid: Grid) -> bool:
     """Whether a grid has nearly all corners of its box."""
     return bool(len(grid) >= _FILLED * (grid.cells.max(axis=0) + 1).prod())
-
-
-def boards_with_squares(target: Target) -> list[int]:
-    """Indices of the boards whose corners are where squares meet."""
-    return [index for index, board in enumerate(target.boards) if board.has_squares]
-
-
-def grid_boards(target: Target) -> list[Board]:
-    """The boards that show as a grid of squares."""
-    return [target.boards[index] for index in boards_with_squares(target)]
 
 
 def more_corners(identified: Identified, target: Target) -> list[Count]:

@@ -25,9 +25,7 @@ from cubicfish_cli.boards.board import Board, FirstSquare
 from cubicfish_cli.detection.grids import Grid, grid_in_mirror
 from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.geometry import Similarity, similarity
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import FEWEST_CORNERS, GridReport
-from cubicfish_cli.identification.name_grids import name_again
+from cubicfish_cli.identification.identified import FEWEST_CORNERS, Decided, GridReport
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
@@ -309,6 +307,8 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
 
     Nothing where most grids have a place, or nothing simple explains why they have none.
     """
+    from cubicfish_cli.identification.name_grids import name_again  # for photos alone
+
     identified, target = evidence.identified, evidence.target
     boards = [board for board in target.boards if board.points is None]
     named, lost = _counts(identified.grids)

@@ -33,7 +33,7 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.refinement import TargetFit
-from cubicfish_cli.fitting.subset import flatness, select_photos
+from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.words.codes import Code, Severity
@@ -54,7 +54,7 @@ _CLEAR_MARGIN = 0.4
 _MANY = 0.4
 # Pixels of a photo of 2000 from which on a change of all is worth a word.
 _UNSTEADY_PX = 0.1
-_FLAT = 1e-3  # a refined sheet is bent a little
+_FLAT = 0.05  # a refined sheet is bent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,8 +191,7 @@ def unsteady(fit: TargetFit) -> list[Finding]:
     """What seems to change from photo to photo, as a note; empty where nothing clearly does."""
     pairs, poses = fit.reference.pairs, fit.cubic.poses
     world = fit.cubic.fit.world.points
-    flat = flatness(world) < _FLAT
-    bend = _bends(world) if flat else np.zeros((len(world), 3, 0))
+    bend = _bends(pairs, world)
 
     def bent(run: slice, d_point: FloatArray, _: FloatArray) -> FloatArray:
         return np.asarray(d_point @ poses.rotation[pairs.image[run]] @ bend[run])
@@ -201,22 +200,22 @@ def unsteady(fit: TargetFit) -> list[Finding]:
     if len(photos) < _FEWEST_PHOTOS:
         return []
     terms = {Code.AUTOFOCUS: slice(0, 1), Code.STABILISATION: slice(1, 3)}
-    if flat:
-        terms[Code.SHEET_BENDS] = slice(3, 6)
-    equations = 2 * np.bincount(pairs.image, minlength=len(pairs.images))[photos] - 6
-    before = np.sum(triangles[:, :, -1] ** 2, axis=1)
-    squares = {cause: np.zeros(len(photos)) for cause in terms}
-    for place, left in enumerate(triangles):
-        for cause, columns in terms.items():
-            step = np.linalg.lstsq(left[:, columns], left[:, -1], rcond=1e-9)[0]
-            squares[cause][place] = np.sum((left[:, -1] - left[:, columns] @ step) ** 2)
-    variance = float(before.sum() / equations.sum())
-    left_free = {cause: equations - (one.stop - one.start) for cause, one in terms.items()}
-    each = {cause: float(squares[cause].sum() / left_free[cause].sum()) for cause in terms}
+    if bend.shape[2]:
+        terms[Code.SHEET_BENDS] = slice(3, 3 + bend.shape[2])
+    equations = 2.0 * np.bincount(pairs.image, minlength=len(pairs.images))[photos] - 6
+    changes = {cause: _change(triangles, columns) for cause, columns in terms.items()}
+    each = {
+        cause: float(one.own.sum() / (equations - one.numbers).sum())
+        for cause, one in changes.items()
+    }
     cause = min(each, key=lambda one: each[one])
+    change = changes[cause]
+    # What all photos have in common, as a board that is always bent, does not change.
+    variance = float(change.common.sum() / equations.sum())
     change_px = float(np.sqrt(2 * max(variance - each[cause], 0.0)))
     # In many photos, not in a few that are odd.
-    own_share = squares[cause] / left_free[cause] * equations / np.maximum(before, 1e-300)
+    left_free = equations - change.numbers
+    own_share = change.own / left_free * equations / np.maximum(change.common, 1e-300)
     if max(each[cause] / variance, float(np.quantile(own_share, _MANY))) > 1 - _CLEAR_MARGIN:
         return []
     if change_px < noticed_px(pairs, _UNSTEADY_PX):
@@ -232,10 +231,48 @@ def unsteady(fit: TargetFit) -> list[Finding]:
     return [told]
 
 
-def _bends(world: FloatArray) -> FloatArray:
-    """(N, 3, 3) how the points of a flat board move when it bends in three ways: x², xy and y²."""
-    off = world - world.mean(axis=0)
-    axes = np.linalg.svd(off, full_matrices=False)[2]
-    plane = off @ axes[:2].T
-    x, y = (plane / np.abs(plane).max(axis=0)).T
-    return np.asarray(axes[2][None, :, None] * np.stack([x * x, x * y, y * y], axis=-1)[:, None])
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Change:
+    """What photos are off by with a change of something.
+
+    Attributes:
+        common, own: (K,) the sum of squared errors of each photo with one change for all, and with
+            a change of its own.
+        numbers: (K,) how many free numbers the own one has.
+
+    """
+
+    common: FloatArray
+    own: FloatArray
+    numbers: FloatArray
+
+
+def _change(triangles: FloatArray, columns: slice) -> _Change:
+    """Fit a change to photos (see :func:`own_triangles`), whose terms are some of the columns."""
+    terms, miss = triangles[:, :, columns], triangles[:, :, -1:]
+    shared = terms.reshape(-1, terms.shape[2])
+    step = np.linalg.lstsq(shared, miss.reshape(-1, 1), rcond=1e-9)[0]
+    common, own, numbers = (np.zeros(len(triangles)) for _ in range(3))
+    for place, (term, off) in enumerate(zip(terms, miss, strict=True)):
+        mine, _, numbers[place], _ = np.linalg.lstsq(term, off, rcond=1e-9)
+        own[place] = np.sum((off - term @ mine) ** 2)
+        common[place] = np.sum((off - term @ step) ** 2)
+    return _Change(common=common, own=own, numbers=numbers)
+
+
+def _bends(pairs: Observations, world: FloatArray) -> FloatArray:
+    """(N, 3, 3 B) how points move when one of B flat boards bends in three ways: x², xy and y²."""
+    parts = []
+    for board in np.unique(pairs.board):
+        here = pairs.board == board
+        off = world[here] - world[here].mean(axis=0)
+        _, extent, axes = np.linalg.svd(off, full_matrices=False)
+        # No sheet, or corners of one row.
+        if len(extent) < 3 or not extent[2] < _FLAT * extent[0] < extent[1]:
+            continue
+        plane = off @ axes[:2].T
+        x, y = (plane / np.abs(plane).max(axis=0)).T
+        bend = np.zeros((len(world), 3, 3))
+        bend[here] = axes[2][None, :, None] * np.stack([x * x, x * y, y * y], axis=-1)[:, None]
+        parts.append(bend)
+    return np.concatenate([np.zeros((len(world), 3, 0)), *parts], axis=2)

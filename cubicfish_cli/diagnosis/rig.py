@@ -8,7 +8,6 @@ import numpy as np
 
 from cubicfish_cli.fitting.rig.evidence import Moved, RigEvidence
 from cubicfish_cli.fitting.rig.moved import explained, says
-from cubicfish_cli.fitting.rig.start import common_shots
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, RigFinding
@@ -142,7 +141,7 @@ def mismatched(evidence: RigEvidence) -> list[Finding]:
 def few_common_shots(evidence: RigEvidence) -> list[Finding]:
     """Cameras whose strongest connection to the others is weak."""
     names = evidence.names
-    common = common_shots(evidence.lens, len(names))
+    common = evidence.lens.common_shots
     found: list[RigFinding] = []
     for camera, name in enumerate(names):
         others = np.delete(np.arange(len(names)), camera)

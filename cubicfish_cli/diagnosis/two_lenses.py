@@ -40,6 +40,9 @@ _WORTH_A_LOOK = 1e-2
 # person would notice.
 _CLEAR_MARGIN = 0.1
 _MOST = 0.8
+# Half-way from there to what groups explain by chance, where each photo has a lens of its own: two
+# lenses that foretell photos are noted.
+_MUCH = 0.65
 # Photos of one lens foretell another one's squared errors to this share of what is left, or of
 # what two lenses take away. Where the focus is another in every photo, groups of photos do not.
 _FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
@@ -135,8 +138,8 @@ def _followed(fit: TargetFit, together: float) -> Finding | None:
         split, apart, photos = _at_the_boundary(fit, split, apart, photos)
     apart_px = rms_px(apart.cubic.residual)
     unforeseen = left_out_share(photos, split.second)
-    severity = worth(together, apart_px, unforeseen, noticed)
-    if split.explained < _MOST or severity is None:
+    severity = worth(together, apart_px, unforeseen, noticed, split.explained)
+    if severity is None:
         return None
     scale = 1 + split.own[:, 0] / reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
@@ -158,26 +161,30 @@ def _followed(fit: TargetFit, together: float) -> Finding | None:
     return replace(found, severity=severity)
 
 
-def worth(together: float, apart: float, unforeseen: float, noticed: float) -> Severity | None:
-    """What two lenses are worth that explain clearly more than one; None where they do not.
+def worth(
+    together: float, apart: float, unforeseen: float, noticed: float, explained: float
+) -> Severity | None:
+    """What two lenses are worth; None where they do not clearly explain more than one.
 
     Bad is a camera of photos whose two lenses foretell photos that had no say in them. Those of a
-    few photos do not: then it is a note.
+    few photos do not: then it is a note, as it is where photos differ in other ways, too.
 
     Args:
         together: RMS with one lens for all, pixels.
         apart: with two.
         unforeseen: how many times larger the squared error is of photos that had no say.
         noticed: pixels that a person would notice.
+        explained: see :class:`TwoLenses`.
 
     """
     left, gain = apart**2, together**2 - apart**2
     not_foretold = left * (unforeseen - 1)
     least = _worthy_gain(together, noticed)
     foretold = not_foretold <= max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain)
-    if foretold and gain - not_foretold >= least:
-        return Severity.BAD
-    return Severity.NOTE if gain >= least else None
+    foretold = foretold and gain - not_foretold >= least
+    if explained < (_MUCH if foretold else _MOST) or gain < least:
+        return None
+    return Severity.BAD if foretold and explained >= _MOST else Severity.NOTE
 
 
 def _worthy_gain(together: float, noticed: float) -> float:

@@ -15,7 +15,6 @@ from itertools import islice
 
 import numpy as np
 
-from cubicfish_cli.detection.markers import tags_apart
 from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.diagnosis.mirrored import in_mirror, richest
 from cubicfish_cli.diagnosis.object_faults import Fault, object_fault
@@ -228,6 +227,8 @@ _PHOTOS = 3
 
 def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
     """Boards of tags with another spacing, by gaps between corners or between tags themselves."""
+    from cubicfish_cli.detection.markers_measure import tags_apart  # for photos alone
+
     target, findings = evidence.target, []
     for index, board in enumerate(target.boards):
         if board.per_cell != 2 or board.markers is None:

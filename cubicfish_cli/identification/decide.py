@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import similarity
 from cubicfish_cli.identification.ends import Ends, clearly_more, doubtful_rims
+from cubicfish_cli.identification.identified import Decided
 from cubicfish_cli.identification.search import Labelings
 from cubicfish_cli.placement import SAME, Placement, Reach, reach_of
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
@@ -28,20 +28,6 @@ _LEAST_SHARE = 3
 _SAME_COST = 1.001
 # No solid has more rotations than the cube's 24: more places than that are not symmetries.
 _MOST_SYMMETRIES = 24
-
-
-class Decided(Enum):
-    """What became of a grid."""
-
-    NAMED = "named"
-    CONVENTION = "named by convention"
-    AMBIGUOUS = "ambiguous"
-    SLIDE = "undecidable"
-    TWIN = "one of several boards alike"
-    NO_FIT = "fits no place"
-    TOO_LARGE = "larger than every board"
-    COLOURS = "light where the board is dark"
-    NOT_PLANE = "not a plane of squares"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cubicfish_cli.detection.grids import FoundGrids, Grid
-from cubicfish_cli.detection.markers import MarkedCorners
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.scene import Scene
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
@@ -24,6 +23,25 @@ from cubicfish_cli.types import BoolArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed
+
+if TYPE_CHECKING:  # tables have no grids to be named, and ask for none of what names them
+    from cubicfish_cli.detection.markers import MarkedCorners
+    from cubicfish_cli.identification.scene import Scene
+
+
+class Decided(Enum):
+    """What became of a grid."""
+
+    NAMED = "named"
+    CONVENTION = "named by convention"
+    AMBIGUOUS = "ambiguous"
+    SLIDE = "undecidable"
+    TWIN = "one of several boards alike"
+    NO_FIT = "fits no place"
+    TOO_LARGE = "larger than every board"
+    COLOURS = "light where the board is dark"
+    NOT_PLANE = "not a plane of squares"
+
 
 FEWEST_CORNERS = 12
 """A grid of fewer corners may be anything: it says nothing of why others have no place."""

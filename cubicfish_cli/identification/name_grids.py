@@ -18,9 +18,9 @@ import numpy as np
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.geometry import mean_rotation
-from cubicfish_cli.identification.decide import Decided, Decision, rim_in_doubt
+from cubicfish_cli.identification.decide import Decision, rim_in_doubt
 from cubicfish_cli.identification.ends import solid, solid_size
-from cubicfish_cli.identification.identified import GridReport, Identified, Place
+from cubicfish_cli.identification.identified import Decided, GridReport, Identified, Place
 from cubicfish_cli.identification.scene import (
     Decisions,
     Scene,

@@ -22,8 +22,9 @@ from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
 from cubicfish_cli.fitting.robust import wide_px
-from cubicfish_cli.identification.decide import Decided, Decision, decide, decide_alone
+from cubicfish_cli.identification.decide import Decision, decide, decide_alone
 from cubicfish_cli.identification.ends import Ends, ends_of, farthest_radius, without_strays
+from cubicfish_cli.identification.identified import Decided
 from cubicfish_cli.identification.search import GridView, grid_moments, search
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations

@@ -144,6 +144,7 @@ class Event(StrEnum):
     MANY_PHOTOS = "many_photos"
     PHOTOS_CHOSEN = "photos_chosen"
     FILM_ENDS = "film_ends"
+    FILM_DAMAGED = "film_damaged"
     FILM_TURNED = "film_turned"
     FILM_INTERLACED = "film_interlaced"
     FRAMES_KEPT = "frames_kept"

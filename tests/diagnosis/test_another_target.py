@@ -7,8 +7,7 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.diagnosis.corner_count import another_target, nothing_named
 from cubicfish_cli.diagnosis.more_corners import Count
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import GridReport, Identified, Place
+from cubicfish_cli.identification.identified import Decided, GridReport, Identified, Place
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code

@@ -11,6 +11,7 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, s
 from cubicfish_cli.detection.grids import grid_in_mirror
 from cubicfish_cli.diagnosis import object_faults as module
 from cubicfish_cli.diagnosis.object_faults import misdrawn
+from cubicfish_cli.identification import name_grids as naming
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.target import Target
 
@@ -63,7 +64,7 @@ def test_a_mirrored_grid_is_the_one_of_the_mirrored_photo(grids):
 
 def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch):
     identified = name_grids(grids, TARGET, IMAGE_SIZE, NAMES)
-    monkeypatch.setattr(module, "name_again", lambda *_: pytest.fail("must not be tried"))
+    monkeypatch.setattr(naming, "name_again", lambda *_: pytest.fail("must not be tried"))
     assert misdrawn(grid_evidence(identified, TARGET)) == []
 
 

@@ -15,7 +15,7 @@ from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.diagnosis.object_check import ALIKE, Turn, check_object, rank_of_lift
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.decide import Decided
+from cubicfish_cli.identification.identified import Decided
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.placement import placement_of
 from cubicfish_cli.target import Target

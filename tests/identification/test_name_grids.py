@@ -18,8 +18,7 @@ from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import Identified, Place
+from cubicfish_cli.identification.identified import Decided, Identified, Place
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.placement import placement_of

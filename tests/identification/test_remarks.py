@@ -7,8 +7,8 @@ import pytest
 from anonymous_grids import anonymous_photos
 from synthetic import IMAGE_SIZE, checkerboard, flat_board, poses_around, synthetic_corners
 
-from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.identified import (
+    Decided,
     GridReport,
     Place,
     drawing_fits,

@@ -14,9 +14,9 @@ from synthetic import (
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.fitting.poses import rotation_from_vector
-from cubicfish_cli.identification.decide import CLEAR_RATIO, Decided, decide, decide_alone
+from cubicfish_cli.identification.decide import CLEAR_RATIO, decide, decide_alone
 from cubicfish_cli.identification.ends import Ends, ends_of
-from cubicfish_cli.identification.identified import Place
+from cubicfish_cli.identification.identified import Decided, Place
 from cubicfish_cli.identification.scene import grid_poses, view_of
 from cubicfish_cli.identification.search import (
     form_cost,

@@ -10,8 +10,8 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, flat_board
 
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.diagnosis.corner_count import nothing_named
-from cubicfish_cli.identification.decide import Decided
 from cubicfish_cli.identification.ends import doubtful_rims, solid_size, without_strays
+from cubicfish_cli.identification.identified import Decided
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.target import Target
 from tests.identification.test_name_grids import names, places, seen

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cubicfish_cli.detection.grids import FoundGrids, Grid
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import GridReport, PhotoReport, Place
+from cubicfish_cli.identification.identified import Decided, GridReport, PhotoReport, Place
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.overlay import BOARD_COLOURS, LEFT_OUT, REFUSED, PhotoCanvas, draw_found
 from cubicfish_cli.words.codes import Code
