@@ -128,7 +128,7 @@ def command(given: Asked) -> None:
     folder goes.
     """
     check_inputs(given.inputs, given.correspondences, given.target)
-    from cubicfish_cli.fitting.point_fit import PointCalibration
+    from cubicfish_cli.fitting.calibration import Calibration
     from cubicfish_cli.library.calibration_files import calibrate_files
 
     title = given.title
@@ -143,15 +143,15 @@ def command(given: Asked) -> None:
     if given.fit.as_json:
         print_json(made.as_record())
     say_left_out(fitted.unfit)
-    if not isinstance(fitted, PointCalibration):
+    if isinstance(fitted, Calibration):
         _say_findings(fitted, made.record)
     if not given.fit.as_json:
         apart()
         result(made.facts.line, mark=(made.verdict.words, made.verdict.level))
-        if isinstance(fitted, PointCalibration):
-            _print_points(made, fitted)
-        else:
+        if isinstance(fitted, Calibration):
             _print_calibration(made, fitted)
+        else:
+            _print_points(made, fitted)
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
     say_if_no_page(made.files, wanted=given.fit.report)

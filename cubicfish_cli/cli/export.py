@@ -10,14 +10,14 @@ from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import FloatRange, as_command, option, record
 from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
-from cubicfish_cli.formats.registry import WRITTEN
+from cubicfish_cli.formats.registry import WRITABLE
 
 # Of no lens model, and so not among the registered formats.
 _MAPS = {
     "maps": ".npz for cv2.remap; holds any lens",
     "usd": ".usda and .exr in a folder; holds any lens",
 }
-FORMATS = {**WRITTEN, **_MAPS}
+FORMATS = {**WRITABLE, **_MAPS}
 
 _HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 

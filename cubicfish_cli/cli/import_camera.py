@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 _HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compare and others.
 
-Reads {", ".join(READABLE.values())}.
+These can be read, by the names that --from takes:
+
+\b
+{chr(10).join(f"{name:<13}{what}" for name, what in READABLE.items())}
+
 P is fitted to the lens over its field; how near it comes, how far it is trusted and why no farther
 are printed. Corners of other detectors are read by 'cubicfish corners'.
 """
@@ -34,8 +38,8 @@ class Asked:
         missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
     )
     written_by: str | None = option(
-        "--from",
-        "What wrote the file. [default: told by what it holds]",
+        "--from FORMAT",
+        "What wrote the file: a name of the list above. [default: told by what it holds]",
         click.Choice(list(READABLE)),
     )
     camera: str | None = option(

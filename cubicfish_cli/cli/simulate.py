@@ -19,12 +19,14 @@ from cubicfish_cli.cli.options import (
 )
 from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result
-from cubicfish_cli.rendering.options import FILMS, LOOKS, FilmOptions, LookOptions
-
-# The names of rendering.simulate.FORMATS, here so that --help need not load numpy.
-FORMATS = ("jpg", "png")
-# And those of rendering.outside.OUTSIDE_LENSES.
-LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
+from cubicfish_cli.rendering.options import (
+    FILMS,
+    FORMATS,
+    LOOKS,
+    OUTSIDE_LENSES,
+    FilmOptions,
+    LookOptions,
+)
 
 
 def _film(seconds: float | None, rate: float, shutter: float, readout: float) -> FilmOptions | None:
@@ -111,7 +113,7 @@ class Asked:
     lens: str | None = option(
         "--lens NAME|FILE",
         "In place of --model: a lens that no camera.yaml can hold ("
-        + ", ".join(LENSES)
+        + ", ".join(OUTSIDE_LENSES)
         + "), or another tool's camera file, such as mrcal's .cameramodel or COLMAP's cameras.txt.",
     )
     image_size: tuple[int, int] | None = option(
@@ -169,8 +171,8 @@ def command(given: Asked) -> None:
         raise click.UsageError("--lens stands in the place of --model: leave one of them out")
     if lens is None and given.image_size is not None:
         raise click.UsageError("the camera says the size of its photos: --size goes with --lens")
-    if lens is not None and lens not in LENSES and not Path(lens).exists():
-        raise click.UsageError(f"--lens: {lens} is no file and none of {', '.join(LENSES)}")
+    if lens is not None and lens not in OUTSIDE_LENSES and not Path(lens).exists():
+        raise click.UsageError(f"--lens: {lens} is no file and none of {', '.join(OUTSIDE_LENSES)}")
     made = call(simulate_files, given, target=target, lens=lens or options.model_path(given.model))
     if given.as_json:
         print_json(made.as_record())

@@ -22,6 +22,8 @@ from cubicfish_cli.types import BoolArray, FloatArray
 _NEAREST_ROUNDS = 2
 # Squared: a share of a parameter's own effect that no other has.
 _TOLD_APART = 1e-13
+# All that an image of things far away depends on, and 1.
+_FAR = np.delete(np.arange(49), 47)
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
 
@@ -285,10 +287,11 @@ class CubicFit:
 
     def _with_travel(self, priors: FloatArray) -> FloatArray:
         """(H, 49, 49) of (H, 48, 48)."""
-        grown = np.insert(np.insert(priors, 47, 0.0, axis=1), 47, 0.0, axis=2)
-        row = np.zeros(49)
-        row[47], row[48] = self.travel_weight, self.travel_weight * self.travel
-        return np.asarray(grown + np.outer(row, row))
+        grown = np.zeros((len(priors), 49, 49))
+        grown[:, _FAR[:, None], _FAR] = priors
+        pull = np.array([1, self.travel]) * self.travel_weight
+        grown[:, 47:, 47:] += np.outer(pull, pull)
+        return grown
 
     def priors(self, weights: FloatArray) -> FloatArray:
         """(H, 48, 48) what it is to be held more or less firmly, all at once; see :meth:`prior`.

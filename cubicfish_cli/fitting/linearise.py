@@ -66,11 +66,6 @@ def runs_linearised(
             yield photos, run, terms, np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
 
 
-def views_of(lens: FitLens, poses: Poses) -> Poses:
-    """camera_from_world of every photo: of a rig, what each camera saw of each shot."""
-    return body_of(lens, len(poses)).views(poses)
-
-
 def linearised(
     lens: FitLens,
     poses: Poses,

@@ -25,6 +25,7 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.nearest import FreeLens, nearest_lens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.registry import LENSES
 from cubicfish_cli.lenses.sphere import cone_rays, usable_angle_deg
 from cubicfish_cli.observations import Observations
@@ -35,7 +36,6 @@ L = TypeVar("L", bound=Lens)
 F = TypeVar("F", bound=FitLens)
 
 CUBIC = "cubic"
-KANNALA_BRANDT = "Kannala–Brandt"
 COMPARED = tuple(kind for kind in LENSES if kind.compared)
 # Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
 _CUBIC_PARAMETERS = 44
@@ -119,7 +119,7 @@ def compare_models(
     known = calibration.held_out if pairs is calibration.pairs and folds else None
     rows = [
         _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), reference, () if known else folds),
-        _figures(KANNALA_BRANDT, 4 + reference.terms, _fit_radial, reference, folds),
+        _figures(RadialCamera.label, 4 + reference.terms, _fit_radial, reference, folds),
     ]
     if known is not None:  # one thing has one figure, and that of the fit is known
         rows[0] = replace(rows[0], rms_px=calibration.errors.rms_px, held_out_rms_px=known.rms_px)

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.geometry import outermost
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -21,6 +22,9 @@ def repeated_groups(
 ) -> IntArray:
     """(photos,) which photos are one: numbers from 0, in the order in which they first appear.
 
+    Where it is not certain which corners a photo shows, its pose may be some squares off: it is
+    compared with all others by where its corners lie in the picture.
+
     Args:
         poses: camera_from_world of each of ``pairs.images``.
         pairs: pairs of the photos.
@@ -33,12 +37,26 @@ def repeated_groups(
     tolerance = share * max(pairs.image_size) * np.sqrt(seen.shape[1] / 3)
     group = np.full(count, -1, np.intp)
     tree = KDTree(seen)
+    unsure = np.unique(pairs.image[~pairs.certain])
+    outlines = _outlines(pairs, count) if len(unsure) else np.empty((count, 8, 2))
     for photo in range(count):
         if group[photo] >= 0:
             continue
         near = np.array(tree.query_ball_point(seen[photo], tolerance), np.intp)
+        if len(unsure):
+            apart = np.median(np.linalg.norm(outlines - outlines[photo], axis=2), axis=1)
+            by_place = np.flatnonzero(apart < share * max(pairs.image_size))
+            if photo in unsure:
+                near = by_place
+            else:
+                near = np.union1d(np.setdiff1d(near, unsure), np.intersect1d(by_place, unsure))
         group[near[group[near] < 0]] = group.max() + 1
     return group
+
+
+def _outlines(pairs: Observations, count: int) -> FloatArray:
+    """(photos, 8, 2) the outermost corners of each photo, pixels."""
+    return np.array([outermost(pairs.pixel[pairs.image == photo]) for photo in range(count)])
 
 
 def _in_pixels(poses: Poses, world: FloatArray, focal: float) -> FloatArray:

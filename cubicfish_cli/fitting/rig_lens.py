@@ -69,6 +69,13 @@ class RigLens:
         ends = np.cumsum([0, *sizes])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
+    @cached_property
+    def common_shots(self) -> IntArray:
+        """(C, C) in how many shots two cameras both see the target."""
+        seen = np.zeros((len(self.lenses), int(self.shot.max()) + 1), np.intp)
+        seen[self.camera, self.shot] = 1
+        return np.asarray(seen @ seen.T)
+
     def place_columns(self, camera: int) -> slice:
         """Where the turn and the shift of a camera that is not the first stand."""
         return slice(self.columns[camera].stop - _PLACE, self.columns[camera].stop)

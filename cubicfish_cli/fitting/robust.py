@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from cubicfish_cli.types import FloatArray, IntArray
@@ -33,8 +31,13 @@ def noise_px(residual: FloatArray) -> float:
 
 def noise_by_photo(image: IntArray, residual: FloatArray, photos: int) -> FloatArray:
     """(M,) :func:`noise_px` of each photo's residuals (N, 2); ``image`` (N,) is non-decreasing."""
-    bounds = np.searchsorted(image, np.arange(photos + 1))
-    return np.array([noise_px(residual[first:stop]) for first, stop in pairwise(bounds)])
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    ordered = length[np.lexsort((length, image))]
+    first, stop = np.searchsorted(image, [np.arange(photos), np.arange(1, photos + 1)])
+    noise, seen = np.zeros(photos), first < stop
+    middle = np.array([first + stop - 1, first + stop])[:, seen] // 2
+    noise[seen] = ordered[middle].mean(axis=0) / _MEDIAN_OF_RAYLEIGH
+    return noise
 
 
 def tail_px(residual: FloatArray) -> float:

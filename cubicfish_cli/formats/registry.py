@@ -55,7 +55,7 @@ ENTRIES = (
           "mrcal", "mrcal's .cameramodel"),
 )  # fmt: skip
 
-WRITTEN = {name: what for entry in ENTRIES for name, what in entry.written.items()}
+WRITABLE = {name: what for entry in ENTRIES for name, what in entry.written.items()}
 """Format that is written -> what comes of it."""
 
 READABLE = {entry.read: entry.reads for entry in ENTRIES if entry.read is not None}

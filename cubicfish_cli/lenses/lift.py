@@ -18,24 +18,36 @@ _ORDER = "XXX YYY ZZZ XXY XXZ YYX YYZ ZZX ZZY XYZ XX YY ZZ XY YZ XZ X Y Z 1"
 MONOMIALS = tuple(_ORDER.split())
 EXPONENTS = np.array([[name.count(axis) for axis in "XYZ"] for name in MONOMIALS])
 SIZE = len(MONOMIALS)
+_ONE, _LINEAR = MONOMIALS.index("1"), [MONOMIALS.index(axis) for axis in "XYZ"]
 # Products of two of (X, Y, Z, 1), each once.
 _PRODUCTS = tuple(combinations_with_replacement(range(4), 2))
 
 
+def _steps() -> list[tuple[int, int, int]]:
+    """Monomials of degree 2 and 3: which, which one of a degree less, times which coordinate.
+
+    The coordinate is the last of those in it that it has the fewest of: squares come first.
+    """
+    place = {tuple(exponents): k for k, exponents in enumerate(EXPONENTS.tolist())}
+    found = []
+    for exponents in sorted((e for e in place if sum(e) > 1), key=sum):
+        axis = min(np.flatnonzero(exponents)[::-1].tolist(), key=lambda a: exponents[a])
+        lower = tuple(power - (k == axis) for k, power in enumerate(exponents))
+        found.append((place[exponents], place[lower], _LINEAR[axis]))
+    return found
+
+
+_STEPS = _steps()
+
+
 def lift(points: npt.ArrayLike) -> FloatArray:
     """Φ of points: (..., 3) -> (..., 20), in the paper's order (Eq. 4)."""
-    x, y, z = (_powers(axis) for axis in np.moveaxis(np.asarray(points, dtype=float), -1, 0))
-    lifted = np.empty((SIZE, *x[0].shape))
-    for monomial, (i, j, k) in enumerate(EXPONENTS.tolist()):
-        lifted[monomial] = x[i] * y[j] * z[k]
+    axes = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+    lifted = np.empty((SIZE, *axes.shape[1:]))
+    lifted[_ONE], lifted[_LINEAR] = 1, axes
+    for monomial, lower, coordinate in _STEPS:
+        np.multiply(lifted[lower, ...], lifted[coordinate, ...], out=lifted[monomial, ...])
     return np.moveaxis(lifted, 0, -1)
-
-
-def _powers(axis: FloatArray) -> tuple[FloatArray, ...]:
-    """A coordinate to the powers 0 to 3."""
-    axis = np.asarray(axis, order="C")
-    square = axis * axis
-    return np.ones_like(axis), axis, square, square * axis
 
 
 @cache

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from cubicfish_cli.advice.advise import summary
+from cubicfish_cli.advice.enough import summary
 from cubicfish_cli.assess.camera_facts import CameraFacts
 from cubicfish_cli.assess.uncertainty import uncertainty_at
 from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict
@@ -20,8 +20,6 @@ from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
-from cubicfish_cli.fitting.model_comparison import compare_models
-from cubicfish_cli.fitting.point_fit import PointCalibration, calibrate_points
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import (
@@ -50,6 +48,9 @@ from cubicfish_cli.target import Target, target_text
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.words.codes import Event
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.point_fit import PointCalibration
 
 NAMES = {
     "camera": "camera.yaml",
@@ -202,6 +203,8 @@ def calibrate_files(
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, record, fitted.pairs)
         if compare:
+            from cubicfish_cli.fitting.model_comparison import compare_models  # all lens models
+
             run.listener.tell(Event.OTHER_MODELS)
             run.listener.progress("Fitting other lens models")
             rows = compare_models(fitted, drawn=loaded.pairs.target, hold_out=hold_out)
@@ -259,6 +262,8 @@ def _fit(
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
     if lift == "point":
+        from cubicfish_cli.fitting.point_fit import calibrate_points
+
         run.listener.progress("Fitting")
         return calibrate_points(loaded.pairs, hold_out=hold_out), {"lift": lift}
     fitted = calibrate(

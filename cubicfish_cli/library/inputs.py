@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import (
@@ -17,7 +17,6 @@ from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.identification.identified import Detection, line_of
 from cubicfish_cli.library.asked import (
     Run,
@@ -27,13 +26,6 @@ from cubicfish_cli.library.asked import (
     named_photos,
     tables_among,
 )
-from cubicfish_cli.library.detection import find_corners
-from cubicfish_cli.library.frames import (
-    choose_frames,
-    choose_photos,
-    earlier_frames,
-    refuse_other_photos,
-)
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import find_photos, photo_size
@@ -42,6 +34,9 @@ from cubicfish_cli.target import target_text
 from cubicfish_cli.words.codes import Event
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.point_fit import PointCalibration
 
 # Of more photos than these, some are as good as all.
 _MANY = 200
@@ -160,6 +155,10 @@ def _from_corners(
 def _from_photos(
     inputs: Sequence[Path], target: TargetSource, run: Run, best: int | None
 ) -> Inputs:
+    # Tables need no finder of corners, and begin at once without it.
+    from cubicfish_cli.library.detection import find_corners
+    from cubicfish_cli.library.frames import choose_photos
+
     target_file = target.fingerprint()
     targets = target.load(run.listener)
     photos = named_photos(inputs, run.listener)
@@ -232,6 +231,8 @@ def with_frames(
     films, most = films_among(inputs), best or MOST
     if not films:
         return inputs
+    from cubicfish_cli.library.frames import choose_frames, earlier_frames, refuse_other_photos
+
     photos = [path for path in inputs if path not in films]
     if photos:
         refuse_other_photos(named_photos(photos, run.listener), films)

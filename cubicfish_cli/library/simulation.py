@@ -24,9 +24,8 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import MAX_SIDE
-from cubicfish_cli.rendering.options import FilmOptions, LookOptions
+from cubicfish_cli.rendering.options import FORMATS, OUTSIDE_LENSES, FilmOptions, LookOptions
 from cubicfish_cli.rendering.outside import (
-    OUTSIDE_LENSES,
     OutsideLens,
     RaysAtDistance,
     is_lens_file,
@@ -35,7 +34,6 @@ from cubicfish_cli.rendering.outside import (
     outside_lens,
 )
 from cubicfish_cli.rendering.simulate import (
-    FORMATS,
     chosen_poses,
     photo_bytes,
     simulated_photos,

@@ -10,6 +10,10 @@ from dataclasses import dataclass
 
 from cubicfish_cli.errors import UsageError
 
+FORMATS = ("jpg", "png")
+"""Of photos; the first is the usual one."""
+OUTSIDE_LENSES = ("moving-pupil", "mirror", "equisolid", "orthographic")
+"""The lenses that :mod:`cubicfish_cli.rendering.outside` makes, by name."""
 LOOKS: Mapping[str, tuple[float, float]] = {
     "noise": (0, 100),
     "blur": (0, 50),

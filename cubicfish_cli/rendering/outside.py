@@ -35,6 +35,7 @@ from cubicfish_cli.angles import angle_from_axis, columns
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
+from cubicfish_cli.rendering.options import OUTSIDE_LENSES
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.units import MILLIMETRES
@@ -415,8 +416,6 @@ _MADE = {
         SineProfile(share=1.0), 0.985, 1.001, (0.004, 0.007), (0.2, 0.2), (0.42, 0.66), (0.0, 80.0)
     ),
 }  # fmt: skip
-OUTSIDE_LENSES = tuple(_MADE)
-"""The names that :func:`outside_lens` knows."""
 
 
 def outside_lens(
@@ -483,9 +482,11 @@ def is_lens_file(path: Path) -> bool:
     except OSError:
         pass  # said by whoever reads it
     data = load_plain_yaml(path, error=CameraFileError)
-    if not isinstance(data, dict) or "cubicfish" in data:
+    if not isinstance(data, dict) or not ("lens" in data or {"fx", "fy"} <= data.keys()):
         return False
-    return "lens" in data or {"fx", "fy"} <= data.keys()
+    # Much else has such keys, too: most of a lens's own are these, one or the other misspelt.
+    own = data.keys() & {*_COUNTS, *_OUTSIDE}
+    return 2 * len(own) > len(data)
 
 
 def load_lens(path: Path) -> AsymmetricLens | RaysAtDistance:

@@ -34,7 +34,6 @@ from cubicfish_cli.types import FloatArray, IntArray
 FloatArray32 = npt.NDArray[np.float32]
 
 _PIXELS_PER_BLOCK = 200_000
-FORMATS = ("jpg", "png")
 _QUALITY = 95
 _SUPERSAMPLE = 4
 # Of each photo there are so many views to choose from, and at least so many in all.

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from cubicfish_cli.corner_files.observations_csv import load_corners, load_corre
 from cubicfish_cli.errors import PhotoError, ViewError
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.point_fit import PointCalibration
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
@@ -38,6 +37,9 @@ from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.fitting.point_fit import PointCalibration
 
 # What a page can carry and a reader look at: more photos have a row in the table only.
 MOST_THUMBNAILS = 48

@@ -12,8 +12,7 @@ from cubicfish_cli.cli.figures import lost_word
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.errors import OutputError
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import GridReport, PhotoReport
+from cubicfish_cli.identification.identified import Decided, GridReport, PhotoReport
 from cubicfish_cli.library.detection import drawings
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import load_target

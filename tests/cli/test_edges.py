@@ -172,7 +172,6 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(
         pytest.skip("there is no /proc here")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    monkeypatch.setattr("cubicfish_cli.library.inputs.find_corners", None)
     monkeypatch.setattr("cubicfish_cli.library.detection.find_corners", None)
     if place != ".":
         error = run("calibrate", SAMPLE / "photos", "-t", TARGET, "-o", place, code=1).stderr
@@ -229,7 +228,7 @@ def test_photos_of_another_camera_are_refused_before_they_are_searched(
 ) -> None:
     photos = tmp_path / "photos"
     run("undistort", SAMPLE / "photos", photos, "-m", calibrated, "--size", "640x480")
-    monkeypatch.setattr("cubicfish_cli.library.inputs.find_corners", None)
+    monkeypatch.setattr("cubicfish_cli.library.detection.find_corners", None)
     error = run("evaluate", photos, "-t", TARGET, "-m", calibrated, code=1).stderr
     assert "the photos have 640x480 pixels and the camera is for 960x720" in error
 

@@ -16,8 +16,8 @@ from synthetic import TRUE_LENS
 
 from cubicfish_cli.cli.options import JsonOption
 from cubicfish_cli.cli.terminal import print_json
+from cubicfish_cli.fitting import model_comparison
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.library import calibration_files
 from cubicfish_cli.rendering.outside import lens_text
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -112,7 +112,7 @@ def test_what_is_not_finite_is_null_and_what_is_not_plain_is_made_so(
 
 @pytest.mark.usefixtures("quick_fit")
 def test_calibrate(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calibration_files, "compare_models", lambda *args, **options: [])
+    monkeypatch.setattr(model_comparison, "compare_models", lambda *args, **options: [])
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o")
     ray, point = records(
         run, (*line, tmp_path / "a", "--compare"), (*line, tmp_path / "b", "--lift", "point")

@@ -55,6 +55,22 @@ def test_help_loads_no_heavy_library(args: list[str]) -> None:
     assert heavy_modules_after(*args) == "loaded:"
 
 
+def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path: Path) -> None:
+    args = ["calibrate", SAMPLE / "true_corners.csv", "-t", SAMPLE / "target.yaml"]
+    args += ["-o", tmp_path / "c", "--no-hold-out", "--refine-target", "off", "--no-report"]
+    code = (
+        "import sys; from cubicfish_cli.cli.main import cli\n"
+        f"cli({list(map(str, args))!r}, standalone_mode=False)\n"
+        "print(*(name for name in sys.modules if name.startswith('cubicfish_cli.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {*done.stdout.splitlines()[-1].split()}
+    needless = ("detection.finder", "films.source", "fitting.rig.start", "identification.scene",
+                "lenses.registry", "rendering.views")  # fmt: skip
+    assert "cubicfish_cli.fitting.climb" in loaded
+    assert not loaded & {f"cubicfish_cli.{name}" for name in needless}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "args",

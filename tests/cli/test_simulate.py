@@ -12,14 +12,12 @@ from running import SAMPLE, Run
 from synthetic import TRUE_LENS, checkerboard
 
 from cubicfish_cli import save_camera, save_target
-from cubicfish_cli.cli import simulate
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.conversion.from_lens import ExactLens
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import read_foreign
-from cubicfish_cli.rendering import simulate as library
-from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, lens_text, load_lens, outside_lens
+from cubicfish_cli.rendering.outside import lens_text, load_lens, outside_lens
 from cubicfish_cli.rendering.truth import camera_points, load_poses
 from cubicfish_cli.target import Target, load_target
 
@@ -253,6 +251,9 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
         assert words in refused("-t", TARGET, "-m", bad)
     bad.write_text(yaml.safe_dump({"lens": "mirror"}))
     assert "image_size is missing" in refused("-t", TARGET, "-m", bad)
+    other = {"fx": 300, "fy": 300, "cx": 320, "cy": 240, "width": 640, "height": 480, "fps": 30}
+    bad.write_text(yaml.safe_dump(other | {"camera": "front", "skew": 0}))
+    assert "it has no key 'cubicfish'" in refused("-t", TARGET, "-m", bad)
     assert "leave one of them out" in refused(*given, "--lens", "mirror", code=2)
     assert "no file and none of" in refused("-t", TARGET, "--lens", "mirrors", code=2)
     assert "--size goes with --lens" in refused(*given, "--size", "640x480", code=2)
@@ -268,14 +269,15 @@ def test_a_film_comes_with_the_truth_of_its_frames(
     run: Run, small_lens: Path, board: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("av")
-    from cubicfish_cli.films.source import decode, opened
+    from cubicfish_cli.films.decoding import decode
+    from cubicfish_cli.films.source import opened
 
     options = ("--film", 2.1, "--rate", 10, "--shutter", 4, "--readout", 8, "-o", tmp_path / "f")
     said = run("simulate", "-t", board, "-m", small_lens, *options, "--json")
     record = json.loads(said.stdout)
     assert record["photos"] == [str(tmp_path / "f" / "film.mp4")]
     with opened(tmp_path / "f" / "film.mp4") as (container, stream):
-        frames = list(decode(tmp_path / "film.mp4", container, stream, sound=False))
+        frames = list(decode(tmp_path / "film.mp4", container, stream))
         times = [float(frame.pts * stream.time_base) for frame in frames]
     assert times == pytest.approx(np.arange(21) / 10)
     poses = load_poses(tmp_path / "f" / "true_poses.csv")
@@ -310,8 +312,6 @@ def test_options_of_films_and_of_photos_do_not_mix(
     assert not (tmp_path / "f").exists()
 
 
-def test_the_formats_are_those_of_the_library(tmp_path: Path) -> None:
-    assert simulate.FORMATS == library.FORMATS
-    assert simulate.LENSES == OUTSIDE_LENSES
+def test_a_lens_is_read_as_it_was_written(tmp_path: Path) -> None:
     (tmp_path / "lens.yaml").write_text(lens_text(TRUE_LENS))
     assert load_lens(tmp_path / "lens.yaml") == TRUE_LENS

@@ -12,11 +12,11 @@ from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.model_comparison import (
     COMPARED,
     CUBIC,
-    KANNALA_BRANDT,
     compare_models,
     near_reference,
 )
 from cubicfish_cli.lenses.division import DivisionLens
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import usable_angle_deg
 
 
@@ -42,18 +42,18 @@ def rows():
 @pytest.mark.slow
 def test_the_table_has_every_model_on_the_same_terms(rows):
     rows, calibration = rows
-    assert list(rows) == [CUBIC, KANNALA_BRANDT, *(kind.label for kind in COMPARED)]
+    assert list(rows) == [CUBIC, RadialCamera.label, *(kind.label for kind in COMPARED)]
     assert rows[CUBIC].rms_px == calibration.errors.rms_px
     held_out = calibration.held_out
     assert rows[CUBIC].held_out_rms_px == held_out.rms_px
-    assert rows[KANNALA_BRANDT].rms_px == pytest.approx(calibration.companion_rms_px, rel=1e-3)
-    assert rows[KANNALA_BRANDT].held_out_rms_px == pytest.approx(
+    assert rows[RadialCamera.label].rms_px == pytest.approx(calibration.companion_rms_px, rel=1e-3)
+    assert rows[RadialCamera.label].held_out_rms_px == pytest.approx(
         held_out.companion_rms_px, rel=0.02
     )
     counts = {name: row.parameters for name, row in rows.items()}
     known = {
         "cubic": 44,
-        "Kannala–Brandt": 8,
+        RadialCamera.label: 8,
         "division": 5,
         "field of view": 5,
         "Scaramuzza": 9,

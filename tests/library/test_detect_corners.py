@@ -9,8 +9,7 @@ from synthetic import checkerboard
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import DetectionError
 from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.identification.decide import Decided
-from cubicfish_cli.identification.identified import remark_lines
+from cubicfish_cli.identification.identified import Decided, remark_lines
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos
 from cubicfish_cli.target import Target, load_target

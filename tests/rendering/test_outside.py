@@ -8,15 +8,21 @@ from scipy.optimize import least_squares
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.rendering.options import OUTSIDE_LENSES
 from cubicfish_cli.rendering.outside import (
-    OUTSIDE_LENSES,
+    _MADE,
     MirrorProfile,
     RaysAtDistance,
     outside_lens,
 )
 
 CENTRAL = ("equisolid", "orthographic")
+
 every_lens = pytest.mark.parametrize("name", OUTSIDE_LENSES)
+
+
+def test_every_name_that_help_tells_is_made() -> None:
+    assert tuple(_MADE) == OUTSIDE_LENSES
 
 
 def pixels(lens) -> np.ndarray:

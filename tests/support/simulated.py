@@ -2,7 +2,8 @@
 
 Rendering and finding corners takes a second per photo; this takes milliseconds::
 
-    from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
+    from cubicfish_cli.rendering.options import OUTSIDE_LENSES
+    from cubicfish_cli.rendering.outside import outside_lens
     from simulated import CornerErrors, simulated_corners
 
     lens = outside_lens("moving-pupil")                 # or any lens with project and unproject

@@ -20,7 +20,7 @@ from cubicfish_cli.errors import TargetError
 from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.identification.decide import Decided
+from cubicfish_cli.identification.identified import Decided
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.photos import find_photos

@@ -44,7 +44,7 @@ from cubicfish_cli.fitting.rig.moved import moved_camera
 from cubicfish_cli.fitting.rig.names import agreeing
 from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.spread import place_covariances
-from cubicfish_cli.fitting.rig.start import common_shots, connected, refuse_exchanged, start_rig
+from cubicfish_cli.fitting.rig.start import connected, refuse_exchanged, start_rig
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
@@ -243,7 +243,7 @@ def calibrate_rig(
         # It stands in one place: where it stood in most shots.
         apart = set_apart(fit.lens, fit.poses, views, seen, found.apart)
         clear = found.share > _CLEAR_MOVE
-        if not clear or not connected(common_shots(apart[0], len(names))):
+        if not clear or not connected(apart[0].common_shots):
             mean = replace(found, apart=found.apart[:0])
             evidence = replace(evidence, moved=(*moved, mean))
             break

@@ -21,7 +21,7 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig.gather import Placed, gathered, unplaced
 from cubicfish_cli.fitting.rig.names import agreeing
 from cubicfish_cli.fitting.rig.shots import Shots
-from cubicfish_cli.fitting.rig.start import common_shots, place_shots
+from cubicfish_cli.fitting.rig.start import place_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
@@ -77,7 +77,7 @@ def camera_pairs(
     names: Sequence[str], lens: RigLens, pairs: Observations, residual: FloatArray
 ) -> list[CameraPair]:
     """Every two cameras."""
-    common = common_shots(lens, len(names))
+    common = lens.common_shots
     camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
     found = []
     for a in range(len(names)):

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.fitting.linearise import runs_linearised
-from cubicfish_cli.fitting.rig.clocks import Clocks
-from cubicfish_cli.fitting.rig.start import RigStart
-from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
+
+if TYPE_CHECKING:  # one camera alone is diagnosed without them
+    from cubicfish_cli.fitting.rig.clocks import Clocks
+    from cubicfish_cli.fitting.rig.start import RigStart
+    from cubicfish_cli.fitting.rig_lens import RigLens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig.start import apart, common_shots, median_pose
+from cubicfish_cli.fitting.rig.start import apart, median_pose
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import world_scale
 from cubicfish_cli.observations import Observations
@@ -67,7 +67,7 @@ def agreeing(
 def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
     """(V,) which of the ways each view is named in, camera after camera."""
     cameras, shots = len(lens.lenses), int(lens.shot.max()) + 1
-    common = common_shots(lens, cameras)
+    common = lens.common_shots
     way = np.zeros(len(lens.camera), np.intp)
     placed = np.zeros(shots, bool)
     rigs = Poses(rotation=np.zeros((shots, 3, 3)), translation=np.zeros((shots, 3)))

@@ -188,7 +188,7 @@ def start_rig(
 
     """
     count = len(names)
-    common = common_shots(lens, count)
+    common = lens.common_shots
     relative: dict[tuple[int, int], Poses] = {}
     for a in range(count):
         for b in range(a + 1, count):
@@ -228,13 +228,6 @@ def _refuse_exchanged(first: str, second: str, relative: Poses, shots: Sequence[
             f"{len(shots)} ({listed(found, 'shots')}): each stands there where the other one does: "
             "exchange these photos"
         )
-
-
-def common_shots(lens: RigLens, cameras: int) -> IntArray:
-    """(C, C) in how many shots two cameras both see the target."""
-    seen = np.zeros((cameras, int(lens.shot.max()) + 1), np.intp)
-    seen[lens.camera, lens.shot] = 1
-    return np.asarray(seen @ seen.T)
 
 
 def connected(common: IntArray) -> bool:

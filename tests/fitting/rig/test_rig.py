@@ -13,7 +13,7 @@ from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.folds import dealt_out
-from cubicfish_cli.fitting.linearise import linearised, views_of
+from cubicfish_cli.fitting.linearise import linearised
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.rig import calibrate as rig_fit
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
@@ -463,7 +463,7 @@ def test_derivatives_of_a_rig_are_those_of_differences() -> None:
     step = 1e-6
 
     def pixel(lens: RigLens, poses: Poses) -> np.ndarray:
-        views = views_of(lens, poses)
+        views = lens.views(poses)
         points = views.apply(pairs.image[run], pairs.world[run])
         return lens.lenses[1].project(points)
 
