@@ -34,7 +34,8 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.outside import OUTSIDE_LENSES, outside_lens
+from cubicfish_cli.rendering.options import OUTSIDE_LENSES
+from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.target import Target
 
