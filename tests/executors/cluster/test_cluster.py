@@ -40,10 +40,19 @@ class Processes:
         self._scheduler = self._start(
             "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-show"
         )
+        self.address = self._said()
+
+    def _said(self) -> str:
+        """The scheduler's address, once its file is there and written to its end."""
         end = time.monotonic() + PATIENCE_S
-        while not self._file.exists() and time.monotonic() < end:
-            time.sleep(0.02)
-        self.address = json.loads(self._file.read_text())["address"]
+        while True:
+            try:
+                return json.loads(self._file.read_text())["address"]
+            except (FileNotFoundError, json.JSONDecodeError):
+                if time.monotonic() > end:
+                    self.end(self._scheduler)
+                    raise
+                time.sleep(0.02)
 
     def _start(self, what: str, *args: str, path: Sequence[str] = ()) -> subprocess.Popen:
         return subprocess.Popen(
