@@ -135,12 +135,16 @@ def do_one(wanted: bytes, item: bytes) -> Any:
             return error
 
 
-def task() -> Callable[[bytes, bytes], Any]:
-    """What is sent as a task: like its arguments, a scheduler without this package can read it."""
+def task() -> Callable[[bytes, bytes], tuple[Any]]:
+    """What is sent as a task: like its arguments, a scheduler without this package can read it.
 
-    def do(wanted: bytes, item: bytes) -> Any:
+    It puts the answer into a tuple of one, by which it is told from what became of a task that
+    failed.
+    """
 
-        return do_one(wanted, item)
+    def do(wanted: bytes, item: bytes) -> tuple[Any]:
+
+        return (do_one(wanted, item),)
 
     return do
 
@@ -272,14 +276,15 @@ class Cluster:
                 some = finished.next_batch(block=False)
                 if not some:
                     time.sleep(_LOOK_S)
-                for future, answer in some:
+                for future, told in some:
                     done += 1
-                    number = pending.pop(future)
-                    if future.status != "finished":
-                        # Of what failed: its type, the exception and its traceback.
-                        why = answer if isinstance(answer, BaseException) else answer[1]
+                    # Its status may have changed since: answers are lost with their workers.
+                    if isinstance(told, tuple) and len(told) == 1:
+                        answer = told[0]
+                    else:  # of what failed: its type, the exception and its traceback
+                        why = told if isinstance(told, BaseException) else told[1]
                         answer = self._explained(why, so_far)
-                    yield number, answer
+                    yield pending.pop(future), answer
         except CANCELLED as problem:
             raise self._lost(so_far) from problem
 

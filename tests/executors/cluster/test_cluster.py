@@ -226,6 +226,18 @@ def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: P
 
 
 @pytest.mark.slow
+def test_answers_hold_though_they_were_lost_since(
+    processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a worker had is gone with it, also between its answer's coming and the look at it."""
+    import distributed
+
+    monkeypatch.setattr(distributed.Future, "status", property(lambda self: "lost"))
+    assert undistort(jobs_of(tmp_path, 4), processes.have(1), distant_work.maps) == {}
+    assert len(contents(tmp_path / "out")) == 4
+
+
+@pytest.mark.slow
 def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: Path) -> None:
     jobs = jobs_of(tmp_path, 4)
     jobs[1].source.unlink()
