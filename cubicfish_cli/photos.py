@@ -9,10 +9,8 @@ from __future__ import annotations
 import glob
 import os
 import re
-import threading
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +32,7 @@ from cubicfish_cli.picture_headers import (
     is_picture,
     other_kind,
 )
+from cubicfish_cli.threads import Shared
 from cubicfish_cli.wording import quoted
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -408,39 +407,13 @@ def _claim_of(path: Path, data: bytes) -> Claim:
     return claim
 
 
-class _Shared:
-    """A state of the process: who enters first makes it, who leaves last ends it.
-
-    Several threads may be inside at once.
-    """
-
-    def __init__(self, begin: Callable[[], Any], end: Callable[[Any], None]) -> None:
-        self._begin, self._end = begin, end
-        self._lock, self._inside = threading.Lock(), 0
-        self._before: Any = None
-
-    @contextmanager
-    def __call__(self) -> Iterator[None]:
-        with self._lock:
-            if self._inside == 0:
-                self._before = self._begin()
-            self._inside += 1
-        try:
-            yield
-        finally:
-            with self._lock:
-                self._inside -= 1
-                if self._inside == 0:
-                    self._end(self._before)
-
-
 def _one_thread() -> int:
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     return before
 
 
-one_opencv_thread = _Shared(_one_thread, cv2.setNumThreads)
+one_opencv_thread = Shared(_one_thread, cv2.setNumThreads)
 """``with one_opencv_thread():`` several pictures are at work: none takes several threads."""
 
 
@@ -460,5 +433,5 @@ def _stderr_again(kept: int | None) -> None:
         os.close(kept)
 
 
-quiet_stderr = _Shared(_stderr_nowhere, _stderr_again)
+quiet_stderr = Shared(_stderr_nowhere, _stderr_again)
 """``with quiet_stderr():`` what C libraries write to stderr goes nowhere, as decoders do."""

@@ -20,6 +20,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.views import Distances, Viewpoint, sample_views
 from cubicfish_cli.target import Target
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.units import length_words
 from cubicfish_cli.words.codes import Code, Severity
@@ -105,6 +106,7 @@ class Advice:
         }
 
 
+@one_blas_thread()
 def advise(
     camera: CubicCamera,
     fit: Mapping[str, Any],

@@ -49,6 +49,7 @@ from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import renamed
 from cubicfish_cli.target import Target
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
@@ -75,6 +76,7 @@ class _UndeterminedError(FitError):
     """The corners fit, and do not determine the lens."""
 
 
+@one_blas_thread()
 def calibrate(
     pairs: Observations,
     *,

@@ -17,6 +17,7 @@ from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import best_named
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
 
 
@@ -77,6 +78,7 @@ def _squared(camera: CubicCamera, pairs: Observations) -> FloatArray:
     return squared
 
 
+@one_blas_thread()
 def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
     """Refit the pose of every photo under a fixed camera and measure what is left.
 

@@ -30,6 +30,7 @@ from cubicfish_cli.lenses.registry import LENSES
 from cubicfish_cli.lenses.sphere import cone_rays, usable_angle_deg
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
 
 L = TypeVar("L", bound=Lens)
@@ -84,6 +85,7 @@ class _Fold:
 _Fit = Callable[[RadialReference], tuple[FitLens, FloatArray]]
 
 
+@one_blas_thread()
 def compare_models(
     calibration: Calibration, *, drawn: Target | None = None, hold_out: bool = True
 ) -> list[ModelFigures]:

@@ -32,6 +32,7 @@ from cubicfish_cli.lenses.cubic import PointCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.finding import Finding
 
@@ -134,6 +135,7 @@ class PointCalibration(CameraRecord):
         return [{"image": names[0], **self.errors.as_record()}]
 
 
+@one_blas_thread()
 def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCalibration:
     """Fit the ``point`` lift to 2D-3D pairs.
 

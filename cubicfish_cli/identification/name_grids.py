@@ -34,6 +34,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import Placement, reach_of
 from cubicfish_cli.target import Target
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Times the lens is fitted again with the names so far, before what is left is given up.
@@ -45,6 +46,7 @@ _MISFIT_RATIO = 6.0
 _GOOD_FOCAL = 0.005
 
 
+@one_blas_thread()
 def name_grids(
     grids: Sequence[Sequence[Grid]],
     target: Target,

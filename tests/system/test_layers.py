@@ -12,7 +12,7 @@ import cubicfish_cli
 PACKAGE = Path(cubicfish_cli.__file__).parent
 
 # Utilities: whatever stands below them in ARCHITECTURE.md may import them.
-FOR_ALL = {"errors", "types", "units", "angles", "geometry", "wording"}
+FOR_ALL = {"errors", "types", "units", "angles", "geometry", "threads", "wording"}
 # Part -> what else it may import directly. A part may import itself, too.
 ALLOWED: dict[str, set[str]] = {
     **{part: set() for part in FOR_ALL},

@@ -60,6 +60,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import RigFinding
@@ -159,6 +160,7 @@ class RigCalibration:
     findings: tuple[RigFinding, ...]
 
 
+@one_blas_thread()
 def calibrate_rig(
     cameras: Sequence[RigCamera],
     shots: Shots,

@@ -28,6 +28,7 @@ from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, 
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
+from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
@@ -199,6 +200,7 @@ class RigEvaluation:
         }
 
 
+@one_blas_thread()
 def evaluate_rig(
     cameras: Sequence[KnownCamera], pairs: Sequence[Observations], shots: Shots
 ) -> RigEvaluation:

@@ -81,9 +81,9 @@ class Program:
 _VERSIONS = """
 import sys
 from importlib.metadata import PackageNotFoundError, version
-names = "opencv-python-headless numpy scipy click PyYAML rich platformdirs av OpenEXR matplotlib "
+names = "opencv-python-headless numpy scipy click PyYAML rich platformdirs threadpoolctl av "
 print(f"Python {sys.version.split()[0]}", end="")
-for name in (names + "jinja2 dask distributed").split():
+for name in (names + "OpenEXR matplotlib jinja2 dask distributed").split():
     try:
         print(f", {name} {version(name)}", end="")
     except PackageNotFoundError:
