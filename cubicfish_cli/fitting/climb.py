@@ -36,14 +36,14 @@ class Climbed:
         fit: the fit.
         drawing: the target as drawn; its pairs have the fit's names.
         held_out: the held-out error at each level that was judged; None where photos are too few.
-        refused: a richer fit that did not lower the held-out error enough.
+        refused: richer fits that did not lower the held-out error enough.
 
     """
 
     fit: TargetFit
     drawing: Drawing
     held_out: Mapping[Level, HeldOut | None]
-    refused: TargetFit | None = None
+    refused: tuple[TargetFit, ...] = ()
 
     def without(self, wrong: BoolArray) -> Climbed:
         """The same without some of the pairs: ``wrong`` (N,)."""
@@ -53,15 +53,17 @@ class Climbed:
 
     @property
     def in_doubt(self) -> list[tuple[CubicFit, float]]:
-        """The lens of a richer fit, and how likely it is the better one.
+        """The lens of the likeliest richer fit, and how likely it is the better one.
 
         A few photos may not show that a refined target predicts better, although boards are
         deformed.
         """
-        if self.refused is None:
-            return []
-        mine, other = self.held_out[self.fit.level], self.held_out[self.refused.level]
-        return [(self.refused.cubic.lens, mine.doubt(other))] if mine and other else []
+        mine, found = self.held_out.get(self.fit.level), []
+        for fit in self.refused:
+            other = self.held_out.get(fit.level)
+            if mine and other:
+                found.append((fit.cubic.lens, mine.doubt(other)))
+        return sorted(found, key=lambda one: one[1])[-1:]
 
 
 def climb(
@@ -89,10 +91,12 @@ def climb(
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
         return Climbed(fit=fit, drawing=drawing, held_out=measured)
     groups = folds_of(fit.reference)
+    reached, named = fit, drawing
+    refused: list[TargetFit] = []
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
-        starts = oriented(fit, drawing) if level == "points" else [(fit, drawing)]
+        starts = oriented(reached, named) if level == "points" else [(reached, named)]
         judge = hold_out and (auto or level == refine_target)
         found: list[Judged] = [
             (refine_object(start, own, level, groups), None, own)
@@ -101,17 +105,22 @@ def climb(
         if judge:
             progress = partial(stages.begin, holding)
             found = [(*_judged(one, progress), own) for one, _, own in found]
-        richer, error, own = better_named(found)
+        reached, error, named = better_named(found)
         if judge:
             measured[level] = error
-        if auto:
-            before, after = measured[fit.level], measured[level]
-            if before is None or after is None or after.times(before) > _WORTH:
-                return Climbed(fit=fit, drawing=drawing, held_out=measured, refused=richer)
-        fit, drawing = richer, own
+        # Corners may be off their places on a board that is flat and true in its outlines.
+        if auto and not _gains(error, measured[fit.level]):
+            refused.append(reached)
+            continue
+        fit, drawing, refused = reached, named, []
         if level == refine_target:
             break
-    return Climbed(fit=fit, drawing=drawing, held_out=measured)
+    return Climbed(fit=fit, drawing=drawing, held_out=measured, refused=tuple(refused))
+
+
+def _gains(richer: HeldOut | None, poorer: HeldOut | None) -> bool:
+    """Whether photos that were left out gain by a richer target."""
+    return richer is not None and poorer is not None and richer.times(poorer) <= _WORTH
 
 
 def better_named(judged: Sequence[Judged]) -> Judged:

@@ -24,14 +24,16 @@ from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import FIRST_SPREAD, Drawing, TargetFit, free_world
+from cubicfish_cli.fitting.refinement import Drawing, TargetFit, free_world
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import Symmetry, chosen, symmetries
 from cubicfish_cli.types import FloatArray, IntArray
 
-# What corners may be off by, in FIRST_SPREAD: the likeliest is taken.
+# What corners may be off by, as a share of the target's typical extent, and in that: the likeliest
+# is taken.
+_SPREAD = 1e-4
 _SPREADS = (1.0, 3.0, 10.0, 30.0)
 # A photo is named otherwise where that is more likely by this factor, its errors as large as its
 # residuals are now.
@@ -100,7 +102,7 @@ def _likeliest(
     free = free_world(
         drawing.of(Observations.stacked(namings)),
         noise=noise,
-        offset_spread=FIRST_SPREAD,
+        offset_spread=_SPREAD,
     )
     free = free.started(fit.cubic.fit.world)
     count = len(drawing.pairs.image)
