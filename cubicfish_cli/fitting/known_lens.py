@@ -7,7 +7,7 @@ import numpy as np
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_pose import RadialPose, depth_shift, pose_of_rays
+from cubicfish_cli.fitting.radial_pose import RadialPose, depth_shift, poses_of_rays
 from cubicfish_cli.fitting.start import candidate_poses
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -59,7 +59,7 @@ def _candidates(
         found.append(RadialPose(rotation=pose.rotation, shift=np.append(pose.shift, depth)))
     away = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-300)[:, None]
     rays = np.column_stack([np.sin(angle)[:, None] * away, np.cos(angle)])
-    return [*found, *filter(None, [pose_of_rays(world, rays)])]
+    return [*found, *poses_of_rays(world, rays)]
 
 
 def fit_poses(

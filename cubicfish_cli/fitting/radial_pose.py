@@ -19,6 +19,9 @@ MIN_POINTS = 7
 MIN_POINTS_ON_PLANE = 5
 # Below this ratio of their third to their first extent, points count as lying on one plane.
 _FLAT = 1e-6
+# Below this one they may be too nearly on a plane to be told from one: a sheet that bends a little,
+# a target that was measured. Both kinds of poses are tried.
+_THIN = 0.05
 # A direction that points take up by less than this share is not one of theirs.
 _NOTHING = 1e-9
 
@@ -41,54 +44,57 @@ def radial_poses(world: FloatArray, offset: FloatArray) -> list[RadialPose]:
     """Candidate poses of a photo from world points (N, 3) and pixels less the centre (N, 2).
 
     Points off one plane give one candidate, points on a plane two (the plane may lean either
-    way). The list is empty when the points are too few or degenerate (collinear).
+    way), and points near one all three: what their depths say may be lost in noise. The list is
+    empty when the points are too few or degenerate (collinear).
     """
     frame = _Frame.of(world)
     if frame is None or not offset.any():
         return []
     pixel = offset / np.sqrt(np.mean(np.square(offset)))
-    if frame.flat:
-        poses = _on_a_plane(frame.local, pixel)
-    elif len(world) >= MIN_POINTS:
-        poses = _in_space(frame.local, pixel)
-    else:
-        poses = []
+    poses = _on_a_plane(frame.local, pixel) if frame.thin else []
+    if not frame.flat and len(world) >= MIN_POINTS:
+        poses += _in_space(frame.local, pixel)
     return [frame.in_world(pose) for pose in poses]
 
 
-def pose_of_rays(world: FloatArray, rays: FloatArray) -> RadialPose | None:
-    """The pose of a photo whose lens is known, from points and their unit rays, both (N, 3).
+def poses_of_rays(world: FloatArray, rays: FloatArray) -> list[RadialPose]:
+    """Poses of a photo whose lens is known, from points and their unit rays, both (N, 3).
 
     Unlike the radial equations this uses how far pixels are from the centre, too, so few points
     are enough: with five on a plane those have no equation to spare, and any five fit.
 
     Returns:
-        R and all three coordinates of t; None where the points are too few or degenerate.
+        R and all three coordinates of t: of points as on a plane, as off it, or both where they
+        are near one; none where they are too few or degenerate.
 
     """
     frame = _Frame.of(world)
-    if frame is None or (not frame.flat and len(world) < MIN_POINTS):
-        return None
-    size = 2 if frame.flat else 3
-    homogeneous = np.column_stack([frame.local[:, :size], np.ones(len(world))])
+    if frame is None:
+        return []
+    sizes = [2] * frame.thin + [3] * (not frame.flat and len(world) >= MIN_POINTS)
+    found = (_of_rays(frame.local, rays, size) for size in sizes)
+    return [frame.in_world(pose) for pose in found if pose is not None]
+
+
+def _of_rays(local: FloatArray, rays: FloatArray, size: int) -> RadialPose | None:
+    """The pose by so many coordinates of the points: 2 of those on a plane."""
+    homogeneous = np.column_stack([local[:, :size], np.ones(len(local))])
     # Each ray is parallel to its point: their cross product is none.
     equations = np.einsum("nij,nk->nijk", cross_matrix(rays), homogeneous)
-    solution = _null_vector(equations.reshape(3 * len(world), -1)).reshape(3, size + 1)
+    solution = _null_vector(equations.reshape(3 * len(local), -1)).reshape(3, size + 1)
     solution *= _same_way(homogeneous @ solution.T, rays)
     columns = solution[:, :size]
-    if frame.flat:
+    if size == 2:
         columns = np.column_stack([columns, np.zeros(3)])
     left, extent, right = np.linalg.svd(columns)
     if extent[1] < _NOTHING * extent[0]:
         return None
-    if frame.flat:  # the third column is that of a rotation
+    if size == 2:  # the third column is that of a rotation
         left[:, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))
     rotation = left @ right
     if np.linalg.det(rotation) < 0:
         return None
-    return frame.in_world(
-        RadialPose(rotation=rotation, shift=solution[:, size] / extent[:size].mean())
-    )
+    return RadialPose(rotation=rotation, shift=solution[:, size] / extent[:size].mean())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,6 +109,7 @@ class _Frame:
     axes: FloatArray
     scale: float
     flat: bool
+    thin: bool
 
     @classmethod
     def of(cls, world: FloatArray) -> _Frame | None:
@@ -117,8 +124,8 @@ class _Frame:
         local = (world - middle) @ axes.T * scale
         if np.linalg.det(axes) < 0:
             local, axes = local * [1, 1, -1], axes * [[1], [1], [-1]]
-        flat = bool(extent[2] < _FLAT * extent[0])
-        return cls(local=local, middle=middle, axes=axes, scale=scale, flat=flat)
+        flat, thin = (bool(extent[2] < share * extent[0]) for share in (_FLAT, _THIN))
+        return cls(local=local, middle=middle, axes=axes, scale=scale, flat=flat, thin=thin)
 
     def in_world(self, pose: RadialPose) -> RadialPose:
         """A pose of the local points as one of the points that were given."""
