@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.fitting.robust import noise_by_photo
+from cubicfish_cli.fitting.subset import with_mean_weight_one
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
@@ -47,6 +48,9 @@ def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
 
 
 def weighed(pairs: Observations, residual: FloatArray) -> Observations:
-    """The pairs, each photo's weights times what :func:`photo_weights` says of its residuals."""
+    """The pairs, each photo's weights times what :func:`photo_weights` says of its residuals.
+
+    Their mean is 1: priors and noise are measured by it, whatever weights the pairs came with.
+    """
     weight = pairs.weight * photo_weights(pairs, residual)[pairs.image]
-    return replace(pairs, weight=weight)
+    return with_mean_weight_one(replace(pairs, weight=weight))

@@ -81,3 +81,11 @@ def test_blurred_photos_spoil_a_camera_less(pairs, monkeypatch):
         for one in (found, alike)
     ]
     assert off[0] < 0.5 * off[1]
+
+
+def test_given_weights_that_are_undone_change_no_scale(pairs):
+    """Photos that are as sharp as the others, and were said to be a thousand times noisier."""
+    given = np.where(np.arange(9) % 2, 1.0, 1e-6)[pairs.image]
+    undone = weighed(replace(pairs, weight=given), spoilt(pairs, np.ones(9)))
+    assert undone.weight.mean() == pytest.approx(1)
+    assert undone.weight.min() > 0.3
