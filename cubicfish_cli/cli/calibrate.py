@@ -192,7 +192,8 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
         print_models(made.models)
         result()
     print_wrote(made.files.values())
-    photo = next(iter(made.inputs.photos), None)
+    used = {Path(name).name for name in pairs.images}
+    photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
     say_next(made.verdict, made.files["camera"], photo, made.files.get("report"))
 
 

@@ -62,8 +62,8 @@ def command(given: Asked) -> None:
 
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
 
-    With a rig (rig.yaml as the first name, or as --model), name photos or corners of each of its
-    cameras: the rig stays as it is, and only where it was in each shot is fitted.
+    With a rig (rig.yaml or its folder as the first name, or as --model), name photos or corners of
+    each of its cameras: the rig stays as it is, and only where it was in each shot is fitted.
     """
     rig = _rig(given.inputs, given.model)
     if rig is not None:
@@ -94,11 +94,9 @@ def command(given: Asked) -> None:
 
 def _rig(inputs: tuple[Path, ...], model: Path | None) -> Path | None:
     """The rig's file, where one is meant."""
-    given = model or (inputs[0] if inputs and inputs[0].suffix in (".yaml", ".yml") else None)
-    if given is None:
-        return None
-
-    return options.rig_path(given)
+    first = inputs[0] if inputs else None
+    named = first is not None and (first.suffix in (".yaml", ".yml") or first.is_dir())
+    return options.rig_path(model or (first if named else None))
 
 
 def _evaluate_rig(path: Path, given: Asked) -> None:

@@ -12,6 +12,7 @@ from cubicfish_cli.corner_files.observations_csv import load_corners, load_corre
 from cubicfish_cli.errors import (
     CorrespondenceError,
     PhotoError,
+    UsageError,
 )
 from cubicfish_cli.files import Fingerprint, fingerprint
 from cubicfish_cli.films import MOST
@@ -122,6 +123,8 @@ def load_inputs(
     """
     check_inputs(inputs, correspondences, target)
     tables = tables_among(inputs)
+    if best is not None and (tables or correspondences is not None):
+        raise UsageError("--best chooses among photos and films: a table holds what was chosen")
     if correspondences is not None:
         loaded = _from_correspondences(correspondences, image_size)
     elif not tables:

@@ -1,7 +1,10 @@
 """What calibrate prints, in which order, and what it says is next."""
 
+import shutil
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from running import SAMPLE, Run
 from terminals import Screen, widest
@@ -57,6 +60,23 @@ def test_the_verdict_stands_first_and_photos_follow(run: Run, tmp_path: Path) ->
     places = [said.index(words) for words in ("960x720 px, sees", "verdict: ", "RMS reprojection",
                                               "corner_01.jpg", "wrote ", "Next: ")]  # fmt: skip
     assert places == sorted(places)
+
+
+@pytest.mark.slow
+def test_what_is_next_names_a_photo_that_was_used(run: Run, tmp_path: Path) -> None:
+    photos = tmp_path / "photos"
+    shutil.copytree(SAMPLE / "photos", photos)
+    cv2.imwrite(str(photos / "aaa.png"), np.zeros((720, 960), np.uint8))
+    said = run("calibrate", photos, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c").stdout
+    assert "aaa.png" in said  # left out
+    assert "Next: cubicfish undistort" in said
+    assert "aaa.png" not in said[said.index("Next: ") :]
+
+
+def test_best_is_refused_where_there_is_nothing_to_choose_from(run: Run, tmp_path: Path) -> None:
+    args = ("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--best", 3)
+    assert "--best chooses among photos" in run(*args, code=2).stderr
+    assert not (tmp_path / "c").exists()
 
 
 @pytest.mark.parametrize("columns", [80, 140])

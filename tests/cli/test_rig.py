@@ -227,6 +227,7 @@ def test_a_rig_is_evaluated_on_shots(
     assert [one["images"] for one in found["cameras"]] == [8, 8]
     assert found["pairs"][0]["rms_px"] == pytest.approx(found["rms_px"], rel=1e-6)
     said = run("evaluate", *args, "--model", rig).stdout
+    assert run("evaluate", rig, *args).stdout == said
     assert "8 shots" in said
     by_call = evaluate_rig_files(rig, args[:2], folder / "target.yaml")
     assert same_records(by_call.as_record()["rms_px"], found["rms_px"])
