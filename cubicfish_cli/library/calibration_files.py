@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,11 +16,11 @@ from cubicfish_cli.assess.uncertainty import uncertainty_at
 from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict
 from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.errors import OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.files import Content, Fingerprint, refuse_existing, write_files
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
-from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import (
     RUN,
@@ -351,5 +351,17 @@ def evaluate_files(
         inputs=loaded,
         record=record,
         camera=file.camera,
-        verdict=evaluation_verdict(record, file.fit, size),
+        verdict=evaluation_verdict(record, _with_this_target(file, loaded.target_file), size),
     )
+
+
+def _with_this_target(file: CameraFile, target: Fingerprint | None) -> Mapping[str, Any]:
+    """The camera's fit, and what it was off by on a target that was no better known than this one.
+
+    Where the target was refined, its file as drawn leaves errors that are not the camera's.
+    """
+    given, levels = file.made_by.get("target"), file.fit.get("held_out_by_level")
+    drawn = target and isinstance(given, Mapping) and given.get("sha256") == target.sha256
+    if drawn and isinstance(levels, Mapping) and "off" in levels:
+        return {**file.fit, "held_out_rms_px": levels["off"]}
+    return file.fit
