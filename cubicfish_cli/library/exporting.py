@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import ROUND_UP, Decimal
 from functools import partial
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.errors import FitError, UsageError, ViewError
+from cubicfish_cli.errors import CubicfishError, FitError, UsageError, ViewError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.fitting.statistics import poses_on_record
@@ -115,14 +116,16 @@ def export_camera(
         raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(WRITTEN))}")
     camera, fit = calibrated.camera, calibrated.as_record()
     covered = fit.get("covered_deg")
-    conversion = to_lens(
+    convert = partial(
+        to_lens,
         camera,
         WRITTEN[to].lenses[to],
-        max_angle_deg=max_angle_deg,
         covered_deg=float(covered) if isinstance(covered, int | float) else None,
     )
+    conversion = convert(max_angle_deg=max_angle_deg)
     if not conversion.error.max_px <= max_error:
-        raise FitError(_too_far(conversion, to, max_error))
+        angle = _near_within(convert, conversion, max_error)
+        raise FitError(_too_far(conversion, to, max_error, angle))
     trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
     turn = conversion.lens_from_camera
     return Exported(
@@ -227,14 +230,28 @@ def _note(
     return lines
 
 
-def _too_far(conversion: Conversion, name: str, max_error: float) -> str:
+def _near_within(
+    convert: Callable[..., Conversion], conversion: Conversion, max_error: float
+) -> int | None:
+    """The angle within which the lens is near enough where the rest is left out, whole degrees.
+
+    Each is tried: a lens that need not meet the rim may meet the rest worse at its own edge.
+    """
+    ends = {int(ring["to_deg"]) for ring in conversion.error.by_angle}
+    for angle in sorted(ends, reverse=True):
+        if 0 < angle < conversion.error.max_angle_deg:
+            with suppress(CubicfishError):
+                if convert(max_angle_deg=float(angle)).error.max_px <= max_error:
+                    return angle
+    return None
+
+
+def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | None) -> str:
     error = conversion.error
-    good = [ring for ring in error.by_angle if ring["max_px"] <= max_error]
-    bad = [ring for ring in error.by_angle if ring["max_px"] > max_error]
     largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
     ways = []
-    if good and bad and max(r["to_deg"] for r in good) <= min(r["from_deg"] for r in bad):
-        ways.append(f"try --max-angle {max(r['to_deg'] for r in good):.0f}")
+    if angle is not None:
+        ways.append(f"leave the rim out with --max-angle {angle}")
     if error.max_px < float("inf"):
         ways.append(f"raise it to {_rounded_up(error.max_px)}")
     others = "mrcal, maps or usd, which hold any lens"

@@ -12,12 +12,13 @@ import yaml
 from running import Run
 
 from cubicfish_cli.cli.export import FORMATS
+from cubicfish_cli.errors import FitError
 from cubicfish_cli.formats import foreign
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import WRITTEN
 from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.geometry import inside_polygon
-from cubicfish_cli.library.exporting import _rounded_up
+from cubicfish_cli.library.exporting import _rounded_up, export_camera
 
 # The other lenses of COLMAP are in test_formats_colmap; the last two are not read.
 LENS_FORMATS = sorted(
@@ -247,6 +248,21 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     assert len(enough.replace(".", "").lstrip("0")) <= 2
     run("export", "--to", "opencv", "-m", calibrated / "camera.yaml", "-o", path,
         "--max-error", enough)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["opencv", "kalibr-ds", "ocamcalib"])
+def test_what_is_said_to_be_near_enough_within_an_angle_is(calibrated, name):
+    camera, found = load_camera(calibrated / "camera.yaml"), 0
+    for error in (0.3, 0.1, 0.03, 0.01):
+        try:
+            export_camera(camera, name, max_error=error)
+        except FitError as refused:
+            _, named, rest = str(refused).partition("--max-angle ")
+            if named:
+                export_camera(camera, name, max_error=error, max_angle_deg=float(rest.split()[0]))
+                found += 1
+    assert found
 
 
 @pytest.mark.parametrize(
