@@ -99,7 +99,7 @@ class Knowledge:
             world=world,
             max_iterations=0,
         )
-        return information(replace(result, fit=extended), noise_px=self.information.noise_px)
+        return information(replace(result, fit=extended), pairs, noise_px=self.information.noise_px)
 
     def _with_photo(
         self, pairs: Observations, poses: Poses, view: Viewpoint
@@ -191,7 +191,7 @@ def know(
             pupil_travel=result.lens.travel * scale,
         ),
         result=result,
-        information=information(result),
+        information=information(result, reference.pairs),
         pairs=pairs,
         scale=scale,
         target=target,

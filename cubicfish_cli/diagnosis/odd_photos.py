@@ -54,6 +54,7 @@ _CLEAR_MARGIN = 0.4
 _MANY = 0.4
 # Pixels of a photo of 2000 from which on a change of all is worth a word.
 _UNSTEADY_PX = 0.1
+_TYPICAL_ROUNDS = 20
 _FLAT = 0.05  # a refined sheet is bent
 
 
@@ -165,16 +166,16 @@ def unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
     noise = photos.squares / np.maximum(photos.numbers, 1)
     # A photo in dim light is noisier than the others, and nothing else.
     noise = np.maximum(noise, np.median(noise))
-    typical = np.median(own, axis=0)
-    off = own - typical
-    distance = np.einsum("ki,kij,kj->k", off, weight, off) / (size * noise)
+    weight /= size * noise[:, None, None]
+    off = own - _typical(own, weight)
+    distance = np.einsum("ki,kij,kj->k", off, weight, off)
     # What the photos' own terms are beyond noise, by the better half of them.
     spread = max(1.0, float(np.median(distance)))
     # The noise, 1, is known from all corners; what is beyond it is told by the better half of the
     # photos (Satterthwaite 1946).
     told = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
     chance = fdtrc(size, np.clip(photos.numbers, 1, told), distance / spread) * count
-    worth = np.einsum("ki,kij,kj->k", off, weight, off)
+    worth = distance * size * noise
     return [
         Unlike(
             photo=int(photos.photos[index]),
@@ -185,6 +186,22 @@ def unlike(photos: PhotoLenses, terms: slice) -> list[Unlike]:
         )
         for index in range(count)
     ]
+
+
+def _typical(own: FloatArray, weight: FloatArray) -> FloatArray:
+    """(M,) what most photos (K, M) have: their median by what each can tell, (K, M, M).
+
+    A photo hardly tells some of its own terms from its pose; what it says of them is no evidence.
+    Weighted least squares in which photos beyond noise count by the root of their distance.
+    """
+    counts = np.ones(len(own))
+    for _ in range(_TYPICAL_ROUNDS):
+        each = counts[:, None, None] * weight
+        typical = np.linalg.solve(each.sum(axis=0), np.einsum("kij,kj->i", each, own))
+        off = own - typical
+        distance = np.einsum("ki,kij,kj->k", off, weight, off)
+        counts = 1 / np.sqrt(np.maximum(distance, 1.0))
+    return np.asarray(typical)
 
 
 def unsteady(fit: TargetFit) -> list[Finding]:

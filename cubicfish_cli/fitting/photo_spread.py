@@ -17,17 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+from scipy.special import ndtri, stdtrit
 
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit
-from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.uncertainty import Uncertainty, camera_uncertainty
@@ -36,8 +34,8 @@ from cubicfish_cli.types import FloatArray, IntArray
 
 # More clusters than that say little more, and each costs a linear system.
 MOST_CLUSTERS = 24
-# Rays over which the turn that two cameras may differ by is taken out.
-_ALIGNED_RAYS = 300
+_RAYS = 300
+_WITHIN = 0.95  # of one side: 0.9 between both
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +48,6 @@ class PhotoSpread:
         influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
         rival: (R, K) steps to other lenses that may be better (that of a target refined further,
             that of the hold that predicts best), each times the root of its probability.
-        aligned: (M, 3) unit rays over which a common turn is taken out.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
 
@@ -60,7 +57,6 @@ class PhotoSpread:
     left_out: FloatArray
     influence: FloatArray
     rival: FloatArray
-    aligned: FloatArray
     held_to: BentFit
     empty: float
 
@@ -90,7 +86,7 @@ class PhotoSpread:
         """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
         if not self.empty:
             return np.zeros((len(rays), 2))
-        differ = self.noise.result.lens.far(rays) - self.held_to.project(rays)
+        differ = self.noise.gauge.lens.far(rays) - self.held_to.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
@@ -115,33 +111,22 @@ class PhotoSpread:
 
         By each step of ``left_out``, of ``influence`` and of ``rival``.
         """
-        _, by_ray, by_lens = self.noise.result.lens.far_jacobian(rays)
-        turned = -by_ray @ cross_matrix(rays)
-        change = (by_lens - turned @ self._turn).reshape(2 * len(rays), -1)
-        count = by_lens.shape[2]
+        change = self.noise.gauge.by_lens(rays)
         left_out, influence, rival = (
-            change @ steps.reshape(-1, count).T
+            change @ steps.reshape(-1, change.shape[1]).T
             for steps in (self.left_out, self.influence, self.rival)
         )
         return left_out, influence, rival
-
-    @cached_property
-    def _turn(self) -> FloatArray:
-        """(3, K) the common turn by the lens's parameters."""
-        _, by_ray, by_lens = self.noise.result.lens.far_jacobian(self.aligned)
-        turned = (-by_ray @ cross_matrix(self.aligned)).reshape(-1, 3)
-        found = np.linalg.lstsq(turned, by_lens.reshape(len(turned), -1), rcond=None)
-        return np.asarray(found[0])
 
 
 def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
     """Variances from sums of squared changes without each of some clusters, of any shape.
 
     A variance that is itself estimated from few is below the true one more often than above it.
-    It is enlarged so that errors exceed the estimate as often as they exceed the true variance: the
-    median of F(1, G - 1) over that of chi squared with one degree of freedom.
+    It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
+    its root, as often as they would with the true one: by Student's t.
     """
-    larger = fdtri(1, clusters - 1, 0.5) / chdtri(1, 0.5)
+    larger = (stdtrit(clusters - 1, _WITHIN) / ndtri(_WITHIN)) ** 2
     return squares * (clusters - 1) / clusters * larger
 
 
@@ -166,18 +151,17 @@ def photo_spread(
     leaving = Leaving(result.fit, reference.pairs, limit, _clusters(places, reference.pairs.images))
     prior = result.lens.ray_prior
     assert prior is not None
-    aligned = cone_rays(reference.covered, _ALIGNED_RAYS)
-    others = [np.sqrt(likely) * _step(result.lens, lens, aligned) for lens, likely in doubted]
+    rays = cone_rays(reference.covered, _RAYS)
+    others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
     rival = result.rival
     if rival is not None:
         step = leaving.held_as(held(result, reference, rival.hold))[:count]
         others.append(np.sqrt(rival.likely) * step)
     return PhotoSpread(
-        noise=camera_uncertainty(result),
+        noise=camera_uncertainty(result, reference.pairs),
         left_out=np.array([shared[:count] for shared, _, _ in leaving.steps()]),
         influence=leaving.influence()[:, :count],
         rival=np.array(others),
-        aligned=aligned,
         held_to=prior.nearest(result.lens.far(prior.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )

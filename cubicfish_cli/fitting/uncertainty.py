@@ -16,60 +16,91 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.uncertainty import summed
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
+from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.radial import project_jacobian
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
 GRID = (13, 9)  # columns and rows over the photo
 _STEP = 1e-3  # of a difference that stands for a derivative, radians
+# More of them hardly change the turn that is taken out.
+_MOST_CORNERS = 1000
 _FEW_RAYS = 11  # a radial lens and its turn have so many unknowns
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertainty:
-    """Covariance of the shared unknowns and of the turn that all poses have in common.
+class Gauge:
+    """A lens, and the turn that it has in common with poses, which is taken out.
+
+    A turn of the lens and the opposite turn of all poses leave every pixel where it is. So lenses
+    are turned to agree as well as they can at corners. What is left depends neither on the frame of
+    the target nor on how well single poses are known.
 
     Attributes:
-        result: the fit that this is of.
-        shared: (K, K) covariance of lens and target parameters.
-        turn_by_shared: (3, K) the photos' mean turn (radians, camera frame) by each of them.
-        turn: (3, 3) covariance of the mean turn that does not come from them.
+        lens: the lens.
+        by_turn: (3, 3) the normal equations of a turn, summed over corners.
+        by_both: (3, K) their right side for each of the lens's parameters.
+
+    """
+
+    lens: CubicFit
+    by_turn: FloatArray
+    by_both: FloatArray
+
+    @classmethod
+    def of(cls, lens: CubicFit) -> Gauge:
+        """Without any corner yet."""
+        return cls(lens=lens, by_turn=np.zeros((3, 3)), by_both=np.zeros((3, len(lens.parameters))))
+
+    def with_points(self, points: FloatArray, times: int = 1) -> Gauge:
+        """With corners (N, 3) more, camera frame, each of which stands for some."""
+        turned, by_lens = self._far(points)
+        return replace(
+            self,
+            by_turn=self.by_turn + times * turned.T @ turned,
+            by_both=self.by_both + times * turned.T @ by_lens,
+        )
+
+    def by_lens(self, rays: FloatArray) -> FloatArray:
+        """(2N, K) pixels of distant points (N, 3) by the lens's parameters, the turn taken out."""
+        turned, by_lens = self._far(rays)
+        return np.asarray(by_lens - turned @ np.linalg.solve(self.by_turn, self.by_both))
+
+    def _far(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
+        _, by_point, by_lens = self.lens.far_jacobian(points)
+        turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
+        return turned, by_lens.reshape(len(turned), -1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Covariance of the lens, as seen without the turn that poses and lens share.
+
+    Attributes:
+        gauge: what takes the turn out.
+        lens: (K, K) covariance of the lens's parameters.
         noise_px: standard deviation of a corner's coordinate, pixels.
 
     """
 
-    result: CubicResult
-    shared: FloatArray
-    turn_by_shared: FloatArray
-    turn: FloatArray
+    gauge: Gauge
+    lens: FloatArray
     noise_px: float
-
-    def _by_unknowns(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Pixels of distant points by the shared unknowns (N, 2, K) and by the turn (N, 2, 3)."""
-        _, d_ray, d_lens = self.result.lens.far_jacobian(rays)
-        by_turn = -d_ray @ cross_matrix(rays)
-        by_shared = by_turn @ self.turn_by_shared
-        by_shared[:, :, : d_lens.shape[2]] += d_lens
-        return by_shared, by_turn
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-        by_shared, by_turn = self._by_unknowns(rays)
-        variance = np.zeros(len(rays))
-        for by, spread in ((by_shared, self.shared), (by_turn, self.turn)):
-            flat = by.reshape(2 * len(rays), -1)
-            variance += np.sum((flat @ spread) * flat, axis=1).reshape(-1, 2).sum(axis=1)
+        by_lens = self.gauge.by_lens(rays)
+        variance = np.sum((by_lens @ self.lens) * by_lens, axis=1).reshape(-1, 2).sum(axis=1)
         # Rounding may leave nothing of it where photos hardly say anything: that is not known.
         return np.sqrt(np.where(variance >= 0, variance, np.nan))
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
-        by_shared, by_turn = (
-            weights @ part.reshape(2 * len(rays), -1) for part in self._by_unknowns(rays)
-        )
-        spread = by_shared @ self.shared @ by_shared.T + by_turn @ self.turn @ by_turn.T
-        return np.diagonal(spread).copy()
+        by_lens = weights @ self.gauge.by_lens(rays)
+        return np.diagonal(by_lens @ self.lens @ by_lens.T).copy()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,21 +108,15 @@ class Information:
     """What a fit's photos say of the shared unknowns: it adds up, photo by photo.
 
     Attributes:
-        result: the fit.
+        gauge: the fit's lens, and what takes the common turn out.
         hessian: (K, K) of lens and target parameters, priors included and poses, corners and the
             lens that P is held to eliminated; for corners whose noise is one pixel.
-        turn_by_shared: (3, K) the photos' turns by each of them, summed over photos.
-        turn: (3, 3) covariance of the turns that does not come from them, likewise summed.
-        photos: how many there are.
         noise_px: standard deviation of a corner's coordinate, pixels.
 
     """
 
-    result: CubicResult
+    gauge: Gauge
     hessian: FloatArray
-    turn_by_shared: FloatArray
-    turn: FloatArray
-    photos: int
     noise_px: float
 
     def with_photo(self, points: FloatArray) -> Information:
@@ -105,7 +130,7 @@ class Information:
                 must fix the pose.
 
         """
-        _, d_point, d_lens = self.result.lens.project_jacobian(points)
+        _, d_point, d_lens = self.gauge.lens.project_jacobian(points)
         by_lens = d_lens.reshape(-1, d_lens.shape[2])
         length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
         moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
@@ -113,27 +138,18 @@ class Information:
         inverse = np.linalg.inv(by_pose.T @ by_pose)
         cross = by_lens.T @ by_pose
         lens = slice(0, by_lens.shape[1])
-        hessian, turn_by_shared = self.hessian.copy(), self.turn_by_shared.copy()
+        hessian = self.hessian.copy()
         hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
-        turn_by_shared[:, lens] -= (inverse @ cross.T)[:3]
-        return replace(
-            self,
-            hessian=hessian,
-            turn_by_shared=turn_by_shared,
-            turn=self.turn + inverse[:3, :3],
-            photos=self.photos + 1,
-        )
+        return replace(self, hessian=hessian, gauge=self.gauge.with_points(points))
 
     def uncertainty(self) -> Uncertainty:
         """The covariance σ² H⁻¹."""
         scale = 1 / np.sqrt(np.maximum(np.diagonal(self.hessian), 1e-300))
         inverse = scale * scale[:, None] * np.linalg.inv(self.hessian * scale * scale[:, None])
-        variance = self.noise_px**2
+        count = len(self.gauge.lens.parameters)
         return Uncertainty(
-            result=self.result,
-            shared=variance * inverse,
-            turn_by_shared=self.turn_by_shared / self.photos,
-            turn=variance * self.turn / self.photos**2,
+            gauge=self.gauge,
+            lens=self.noise_px**2 * inverse[:count, :count],
             noise_px=self.noise_px,
         )
 
@@ -147,34 +163,29 @@ def corner_noise_px(fit: Adjustment[Any]) -> float:
     return float(np.sqrt(np.sum(residual**2) / freedom))
 
 
-def information(result: CubicResult, *, noise_px: float | None = None) -> Information:
+def information(
+    result: CubicResult, pairs: Observations, *, noise_px: float | None = None
+) -> Information:
     """What the photos of a cubic fit say, from its normal equations at the optimum.
 
     Args:
         result: the fit.
+        pairs: its pairs, in its frame.
         noise_px: standard deviation of a corner's coordinate; by default what the residuals show.
 
     """
-    normal = result.fit.normal
-    hessian = normal.reduced_shared()
-    photos = len(normal.pose)
-    if noise_px is None:
-        noise_px = corner_noise_px(result.fit)
-    pose_inverse = np.linalg.inv(normal.pose)
-    cross = normal.shared_pose.reshape(len(hessian), photos, 6).transpose(1, 2, 0)
+    each = -(-len(pairs.image) // _MOST_CORNERS)
+    points = result.poses.apply(pairs.image[::each], pairs.world[::each])
     return Information(
-        result=result,
-        hessian=hessian,
-        turn_by_shared=-(pose_inverse @ cross)[:, :3].sum(axis=0),
-        turn=pose_inverse[:, :3, :3].sum(axis=0),
-        photos=photos,
-        noise_px=noise_px,
+        gauge=Gauge.of(result.lens).with_points(points, each),
+        hessian=result.fit.normal.reduced_shared(),
+        noise_px=corner_noise_px(result.fit) if noise_px is None else noise_px,
     )
 
 
-def camera_uncertainty(result: CubicResult) -> Uncertainty:
-    """Covariance at the optimum of a cubic fit, from its normal equations."""
-    return information(result).uncertainty()
+def camera_uncertainty(result: CubicResult, pairs: Observations) -> Uncertainty:
+    """Covariance at the optimum of a cubic fit, see :func:`information`."""
+    return information(result, pairs).uncertainty()
 
 
 def field_grid(

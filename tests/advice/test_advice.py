@@ -41,7 +41,7 @@ from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty, field_grid
+from cubicfish_cli.fitting.uncertainty import field_grid
 from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.rendering.views import Distances, sample_views, view_from
 from cubicfish_cli.target import Target
@@ -88,9 +88,11 @@ def field_rays(camera):
     return camera.unproject(field_pixels(camera))
 
 
-def noise_alone(fit, rays):
-    """Median uncertainty by the corners' noise alone, pixels."""
-    return np.median(knowledge_of(fit).information.uncertainty().sigma_px(rays))
+def noise_at(fit, pixel):
+    """(N,) uncertainty by the corners' noise alone, pixels."""
+    knowledge = knowledge_of(fit)
+    rays = knowledge.camera.unproject(pixel)
+    return knowledge.information.uncertainty().sigma_px(rays)
 
 
 def knowledge_of(fit, target=TARGET):
@@ -109,7 +111,7 @@ def test_the_fit_comes_back_from_its_record(poor, advice):
     assert recorded_uncertainty(record).p95_px == pytest.approx(np.percentile(known, 95), abs=1e-5)
     assert advice.proposals[0].before.median_px == pytest.approx(advice.now.median_px, 1e-6)
     # The photos' spread, which a record has, is that of noise alone times the same all over.
-    noise = camera_uncertainty(knowledge.result)
+    noise = knowledge.information.uncertainty()
     times = advice.now.median_px / np.median(noise.sigma_px(field_rays(knowledge.camera)))
     expected = times * noise.sigma_px(knowledge.camera.unproject(advice.grid))
     np.testing.assert_allclose(advice.sigma, expected, rtol=1e-4)
@@ -124,7 +126,6 @@ def test_information_adds_up_as_the_normal_equations_do(poor):
     for view in views[:3]:
         summed_up = knowledge.information.with_photo(knowledge.points(view))
         joint = knowledge.with_views([view])
-        assert summed_up.photos == joint.photos == 4
         np.testing.assert_allclose(
             summed_up.uncertainty().sigma_px(rays), joint.uncertainty().sigma_px(rays), rtol=1e-4
         )
@@ -141,12 +142,13 @@ def test_what_is_predicted_comes_true(truth):
         said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=0.09)
         new = [proposal.view.pose for proposal in said.proposals]
         more = fit_of([*FIRST, *new], lens=truth, seed=seed + 50)
-        rays = field_rays(said.camera)
+        rays, field = field_rays(said.camera), field_pixels(said.camera)
         predicted.append(said.proposals[-1].after.median_px)
         # What photos share beyond noise is another thing in other photos: it is not foretold.
-        found.append(said.now.median_px * noise_alone(more, rays) / noise_alone(fit, rays))
+        before, after = (np.median(noise_at(one, field)) for one in (fit, more))
+        found.append(said.now.median_px * after / before)
         miss = [aligned_difference(truth, one.camera, rays)[0] for one in (fit, more)]
-        errors.append([np.nanmean(np.sum(np.square(own), axis=-1)) for own in miss])
+        errors.append([np.nanmedian(np.sum(np.square(own), axis=-1)) for own in miss])
     # More photos may speak for another hold of P, which advice cannot foresee.
     np.testing.assert_allclose(found, predicted, rtol=0.15)
     before, after = np.sqrt(np.mean(errors, axis=0))
@@ -295,7 +297,10 @@ def test_an_object_that_was_fitted_too_stays_free():
 
 @pytest.mark.slow
 def test_so_many_photos_as_said_reach_the_goal():
-    """In the median: more photos may speak for another hold of P, which nobody can foresee."""
+    """Over the field so far, in the median.
+
+    How firmly P should be held is another thing with more photos: it is not foretold.
+    """
     reached = []
     for seed in range(4):
         first = fit_of(FIRST, seed=seed)
@@ -305,9 +310,11 @@ def test_so_many_photos_as_said_reach_the_goal():
         assert 1 < said.photos_needed <= len(said.proposals)
         new = [proposal.view.pose for proposal in said.proposals[: said.photos_needed]]
         again = fit_of([*FIRST, *new], seed=seed)
-        reached.append(recorded_uncertainty(again.as_record()).p95_px)
-    # How the fit hangs on single photos is foretold by those so far, not known.
-    assert np.median(reached) < 1.25 * 0.09
+        field = field_pixels(first.camera)
+        before, after = (np.percentile(noise_at(fit, field), 95) for fit in (first, again))
+        reached.append(said.now.p95_px * after / before)
+    # Photos that are so few share the goal out among themselves: the last may overshoot it.
+    assert 0.7 * 0.09 < np.median(reached) < 1.15 * 0.09
 
 
 @pytest.mark.slow

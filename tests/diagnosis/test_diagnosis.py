@@ -10,6 +10,7 @@ import wrong_setups as wrong
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.diagnosis import odd_photos, other_lens, photo_lenses, two_lenses, wrong_drawing
@@ -40,8 +41,10 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.geometry import similarity
+from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
+from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed, percent
@@ -663,6 +666,21 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     corners = wrong.sheared(np.random.default_rng([number, 2]), size).corners
     found = calibrate(corners.with_target(TARGET), hold_out=False).findings
     assert [one.images for one in found] == [("03.png", "08.png", "09.png")] * (size > 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [101, 107])
+def test_what_a_photo_cannot_tell_from_its_pose_makes_it_no_odd_one(seed):
+    """A flat board in a lens near a pinhole: hundreds of pixels of scale or shear fit as well."""
+    tangent = (1 / 3, 2 / 15, 17 / 315, 62 / 2835)
+    lens = AsymmetricLens(
+        image_size=(960, 720), fx=400.0, fy=400.0, cx=480.0, cy=360.0, k=tangent, max_angle_deg=55.0
+    )
+    errors = CornerErrors(noise=0.1, shared=0, spread=0)
+    target = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
+    seen, _ = simulated_corners(lens, target, 12, seed=seed, errors=errors)
+    made = calibrate(seen, target, hold_out=False)
+    assert not {one.code for one in made.findings} & {Code.SHEARED, Code.PHOTO_LENS}
 
 
 @pytest.mark.parametrize("code", [Code.SHEARED, Code.PHOTO_LENS])

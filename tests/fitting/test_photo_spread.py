@@ -51,7 +51,7 @@ def observed_over_predicted(errors):
         both = []
         for reference, cubic in ((one, first), (two, second)):
             spread = photo_spread(cubic, reference, np.arange(PHOTOS))
-            noise = camera_uncertainty(cubic).sigma_px(rays[seen])
+            noise = camera_uncertainty(cubic, reference.pairs).sigma_px(rays[seen])
             both.append((spread.sigma_px(rays[seen]), noise))
         distance = np.sqrt(np.mean(np.sum(difference[seen] ** 2, axis=1)))
         ratios.append(
@@ -79,7 +79,7 @@ def test_one_place_leaves_the_noise_alone():
     reference, cubic = fitted(3, CornerErrors())
     rays = cone_rays(reference.covered, 50)
     same = photo_spread(cubic, reference, np.zeros(PHOTOS, int))
-    noise = camera_uncertainty(cubic)
+    noise = camera_uncertainty(cubic, reference.pairs)
     np.testing.assert_array_equal(same.sigma_px(rays), noise.sigma_px(rays))
     weights = np.eye(2 * len(rays))[:4]
     np.testing.assert_allclose(same.variance(rays, weights), noise.variance(rays, weights))
@@ -125,9 +125,8 @@ def test_errors_exceed_a_spread_of_few_as_often_as_they_exceed_the_true_one(clus
     without = (draws.sum(axis=1, keepdims=True) - draws) / (clusters - 1)
     squares = np.sum(np.square(without - without.mean(axis=1, keepdims=True)), axis=1)
     error = np.square(draws.mean(axis=1))
-    median_of_chi_squared = 0.4549
-    exceeded = np.mean(error > median_of_chi_squared * variance_of_few(squares, clusters))
-    assert exceeded == pytest.approx(0.5, abs=0.01)
+    exceeded = np.mean(error > 1.645**2 * variance_of_few(squares, clusters))
+    assert exceeded == pytest.approx(0.1, abs=0.005)
 
 
 def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
@@ -162,11 +161,11 @@ def test_a_richer_target_that_is_in_doubt_adds_how_far_its_camera_is():
     other = fit_cubic(reference, Hold(spread=1e-2, weight=0.1), start=cubic).lens
     other = replace(other, coefficients=other.coefficients * [[2], [2], [1]], scale=other.scale / 2)
     beside = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 1.0)])
-    difference, _ = aligned_difference(
-        camera_of(reference, cubic),
-        camera_of(reference, replace(cubic, fit=replace(cubic.fit, lens=other))),
-        rays,
-    )
+    mine = camera_of(reference, cubic)
+    his = camera_of(reference, replace(cubic, fit=replace(cubic.fit, lens=other)))
+    corners = reference.poses.apply(reference.pairs.image, reference.pairs.world)
+    _, turn = aligned_difference(mine, his, corners / np.linalg.norm(corners, axis=1)[:, None])
+    difference = mine.project(rays @ turn.T) - his.project(rays)
     added = np.sqrt(beside.sigma_px(rays) ** 2 - alone.sigma_px(rays) ** 2)
     np.testing.assert_allclose(added, np.hypot(*difference.T), rtol=0.05, atol=2e-3)
     none = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 0.0)])

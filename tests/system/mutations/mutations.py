@@ -167,8 +167,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/uncertainty.py",
-            "turn_by_shared=-(pose_inverse",
-            "turn_by_shared=(pose_inverse",
+            "by_lens - turned @ np.linalg",
+            "by_lens + turned @ np.linalg",
             "fitting/test_uncertainty",
         ),
         (
