@@ -97,9 +97,11 @@ def climb(
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
         starts = oriented(reached, named) if level == "points" else [(reached, named)]
-        judge = hold_out and (auto or level == refine_target)
+        # How P is held matters where the climb may end.
+        may_end = auto or level == refine_target
+        judge = hold_out and may_end
         found: list[Judged] = [
-            (refine_object(start, own, level, groups), None, own)
+            (refine_object(start, own, level, groups if may_end else ()), None, own)
             for start, own in (starts if judge else starts[-1:])
         ]
         if judge:
