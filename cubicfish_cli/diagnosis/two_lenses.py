@@ -47,6 +47,9 @@ _MUCH = 0.65
 # what two lenses take away. Where the focus is another in every photo, groups of photos do not.
 _FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
 _ROUNDS = 12
+# Two lenses far apart have bent the fit so much that a step to each is far too long: a scale is
+# changed by no more than this at once.
+_LONGEST_STEP = 0.3
 # Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
 # where they are, and by how much less than that another round gains where they have settled.
 _AT_ONCE, _SETTLED = 0.5, 0.01
@@ -108,57 +111,92 @@ def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
     return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Apart:
+    """A fit of which some photos have another scale and centre.
+
+    Attributes:
+        given: (photos, 3) scale, shift x, shift y of each beside the camera's, pixels.
+        fit: the fit.
+        photos: what each photo has of its own, what it was given included.
+        split: the two groups that these fall into.
+
+    """
+
+    given: FloatArray
+    fit: TargetFit
+    photos: PhotoLenses
+    split: TwoLenses | None
+
+    @property
+    def px(self) -> float:
+        """RMS, pixels."""
+        return rms_px(self.fit.cubic.residual)
+
+
 def _followed(fit: TargetFit, together: float) -> Finding | None:
-    """Fit with a scale and centre for each of two groups, until they settle; then judge.
+    """Fit with a scale and centre for one of two groups, until they settle; then judge.
 
     Args:
         fit: the fit to start from.
         together: RMS with one lens for all, to be beaten.
 
     """
-    pairs, photos = fit.reference.pairs, lenses_of(fit)
-    apart, split, reach = fit, best_split(photos), photos.reach
+    pairs = fit.reference.pairs
     noticed = noticed_px(pairs)
-    given, gains = np.zeros((len(pairs.images), 3)), [0.0]
-    worthy = _worthy_gain(together, noticed)
-    for _ in range(_ROUNDS):
-        if split is None:
-            return None
-        given = _given(split, photos, given)
-        apart, photos = _fitted_apart(fit, apart, given, reach)
-        split = best_split(photos)
-        gains.append(together**2 - rms_px(apart.cubic.residual) ** 2)
-        if len(gains) == 2 and gains[1] < _AT_ONCE * worthy:
-            return None
-        if gains[-1] - gains[-2] < _SETTLED * worthy:
-            break
-    if split is None or split.chance > BY_CHANCE:
+    apart = _settled(fit, together, _worthy_gain(together, noticed))
+    if apart is None or apart.split is None or apart.split.chance > BY_CHANCE:
         return None
-    if split.kind == "order":
-        split, apart, photos = _at_the_boundary(fit, split, apart, photos)
-    apart_px = rms_px(apart.cubic.residual)
+    if apart.split.kind == "order":
+        apart = _at_the_boundary(fit, apart, apart.split)
+    split, photos = apart.split, apart.photos
+    assert split is not None
     unforeseen = left_out_share(photos, split.second)
-    severity = worth(together, apart_px, unforeseen, noticed, split.explained)
+    severity = worth(together, apart.px, unforeseen, noticed, split.explained)
     if severity is None:
         return None
-    scale = 1 + split.own[:, 0] / reach
+    second = photos.photos[split.second]
+    own = apart.given[second[0]]
+    ratio = 1 + own[0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    camera = apart.reference.camera
+    camera = apart.fit.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
-    centres = middle + scale[:, None] * common + split.own[:, 1:]
     change = LensChange(
-        ratio=float(scale[1] / scale[0]), shift=centres[1] - centres[0], centre=centres[0]
+        ratio=float(ratio), shift=(ratio - 1) * common + own[1:], centre=middle + common
     )
-    names = [pairs.images[photo] for photo in photos.photos[split.second]]
     found = lens_change(
         change,
-        names,
+        [pairs.images[photo] for photo in second],
         pairs,
         in_order=split.kind == "order",
         because="apart",
-        figures={"together_px": together, "apart_px": apart_px},
+        figures={"together_px": together, "apart_px": apart.px},
     )
     return replace(found, severity=severity)
+
+
+def _settled(fit: TargetFit, together: float, worthy: float) -> _Apart | None:
+    """The fit apart; None where what it gains at once is not worth it, or photos do not split."""
+    photos = lenses_of(fit)
+    given = np.zeros((len(fit.reference.pairs.images), 3))
+    best = _Apart(given=given, fit=fit, photos=photos, split=best_split(photos))
+    gained = -np.inf
+    for number in range(_ROUNDS):
+        if best.split is None:
+            return None
+        wanted = _given(best.split, best.photos, given)
+        given, whole = _towards(wanted, best.given, photos.reach)
+        apart = _fitted_apart(fit, best, given)
+        before, gained = gained, together**2 - apart.px**2
+        if number == 0 and whole and gained < _AT_ONCE * worthy:
+            return None
+        # Two lenses differ in more than scale and centre: a step may lead too far.
+        if gained < before:
+            break
+        best = apart
+        if whole and gained - before < _SETTLED * worthy:
+            break
+    return best
 
 
 def worth(
@@ -193,56 +231,67 @@ def _worthy_gain(together: float, noticed: float) -> float:
 
 
 def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
-    """(photos, 3) scale and shift of each photo's group; none for photos that do not tell."""
+    """(photos, 3) scale and shift of the second group's photos; none for the others.
+
+    Those of the first are the camera's own: were they given, too, both would wander together.
+    """
     given = np.zeros_like(like)
-    given[photos.photos] = split.own[split.second.astype(int)]
+    given[photos.photos[split.second]] = split.own[1] - split.own[0]
     return given
 
 
-def _fitted_apart(
-    fit: TargetFit, start: TargetFit, given: FloatArray, reach: float
-) -> tuple[TargetFit, PhotoLenses]:
-    """Fit with these scales and shifts (photos, 3); and what each photo has of its own in all.
+def _towards(wanted: FloatArray, given: FloatArray, reach: float) -> tuple[FloatArray, bool]:
+    """From scales and shifts (photos, 3) to those wanted, as far as is safe; whether that far."""
+    step = wanted - given
+    longest = float(np.abs(step[:, 0]).max()) / reach
+    if longest <= _LONGEST_STEP:
+        return wanted, True
+    return given + step * (_LONGEST_STEP / longest), False
+
+
+def _fitted_apart(fit: TargetFit, start: _Apart, given: FloatArray) -> _Apart:
+    """Fit with these scales and shifts (photos, 3), and what each photo has of its own in all.
 
     Raises:
         FitError: there is no camera.
 
     """
-    pairs = fit.reference.pairs
+    pairs, reach = fit.reference.pairs, start.photos.reach
     own, middle = given[pairs.image], (np.array(pairs.image_size, float) - 1) / 2
     # Pixels as one lens would have taken them.
     pixel = middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach)
-    reference = refit_radial(start.reference, replace(pairs, pixel=pixel), start.reference.poses)
+    near = start.fit.reference
+    reference = refit_radial(near, replace(pairs, pixel=pixel), near.poses)
     cubic = fit_cubic(
         reference,
         fit.cubic.hold,
-        start=start.cubic,
+        start=start.fit.cubic,
         relative_decrease=ROUGH_DECREASE,
     )
-    apart = replace(start, reference=reference, cubic=cubic)
+    apart = replace(start.fit, reference=reference, cubic=cubic)
     photos = lenses_of(apart)
     total = photos.own.copy()
     total[:, :3] += given[photos.photos]
-    return apart, replace(photos, own=total)
+    photos = replace(photos, own=total)
+    return _Apart(given=given, fit=apart, photos=photos, split=best_split(photos))
 
 
-def _at_the_boundary(
-    fit: TargetFit, split: TwoLenses, apart: TargetFit, photos: PhotoLenses
-) -> tuple[TwoLenses, TargetFit, PhotoLenses]:
+def _at_the_boundary(fit: TargetFit, apart: _Apart, split: TwoLenses) -> _Apart:
     """The change one photo earlier or later, where that fits better.
 
     A photo beside the change that was counted to the wrong side has bent the camera to itself.
     """
     first = int(np.argmax(split.second))
+    own = apart.given[apart.photos.photos[-1]]
     for place in (first, first - 1):
         second = split.second.copy()
         second[place] = not second[place]
-        moved = replace(split, second=second)
-        wanted = _given(moved, photos, np.zeros((len(fit.reference.pairs.images), 3)))
-        other, own = _fitted_apart(fit, apart, wanted, photos.reach)
-        if rms_px(other.cubic.residual) ** 2 < (1 - WORTH) * rms_px(apart.cubic.residual) ** 2:
-            return moved, other, own
-    return split, apart, photos
+        given = np.zeros_like(apart.given)
+        given[apart.photos.photos[second]] = own
+        moved = _fitted_apart(fit, apart, given)
+        if moved.px**2 < (1 - WORTH) * apart.px**2:
+            return replace(moved, split=replace(split, second=second))
+    return apart
 
 
 def best_split(photos: PhotoLenses) -> TwoLenses | None:

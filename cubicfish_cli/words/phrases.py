@@ -24,8 +24,8 @@ def listed(names: Sequence[str], what: str) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a signed percentage of two digits: 0.0123 -> ``+1.2 %``."""
-    return f"{100 * share:+.2g} %"
+    """A share as a signed percentage of two digits or more: 0.0123 -> ``+1.2 %``."""
+    return f"{100 * share:+.0f} %" if abs(share) >= 0.995 else f"{100 * share:+.2g} %"
 
 
 def plural(number: float, what: str) -> str:

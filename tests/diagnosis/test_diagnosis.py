@@ -44,12 +44,14 @@ from cubicfish_cli.geometry import similarity
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed, percent
 
 TARGET = wrong.corner_of_half_a_metre()
+NINE_BY_SIX = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
 LENS = RadialCamera(
     image_size=synthetic.IMAGE_SIZE, fx=262.0, fy=262.6, cx=485.3, cy=352.8,
     k=np.array([-0.021, -0.0042, 0.0011, -0.00012]),
@@ -668,6 +670,28 @@ def test_odd_photos_are_compared_with_a_lens_that_knows_none_of_them(size):
     assert [one.images for one in found] == [("03.png", "08.png", "09.png")] * (size > 0)
 
 
+def through(focal, farthest_deg, count, seed):
+    """Corners of one flat board in photos of a camera of its own."""
+    lens = AsymmetricLens(
+        image_size=(640, 480), fx=focal, fy=focal, cx=325.0, cy=236.0, max_angle_deg=farthest_deg
+    )
+    return simulated_corners(lens, NINE_BY_SIX, count, seed=seed, errors=CornerErrors(noise=0.07))[
+        0
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "seed"), [(6, 0), (10, 0)])
+def test_two_cameras_that_are_far_apart_are_named(count, seed):
+    """Beside a fit that one camera has bent to both, a step to the other overshoots by far."""
+    names = [f"{number:02d}.png" for number in range(2 * count)]
+    one = replace(through(335.0, 60.0, count, seed), images=tuple(names[:count]))
+    other = replace(through(535.0, 40.0, count, seed + 50), images=tuple(names[count:]))
+    (found,) = calibrate(Observations.joined([one, other]), NINE_BY_SIX, hold_out=False).findings
+    assert (found.code, found.severity) == (Code.ZOOM, Severity.BAD)
+    assert found.images == tuple(names[count:])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [101, 107])
 def test_what_a_photo_cannot_tell_from_its_pose_makes_it_no_odd_one(seed):
@@ -677,9 +701,8 @@ def test_what_a_photo_cannot_tell_from_its_pose_makes_it_no_odd_one(seed):
         image_size=(960, 720), fx=400.0, fy=400.0, cx=480.0, cy=360.0, k=tangent, max_angle_deg=55.0
     )
     errors = CornerErrors(noise=0.1, shared=0, spread=0)
-    target = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
-    seen, _ = simulated_corners(lens, target, 12, seed=seed, errors=errors)
-    made = calibrate(seen, target, hold_out=False)
+    seen, _ = simulated_corners(lens, NINE_BY_SIX, 12, seed=seed, errors=errors)
+    made = calibrate(seen, NINE_BY_SIX, hold_out=False)
     assert not {one.code for one in made.findings} & {Code.SHEARED, Code.PHOTO_LENS}
 
 

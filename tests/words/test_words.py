@@ -13,7 +13,7 @@ from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.codes import Code, Event, Remedy, Severity
 from cubicfish_cli.words.finding import Finding, asks_for_photos, joined, level_of, of_record
-from cubicfish_cli.words.phrases import Sentences
+from cubicfish_cli.words.phrases import Sentences, percent
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 WORDING = Path(__file__).with_name("wording.txt")
@@ -331,3 +331,11 @@ def test_what_reads_none_is_not(code: str) -> None:
 
 if __name__ == "__main__":
     WORDING.write_text(all_wording(), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.0123, "+1.2 %"), (-0.5, "-50 %"), (0.99, "+99 %"), (0.996, "+100 %"), (1.234, "+123 %")],
+)
+def test_a_share_has_two_digits_or_more(share: float, said: str) -> None:
+    assert percent(share) == said
