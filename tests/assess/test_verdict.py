@@ -219,9 +219,16 @@ def test_photos_beside_each_other() -> None:
 
 
 def test_a_record_without_figures_is_not_trusted() -> None:
-    said = verdict({}, SIZE)
+    said = verdict({"images": 9}, SIZE)
     assert said.level == "bad"
     assert "does not say how well" in said.reasons[0].why
+
+
+def test_a_camera_from_elsewhere_is_neither_trusted_nor_accused() -> None:
+    said = verdict({}, SIZE)
+    (reason,) = said.reasons
+    assert (said.level, reason.code) == ("care", Code.NO_FIGURES)
+    assert "cubicfish evaluate" in reason.do
 
 
 PLAIN = st.recursive(

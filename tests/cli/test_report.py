@@ -55,6 +55,29 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
+def test_a_camera_from_elsewhere_is_not_accused(run: Run, tmp_path: Path) -> None:
+    camera, page = tmp_path / "k.yaml", tmp_path / "page.html"
+    given = SAMPLE / "true_camera.yaml"
+    run(
+        "export",
+        given,
+        "--to",
+        "kalibr-pinhole-equi",
+        "--max-error",
+        "5",
+        "-o",
+        tmp_path / "kalibr",
+    )
+    run("import", tmp_path / "kalibr", "-o", camera)
+    said = run("report", camera, "-o", page)
+    assert "verdict: usable with care: it is not known how right" in said.stdout
+    text = page.read_text(encoding="utf-8")
+    assert "not to be trusted" not in text.lower()
+    assert "taken over 2" in text
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("with_report")
 def test_a_page_of_the_point_lift_is_the_same_from_its_files(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "c"
     run("calibrate", CORNERS, "-t", TARGET, "-o", folder, "--lift", "point", "--no-hold-out")
