@@ -55,20 +55,10 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
-def test_a_camera_from_elsewhere_is_not_accused(run: Run, tmp_path: Path) -> None:
-    camera, page = tmp_path / "k.yaml", tmp_path / "page.html"
-    given = SAMPLE / "true_camera.yaml"
-    run(
-        "export",
-        given,
-        "--to",
-        "kalibr-pinhole-equi",
-        "--max-error",
-        "5",
-        "-o",
-        tmp_path / "kalibr",
-    )
-    run("import", tmp_path / "kalibr", "-o", camera)
+def test_a_camera_from_elsewhere_is_not_accused(run: Run, calibrated: Path, tmp_path: Path) -> None:
+    other, camera, page = (tmp_path / name for name in ("chain.yaml", "camera.yaml", "page.html"))
+    run("export", calibrated, "--to", "kalibr-pinhole-equi", "--max-error", "5", "-o", other)
+    run("import", other, "-o", camera)
     said = run("report", camera, "-o", page)
     assert "verdict: usable with care: it is not known how right" in said.stdout
     text = page.read_text(encoding="utf-8")
