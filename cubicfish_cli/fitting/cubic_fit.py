@@ -140,7 +140,7 @@ def fit_cubic(
 
     """
     max_angle_deg = float(np.rad2deg(_cone(reference, MARGIN_DEG)))
-    lens, poses = _first(reference, hold, start, world)
+    lens, poses = _first(reference, hold, start, world, max_angle_deg)
     while True:
         fit = adjust(
             lens,
@@ -164,7 +164,7 @@ def fit_cubic(
             return CubicResult(fit=fit, hold=hold, max_angle_deg=max_angle_deg, validity=validity)
         # A pole crept in: hold P closer to the reference, which has none.
         hold = replace(hold, weight=hold.weight * 10**0.5)
-        lens, poses = _first(reference, hold, None, world)
+        lens, poses = _first(reference, hold, None, world, max_angle_deg)
         if hold.weight > _STRONGEST:
             raise FitError(
                 f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
@@ -184,7 +184,11 @@ def _cone(reference: RadialReference, margin_deg: float) -> float:
 
 
 def _first(
-    reference: RadialReference, hold: Hold, start: CubicResult | None, world: World | None
+    reference: RadialReference,
+    hold: Hold,
+    start: CubicResult | None,
+    world: World | None,
+    max_angle_deg: float,
 ) -> tuple[CubicFit, Poses]:
     """The first of the starts, from the most exact to the safest, without a pole in sight.
 
@@ -194,10 +198,14 @@ def _first(
     pairs = reference.pairs
     points = pairs.world if world is None else world.points
     lens, poses = None, reference.poses
-    for lens, poses in _starts(reference, hold, start):
+    for number, (lens, poses) in enumerate(_starts(reference, hold, start)):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
-        if np.isfinite(pixel).all() and np.isfinite(lens.prior()).all():
+        if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
+            continue
+        # A pole between corners and rays shows in neither; a fit is known to have none.
+        known = start is not None and number == 0
+        if known or check_validity(lens.P, max_angle_deg).valid:
             return lens, poses
     assert lens is not None
     return lens, poses
