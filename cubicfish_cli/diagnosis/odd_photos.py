@@ -192,7 +192,7 @@ def _typical(own: FloatArray, weight: FloatArray) -> FloatArray:
     """(M,) what most photos (K, M) have: their median by what each can tell, (K, M, M).
 
     A photo hardly tells some of its own terms from its pose; what it says of them is no evidence.
-    Weighted least squares in which photos beyond noise count by the root of their distance.
+    Weighted least squares in which photos beyond noise count by one over their distance in noise.
     """
     counts = np.ones(len(own))
     for _ in range(_TYPICAL_ROUNDS):

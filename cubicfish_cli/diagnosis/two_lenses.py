@@ -23,6 +23,7 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     noticed_px,
     spread_out,
 )
+from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.radial_reference import refit_radial
@@ -47,9 +48,9 @@ _MUCH = 0.65
 # what two lenses take away. Where the focus is another in every photo, groups of photos do not.
 _FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
 _ROUNDS = 12
-# Two lenses far apart have bent the fit so much that a step to each is far too long: a scale is
-# changed by no more than this at once.
-_LONGEST_STEP = 0.3
+# Two lenses far apart have bent the fit so much that a step to each is far too long, or leads to a
+# scale below zero: a scale's logarithm is changed by no more than this at once.
+_LONGEST_STEP, _LEAST_SCALE = 0.3, 0.1
 # Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
 # where they are, and by how much less than that another round gains where they have settled.
 _AT_ONCE, _SETTLED = 0.5, 0.01
@@ -113,25 +114,48 @@ def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Apart:
-    """A fit of which some photos have another scale and centre.
+    """A fit of which one group of photos has another scale and centre.
 
     Attributes:
-        given: (photos, 3) scale, shift x, shift y of each beside the camera's, pixels.
-        fit: the fit.
+        scale: the group's scale over that of the others.
+        shift: (2,) by how much its centre is off beside, pixels.
+        second: (K,) which of ``photos`` are in it.
+        fit: the fit, of pixels as one lens would have taken them.
         photos: what each photo has of its own, what it was given included.
-        split: the two groups that these fall into.
+        split: the groups that these fall into; its second one is most of ``second``.
 
     """
 
-    given: FloatArray
+    scale: float
+    shift: FloatArray
+    second: BoolArray
     fit: TargetFit
     photos: PhotoLenses
     split: TwoLenses | None
 
     @property
+    def given(self) -> FloatArray:
+        """(3,) scale and shift as ``photos`` has them, pixels."""
+        return np.array([(self.scale - 1) * self.photos.reach, *self.shift])
+
+    @property
     def px(self) -> float:
         """RMS, pixels."""
         return rms_px(self.fit.cubic.residual)
+
+    def towards(self, split: TwoLenses, longest: float) -> tuple[_Apart, bool]:
+        """With scale and shift as a split has them, as far as is safe; whether all the way."""
+        off = split.own[1] - split.own[0] - self.given
+        wanted = float(np.log1p(max(off[0] / self.photos.reach, _LEAST_SCALE - 1)))
+        step = float(np.clip(wanted, -longest, longest))
+        part = step / wanted if wanted else 1.0
+        moved = replace(
+            self,
+            scale=self.scale * float(np.exp(step)),
+            shift=self.shift + part * self.scale * off[1:],
+            second=split.second,
+        )
+        return moved, part == 1.0
 
 
 def _followed(fit: TargetFit, together: float) -> Finding | None:
@@ -148,27 +172,26 @@ def _followed(fit: TargetFit, together: float) -> Finding | None:
     if apart is None or apart.split is None or apart.split.chance > BY_CHANCE:
         return None
     if apart.split.kind == "order":
-        apart = _at_the_boundary(fit, apart, apart.split)
-    split, photos = apart.split, apart.photos
+        apart = _at_the_boundary(fit, apart)
+    photos, second, split = apart.photos, apart.second, apart.split
     assert split is not None
-    unforeseen = left_out_share(photos, split.second)
+    unforeseen = left_out_share(photos, second)
     severity = worth(together, apart.px, unforeseen, noticed, split.explained)
     if severity is None:
         return None
-    second = photos.photos[split.second]
-    own = apart.given[second[0]]
-    ratio = 1 + own[0] / photos.reach
     middle = (np.array(pairs.image_size, float) - 1) / 2
     camera = apart.fit.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
-    change = LensChange(
-        ratio=float(ratio), shift=(ratio - 1) * common + own[1:], centre=middle + common
-    )
+    ratio, centre, other = apart.scale, middle + common, middle + apart.scale * common + apart.shift
+    # Told of are the later ones, or the fewer.
+    in_order = split.kind == "order"
+    if not second[-1] if in_order else 2 * second.sum() > len(second):
+        second, ratio, centre, other = ~second, 1 / ratio, other, centre
     found = lens_change(
-        change,
-        [pairs.images[photo] for photo in second],
+        LensChange(ratio=ratio, shift=other - centre, centre=centre),
+        [pairs.images[photo] for photo in photos.photos[second]],
         pairs,
-        in_order=split.kind == "order",
+        in_order=in_order,
         because="apart",
         figures={"together_px": together, "apart_px": apart.px},
     )
@@ -178,15 +201,22 @@ def _followed(fit: TargetFit, together: float) -> Finding | None:
 def _settled(fit: TargetFit, together: float, worthy: float) -> _Apart | None:
     """The fit apart; None where what it gains at once is not worth it, or photos do not split."""
     photos = lenses_of(fit)
-    given = np.zeros((len(fit.reference.pairs.images), 3))
-    best = _Apart(given=given, fit=fit, photos=photos, split=best_split(photos))
-    gained = -np.inf
+    split = best_split(photos)
+    if split is None:
+        return None
+    best = _Apart(
+        scale=1.0, shift=np.zeros(2), second=split.second, fit=fit, photos=photos, split=split
+    )
+    gained, longest = -np.inf, _LONGEST_STEP
     for number in range(_ROUNDS):
         if best.split is None:
             return None
-        wanted = _given(best.split, best.photos, given)
-        given, whole = _towards(wanted, best.given, photos.reach)
-        apart = _fitted_apart(fit, best, given)
+        wanted, whole = best.towards(best.split, longest)
+        try:
+            apart = _fitted_apart(fit, best, wanted)
+        except FitError:  # too far at once
+            longest /= 2
+            continue
         before, gained = gained, together**2 - apart.px**2
         if number == 0 and whole and gained < _AT_ONCE * worthy:
             return None
@@ -230,67 +260,70 @@ def _worthy_gain(together: float, noticed: float) -> float:
     return max(_CLEAR_MARGIN * together**2, noticed**2)
 
 
-def _given(split: TwoLenses, photos: PhotoLenses, like: FloatArray) -> FloatArray:
-    """(photos, 3) scale and shift of the second group's photos; none for the others.
+def _fitted_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
+    """Fit with a scale and a shift for some photos, and what each photo has of its own in all.
 
-    Those of the first are the camera's own: were they given, too, both would wander together.
-    """
-    given = np.zeros_like(like)
-    given[photos.photos[split.second]] = split.own[1] - split.own[0]
-    return given
-
-
-def _towards(wanted: FloatArray, given: FloatArray, reach: float) -> tuple[FloatArray, bool]:
-    """From scales and shifts (photos, 3) to those wanted, as far as is safe; whether that far."""
-    step = wanted - given
-    longest = float(np.abs(step[:, 0]).max()) / reach
-    if longest <= _LONGEST_STEP:
-        return wanted, True
-    return given + step * (_LONGEST_STEP / longest), False
-
-
-def _fitted_apart(fit: TargetFit, start: _Apart, given: FloatArray) -> _Apart:
-    """Fit with these scales and shifts (photos, 3), and what each photo has of its own in all.
+    Args:
+        fit: the fit with one lens for all.
+        start: a fit apart from which to start.
+        wanted: scale, shift and photos; its fit does not count.
 
     Raises:
         FitError: there is no camera.
 
     """
-    pairs, reach = fit.reference.pairs, start.photos.reach
-    own, middle = given[pairs.image], (np.array(pairs.image_size, float) - 1) / 2
-    # Pixels as one lens would have taken them.
-    pixel = middle + (pairs.pixel - middle - own[:, 1:]) / (1 + own[:, :1] / reach)
-    near = start.fit.reference
-    reference = refit_radial(near, replace(pairs, pixel=pixel), near.poses)
+    pairs, photos = fit.reference.pairs, start.photos.photos
+    (old, _), (scale, shift) = (_of_photos(one, len(pairs.images)) for one in (start, wanted))
+    middle = (np.array(pairs.image_size, float) - 1) / 2
+    # Pixels as one lens would have taken them: smaller ones are of a target that is farther away.
+    pixel = middle + (pairs.pixel - middle - shift[pairs.image]) / scale[pairs.image, None]
+    poses = start.fit.cubic.poses
+    poses = replace(poses, translation=poses.translation * (scale / old)[:, None])
+    reference = refit_radial(start.fit.reference, replace(pairs, pixel=pixel), poses)
+    near = replace(start.fit.cubic.fit, poses=reference.poses, sums=None)
     cubic = fit_cubic(
         reference,
         fit.cubic.hold,
-        start=start.fit.cubic,
+        start=replace(start.fit.cubic, fit=near),
         relative_decrease=ROUGH_DECREASE,
     )
-    apart = replace(start.fit, reference=reference, cubic=cubic)
-    photos = lenses_of(apart)
-    total = photos.own.copy()
-    total[:, :3] += given[photos.photos]
-    photos = replace(photos, own=total)
-    return _Apart(given=given, fit=apart, photos=photos, split=best_split(photos))
+    apart = replace(wanted, fit=replace(start.fit, reference=reference, cubic=cubic))
+    found = lenses_of(apart.fit)
+    total = found.own.copy()
+    total[:, :3] += np.where(np.isin(found.photos, photos[wanted.second])[:, None], wanted.given, 0)
+    found = replace(found, own=total)
+    return replace(apart, photos=found, split=_alike(best_split(found), wanted.second))
 
 
-def _at_the_boundary(fit: TargetFit, apart: _Apart, split: TwoLenses) -> _Apart:
+def _of_photos(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
+    """Scale (M,) and shift (M, 2) of each of so many photos."""
+    scale, shift = np.ones(count), np.zeros((count, 2))
+    second = apart.photos.photos[apart.second]
+    scale[second], shift[second] = apart.scale, apart.shift
+    return scale, shift
+
+
+def _alike(split: TwoLenses | None, second: BoolArray) -> TwoLenses | None:
+    """The same split with that group as the second one which has most of these photos (K,)."""
+    if split is None or 2 * np.sum(split.second != second) <= len(second):
+        return split
+    return replace(split, second=~split.second, own=split.own[::-1])
+
+
+def _at_the_boundary(fit: TargetFit, apart: _Apart) -> _Apart:
     """The change one photo earlier or later, where that fits better.
 
     A photo beside the change that was counted to the wrong side has bent the camera to itself.
     """
-    first = int(np.argmax(split.second))
-    own = apart.given[apart.photos.photos[-1]]
+    first = int(np.argmax(apart.second != apart.second[0]))
     for place in (first, first - 1):
-        second = split.second.copy()
+        second = apart.second.copy()
         second[place] = not second[place]
-        given = np.zeros_like(apart.given)
-        given[apart.photos.photos[second]] = own
-        moved = _fitted_apart(fit, apart, given)
+        if not 0 < second.sum() < len(second):
+            continue
+        moved = _fitted_apart(fit, apart, replace(apart, second=second))
         if moved.px**2 < (1 - WORTH) * apart.px**2:
-            return replace(moved, split=replace(split, second=second))
+            return replace(moved, split=apart.split)
     return apart
 
 

@@ -26,7 +26,7 @@ from cubicfish_cli.types import FloatArray
 GRID = (13, 9)  # columns and rows over the photo
 _STEP = 1e-3  # of a difference that stands for a derivative, radians
 # More of them hardly change the turn that is taken out.
-_MOST_CORNERS = 1000
+_MOST_CORNERS = 5000
 _FEW_RAYS = 11  # a radial lens and its turn have so many unknowns
 
 
@@ -36,7 +36,7 @@ class Gauge:
 
     A turn of the lens and the opposite turn of all poses leave every pixel where it is. So lenses
     are turned to agree as well as they can at corners. What is left depends neither on the frame of
-    the target nor on how well single poses are known.
+    the target nor on how well single poses are known: no corner's weight counts.
 
     Attributes:
         lens: the lens.
@@ -54,7 +54,7 @@ class Gauge:
         """Without any corner yet."""
         return cls(lens=lens, by_turn=np.zeros((3, 3)), by_both=np.zeros((3, len(lens.parameters))))
 
-    def with_points(self, points: FloatArray, times: int = 1) -> Gauge:
+    def with_points(self, points: FloatArray, times: float = 1.0) -> Gauge:
         """With corners (N, 3) more, camera frame, each of which stands for some."""
         turned, by_lens = self._far(points)
         return replace(
@@ -66,7 +66,8 @@ class Gauge:
     def by_lens(self, rays: FloatArray) -> FloatArray:
         """(2N, K) pixels of distant points (N, 3) by the lens's parameters, the turn taken out."""
         turned, by_lens = self._far(rays)
-        return np.asarray(by_lens - turned @ np.linalg.solve(self.by_turn, self.by_both))
+        turn = np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0]
+        return np.asarray(by_lens - turned @ turn)
 
     def _far(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
@@ -174,10 +175,13 @@ def information(
         noise_px: standard deviation of a corner's coordinate; by default what the residuals show.
 
     """
-    each = -(-len(pairs.image) // _MOST_CORNERS)
-    points = result.poses.apply(pairs.image[::each], pairs.world[::each])
+    count = len(pairs.image)
+    some = np.arange(count)
+    if count > _MOST_CORNERS:  # at random: every so many could be one column of a board
+        some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
+    points = result.poses.apply(pairs.image[some], pairs.world[some])
     return Information(
-        gauge=Gauge.of(result.lens).with_points(points, each),
+        gauge=Gauge.of(result.lens).with_points(points, count / len(some)),
         hessian=result.fit.normal.reduced_shared(),
         noise_px=corner_noise_px(result.fit) if noise_px is None else noise_px,
     )

@@ -63,7 +63,7 @@ def test_a_camera_from_elsewhere_is_not_accused(run: Run, calibrated: Path, tmp_
     assert "verdict: usable with care: it is not known how right" in said.stdout
     text = page.read_text(encoding="utf-8")
     assert "not to be trusted" not in text.lower()
-    assert "taken over 2" in text
+    assert "written 2" in text
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from cubicfish_cli.assess.uncertainty import sigma_at
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
-from cubicfish_cli.fitting.uncertainty import camera_uncertainty, uncertainty_record
+from cubicfish_cli.fitting.uncertainty import Gauge, camera_uncertainty, uncertainty_record
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.calibration import calibrate as calibrate_target
 
@@ -71,6 +71,21 @@ def test_more_photos_make_it_smaller():
         return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
 
     assert sigma(20) < 0.75 * sigma(5)
+
+
+def test_what_is_left_is_no_turn():
+    start = fit_radial(draw(0))
+    fit = fit_cubic(start, HOLD)
+    points = fit.poses.apply(start.pairs.image, start.pairs.world)
+    gauge = Gauge.of(fit.lens).with_points(points[:200]).with_points(points[200:])
+    turned = [
+        (fit.lens.far(Rotation.from_rotvec(turn).apply(points)) - fit.lens.far(points)).ravel()
+        for turn in 1e-6 * np.eye(3)
+    ]
+    whole = fit.lens.far_jacobian(points)[2].reshape(2 * len(points), -1)
+    size = np.linalg.norm(turned) * np.linalg.norm(whole, axis=0)
+    assert (np.abs(turned @ gauge.by_lens(points)) <= 1e-5 * size).all()
+    assert (np.abs(turned @ whole) > 1e-2 * size).any()
 
 
 def test_a_photo_from_far_away_takes_nothing_away():

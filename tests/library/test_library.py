@@ -707,7 +707,7 @@ def test_files_are_those_of_the_command_line(
     assert load_camera(camera).made_by == loaded.made_by
     save_camera(camera, fitted.camera, overwrite=True)
     assert load_camera(camera).fit == {}
-    assert judge(load_camera(camera)).level == "bad"
+    assert judge(load_camera(camera)).level == "care"
 
 
 # What cannot be is refused in one line.
