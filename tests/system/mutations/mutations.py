@@ -167,8 +167,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/uncertainty.py",
-            "by_lens - turned @ np.linalg",
-            "by_lens + turned @ np.linalg",
+            "by_lens - turned @ turn",
+            "by_lens + turned @ turn",
             "fitting/test_uncertainty",
         ),
         (
@@ -176,6 +176,12 @@ MUTATIONS = tuple(
             "hessian[lens, lens] += by_lens.T @ by_lens - cross",
             "hessian[lens, lens] += by_lens.T @ by_lens + cross",
             "advice/test_advice",
+        ),
+        (
+            "diagnosis/two_lenses.py",
+            "own=split.own[::-1]",
+            "own=split.own",
+            "diagnosis/test_diagnosis",
         ),
         # The object.
         (
