@@ -83,7 +83,7 @@ def proposed(
     proposals: int,
 ) -> tuple[tuple[Proposal, ...], int | None]:
     """The next photos, and how many of them reach the goal."""
-    points = [knowledge.points(view) for view in views]
+    added = [knowledge.information.of_photo(knowledge.points(view)) for view in views]
     filled = np.array([_filled(view, cells) for view in views])
     empty, squares = cells.empty, max(cells.field.sum(), 1)
     chosen: list[Viewpoint] = []
@@ -93,7 +93,7 @@ def proposed(
     level = field.summed(state)
     needed = None
     while len(chosen) < MOST_PHOTOS and not taken.all():
-        tried = [state.with_photo(own) for own in points]
+        tried = [state + photo for photo in added]
         sums = [field.summed(one) for one in tried]
         fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_left(after, level) for after in sums])

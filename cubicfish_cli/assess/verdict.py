@@ -249,15 +249,15 @@ def _of_figures(
 
     First how wrong the camera is and what says that it cannot be right, then where it is less so.
     """
-    if not fit:  # no calibration of ours, such as an import
-        yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")
     of, reach, known = (Numbers(one) for one in (fit, fit.get("reach"), fit.get("uncertainty")))
     held_out, rms, radial, photos = (
         of.held_out_rms_px, of.rms_px, of.companion_held_out_rms_px, of.images,
     )  # fmt: skip
     error = float(np.fmax(held_out, rms))
-    if math.isnan(error):
-        yield from _reason(Severity.BAD if fit else None, Code.NO_FIGURES)
+    if not fit:  # no calibration of ours, such as an import
+        yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")
+    elif math.isnan(error):
+        yield from _reason(Severity.BAD, Code.NO_FIGURES)
     else:
         level = _above(error / scale, _ERROR_PX)
         yield from _reason(level, Code.LARGE_ERRORS, _change(fit), error_px=error)

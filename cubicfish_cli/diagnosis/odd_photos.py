@@ -23,6 +23,7 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     enough_photos,
     fit_of_few,
     lenses_of,
+    mean_of,
     noticed_px,
     own_triangles,
     photo_lenses,
@@ -196,12 +197,11 @@ def _typical(own: FloatArray, weight: FloatArray) -> FloatArray:
     """
     counts = np.ones(len(own))
     for _ in range(_TYPICAL_ROUNDS):
-        each = counts[:, None, None] * weight
-        typical = np.linalg.solve(each.sum(axis=0), np.einsum("kij,kj->i", each, own))
+        typical = mean_of(own, counts[:, None, None] * weight)
         off = own - typical
         distance = np.einsum("ki,kij,kj->k", off, weight, off)
         counts = 1 / np.sqrt(np.maximum(distance, 1.0))
-    return np.asarray(typical)
+    return typical
 
 
 def unsteady(fit: TargetFit) -> list[Finding]:

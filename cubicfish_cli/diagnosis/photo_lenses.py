@@ -113,6 +113,11 @@ class PhotoLenses:
         return _invertible(self.information[:, kept[:, None], kept] - left)
 
 
+def mean_of(own: FloatArray, weight: FloatArray) -> FloatArray:
+    """(M,) the mean of what photos (K, M) have, by what each can tell of it, (K, M, M)."""
+    return np.asarray(np.linalg.solve(weight.sum(axis=0), np.einsum("kij,kj->i", weight, own)))
+
+
 def _invertible(information: FloatArray) -> FloatArray:
     floor = 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None]
     return np.asarray(information + floor * np.eye(information.shape[1]))

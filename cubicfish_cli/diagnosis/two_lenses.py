@@ -20,6 +20,7 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     enough_photos,
     fit_of_few,
     lenses_of,
+    mean_of,
     noticed_px,
     spread_out,
 )
@@ -343,7 +344,7 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
     if count < FEWEST_TOLD_APART:
         return None
     own, weight = photos.own[:, LENS], photos.told_of(LENS)
-    off = own - _mean(own, weight)
+    off = own - mean_of(own, weight)
     pull = (weight @ off[:, :, None])[:, :, 0]
     in_order = best_cut(np.arange(count)[None], weight, pull, _FEWEST_IN_GROUP)
     mixed = best_cut(_sorted_along(own, weight), weight, pull, _FEWEST_IN_GROUP)
@@ -358,7 +359,7 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         second=second,
         kind=kind,
         chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
-        own=np.stack([_mean(own[part], weight[part]) for part in (~second, second)]),
+        own=np.stack([mean_of(own[part], weight[part]) for part in (~second, second)]),
         share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
         explained=ratio / (ratio + count - 2),
     )
@@ -391,13 +392,8 @@ def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
     return unknown / known
 
 
-def _mean(own: FloatArray, weight: FloatArray) -> FloatArray:
-    right = np.einsum("kij,kj->i", weight, own)
-    return np.asarray(np.linalg.solve(weight.sum(axis=0), right))
-
-
 def _scatter(own: FloatArray, weight: FloatArray) -> float:
-    off = own - _mean(own, weight)
+    off = own - mean_of(own, weight)
     return float(np.einsum("ki,kij,kj->", off, weight, off))
 
 

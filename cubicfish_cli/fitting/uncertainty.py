@@ -8,6 +8,7 @@ point stays fixed in the world, so a turn that poses and lens share does not cou
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -50,30 +51,33 @@ class Gauge:
     by_both: FloatArray
 
     @classmethod
-    def of(cls, lens: CubicFit) -> Gauge:
-        """Without any corner yet."""
-        return cls(lens=lens, by_turn=np.zeros((3, 3)), by_both=np.zeros((3, len(lens.parameters))))
+    def over(cls, lens: CubicFit, points: FloatArray, times: float = 1.0) -> Gauge:
+        """Over corners (N, 3), camera frame, each of which stands for some."""
+        turned, by_lens = _far(lens, points)
+        return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
 
-    def with_points(self, points: FloatArray, times: float = 1.0) -> Gauge:
-        """With corners (N, 3) more, camera frame, each of which stands for some."""
-        turned, by_lens = self._far(points)
+    def __add__(self, other: Gauge) -> Gauge:
+        """Over the corners of both."""
         return replace(
-            self,
-            by_turn=self.by_turn + times * turned.T @ turned,
-            by_both=self.by_both + times * turned.T @ by_lens,
+            self, by_turn=self.by_turn + other.by_turn, by_both=self.by_both + other.by_both
         )
 
     def by_lens(self, rays: FloatArray) -> FloatArray:
         """(2N, K) pixels of distant points (N, 3) by the lens's parameters, the turn taken out."""
-        turned, by_lens = self._far(rays)
-        turn = np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0]
-        return np.asarray(by_lens - turned @ turn)
+        turned, by_lens = _far(self.lens, rays)
+        return np.asarray(by_lens - turned @ self.turn)
 
-    def _far(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
-        _, by_point, by_lens = self.lens.far_jacobian(points)
-        turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
-        return turned, by_lens.reshape(len(turned), -1)
+    @cached_property
+    def turn(self) -> FloatArray:
+        """(3, K) the turn by the lens's parameters."""
+        return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
+
+
+def _far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
+    _, by_point, by_lens = lens.far_jacobian(points)
+    turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
+    return turned, by_lens.reshape(len(turned), -1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,8 +124,8 @@ class Information:
     hessian: FloatArray
     noise_px: float
 
-    def with_photo(self, points: FloatArray) -> Information:
-        """The same with a photo more, of known corners of the target.
+    def of_photo(self, points: FloatArray) -> Information:
+        """What a photo alone would add, of known corners of the target.
 
         The photo's own pose is unknown and eliminated. The target counts as known there, which is
         not quite right of a fit that refines it, by a few percent.
@@ -139,9 +143,14 @@ class Information:
         inverse = np.linalg.inv(by_pose.T @ by_pose)
         cross = by_lens.T @ by_pose
         lens = slice(0, by_lens.shape[1])
-        hessian = self.hessian.copy()
+        hessian = np.zeros_like(self.hessian)
         hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
-        return replace(self, hessian=hessian, gauge=self.gauge.with_points(points))
+        gauge = Gauge.over(self.gauge.lens, points)
+        return replace(self, hessian=hessian, gauge=gauge)
+
+    def __add__(self, other: Information) -> Information:
+        """What both say of the same lens."""
+        return replace(self, hessian=self.hessian + other.hessian, gauge=self.gauge + other.gauge)
 
     def uncertainty(self) -> Uncertainty:
         """The covariance σ² H⁻¹."""
@@ -181,7 +190,7 @@ def information(
         some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
     points = result.poses.apply(pairs.image[some], pairs.world[some])
     return Information(
-        gauge=Gauge.of(result.lens).with_points(points, count / len(some)),
+        gauge=Gauge.over(result.lens, points, count / len(some)),
         hessian=result.fit.normal.reduced_shared(),
         noise_px=corner_noise_px(result.fit) if noise_px is None else noise_px,
     )

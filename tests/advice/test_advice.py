@@ -124,7 +124,7 @@ def test_information_adds_up_as_the_normal_equations_do(poor):
     views = sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 5)
     rays = knowledge.camera.unproject([[300, 300], [480, 360], [700, 500.0]])
     for view in views[:3]:
-        summed_up = knowledge.information.with_photo(knowledge.points(view))
+        summed_up = knowledge.information + knowledge.information.of_photo(knowledge.points(view))
         joint = knowledge.with_views([view])
         np.testing.assert_allclose(
             summed_up.uncertainty().sigma_px(rays), joint.uncertainty().sigma_px(rays), rtol=1e-4
@@ -289,7 +289,7 @@ def test_an_object_that_was_fitted_too_stays_free():
     assert joint.hessian.shape == (count, count)
     assert (joint.uncertainty().sigma_px(rays) < sigma).all()
     # Taking the object as known in the new photo is nearly right.
-    alone = knowledge.information.with_photo(knowledge.points(view))
+    alone = knowledge.information + knowledge.information.of_photo(knowledge.points(view))
     np.testing.assert_allclose(
         alone.uncertainty().sigma_px(rays), joint.uncertainty().sigma_px(rays), rtol=0.1
     )

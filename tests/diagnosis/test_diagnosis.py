@@ -399,7 +399,7 @@ def test_a_left_out_photo_costs_what_least_squares_without_it_says():
     total = 0.0
     for photo in range(6):
         others = np.flatnonzero((second == second[photo]) & (np.arange(6) != photo))
-        mean = two_lenses._mean(photos.own[others, :3], weight[others])
+        mean = photo_lenses.mean_of(photos.own[others, :3], weight[others])
         off = photos.own[photo, :3] - mean
         total += off @ weight[photo] @ off
     known = photos.squares.sum() + sum(

@@ -77,7 +77,7 @@ def test_what_is_left_is_no_turn():
     start = fit_radial(draw(0))
     fit = fit_cubic(start, HOLD)
     points = fit.poses.apply(start.pairs.image, start.pairs.world)
-    gauge = Gauge.of(fit.lens).with_points(points[:200]).with_points(points[200:])
+    gauge = Gauge.over(fit.lens, points[:200]) + Gauge.over(fit.lens, points[200:])
     turned = [
         (fit.lens.far(Rotation.from_rotvec(turn).apply(points)) - fit.lens.far(points)).ravel()
         for turn in 1e-6 * np.eye(3)

@@ -329,13 +329,13 @@ def test_what_reads_none_is_not(code: str) -> None:
     assert not readers(code), code
 
 
-if __name__ == "__main__":
-    WORDING.write_text(all_wording(), encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("share", "said"),
     [(0.0123, "+1.2 %"), (-0.5, "-50 %"), (0.99, "+99 %"), (0.996, "+100 %"), (1.234, "+123 %")],
 )
 def test_a_share_has_two_digits_or_more(share: float, said: str) -> None:
     assert percent(share) == said
+
+
+if __name__ == "__main__":
+    WORDING.write_text(all_wording(), encoding="utf-8")

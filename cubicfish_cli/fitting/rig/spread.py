@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.uncertainty import corner_noise_px
+from cubicfish_cli.fitting.uncertainty import Gauge, corner_noise_px
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -102,13 +102,8 @@ def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
     for own, one, columns in zip(lens.lenses, rays, lens.columns, strict=True):
         turn = np.zeros((3, count))
         if isinstance(own, CubicFit):
-            _, by_ray, by_lens = own.far_jacobian(one)
-            free = by_lens.shape[2]
-            turned = (-by_ray @ cross_matrix(one)).reshape(-1, 3)
-            moved = by_lens.reshape(-1, free)
-            turn[:, columns.start : columns.start + free] = np.linalg.lstsq(
-                turned, moved, rcond=None
-            )[0]
+            common = Gauge.over(own, one).turn
+            turn[:, columns.start : columns.start + common.shape[1]] = common
         turns.append(turn)
     found = [np.zeros((6, count))]
     for camera in range(1, len(lens.lenses)):

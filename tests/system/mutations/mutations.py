@@ -167,8 +167,8 @@ MUTATIONS = tuple(
         ),
         (
             "fitting/uncertainty.py",
-            "by_lens - turned @ turn",
-            "by_lens + turned @ turn",
+            "by_lens - turned @ self.turn",
+            "by_lens + turned @ self.turn",
             "fitting/test_uncertainty",
         ),
         (
