@@ -16,6 +16,7 @@ import numpy as np
 from cubicfish_cli.diagnosis import (
     corner_count,
     left_out,
+    lost_photos,
     marker_layout,
     mirrored,
     object_faults,
@@ -99,7 +100,7 @@ def _no_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Finding
     return _only_notes(evidence, found) and not len(evidence.corners.pixel)
 
 
-def _some_corners(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
+def _some_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Finding]) -> bool:
     return _only_notes(evidence, found) and len(evidence.corners.pixel) > 0
 
 
@@ -113,6 +114,18 @@ _LENS = (*_LENSES, Code.PHOTO_LENS)
 _NAMES = (*_LENSES, *_DRAWING, Code.CORNER_NAMES)
 _NOTHING = (Code.NOTHING_NAMED, Code.ANOTHER_TARGET, Code.CORNER_COUNT)
 _CHANGES = (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS)
+_LOST = (
+    Code.CORNER_COUNT,
+    Code.TOO_LARGE,
+    Code.AMBIGUOUS,
+    Code.SLIDES,
+    Code.LOOKS_LIKE_ANOTHER,
+    Code.FITS_NOWHERE,
+    Code.OTHER_COLOURS,
+    Code.NO_PLANE,
+    Code.NO_MARKERS,
+    Code.OTHER_SIZE,
+)
 _COUNT, _ANOTHER, _MIRRORED = (Code.CORNER_COUNT,), (Code.ANOTHER_TARGET,), (Code.MIRRORED,)
 _TABLES, _PASS, _TRIALS = Cost
 
@@ -133,6 +146,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         MarkerEvidence, (Code.BOARD_SQUARE,), _TRIALS, wrong_drawing.other_spacing, _only_notes
     ),
     Hypothesis(MarkerEvidence, (Code.NO_MARKERS,), _TRIALS, mirrored.no_markers, _no_corners),
+    Hypothesis(PhotoEvidence, _LOST, _TRIALS, lost_photos.many_lost, _some_corners),
     # Of a fit.
     Hypothesis(FitEvidence, _MIRRORED, _TABLES, lambda e: mirrored.handed(e.pairs)),
     Hypothesis(FitEvidence, _LENSES, _PASS, two_lenses.lens_findings, _named),

@@ -11,6 +11,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.fitting.evidence import Evidence
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.finding import Finding
 
 if TYPE_CHECKING:
     from cubicfish_cli.detection.grids import FoundGrids
@@ -30,6 +31,8 @@ class PhotoEvidence(Evidence):
         picture: the brightness (H, W) of the photo of this number, read once more; None where it
             cannot be.
         target: the drawing.
+        with_boards: in how many of the photos boards were found.
+        lost: why one of these gave no corners, for each that did not.
 
     """
 
@@ -38,6 +41,8 @@ class PhotoEvidence(Evidence):
     digests: Sequence[str]
     picture: Callable[[int], Picture | None]
     target: Target
+    with_boards: int
+    lost: Sequence[Finding]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

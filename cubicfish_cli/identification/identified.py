@@ -216,6 +216,15 @@ class PhotoReport:
         return self.refusal is not None or (none_named and bool(self.remarks))
 
     @property
+    def loss(self) -> Finding | None:
+        """Why it gave no corners: what is told of it, or of its largest grid; None when it did."""
+        if not self.lost:
+            return None
+        if self.refusal is not None:
+            return self.refusal
+        return max(self.remarks, key=lambda one: one.figures["corners"])
+
+    @property
     def problem(self) -> str | None:
         """One line that says why it gave no corners; None when it did."""
         return "; ".join(finding.line for finding in self.findings) if self.lost else None

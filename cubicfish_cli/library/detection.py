@@ -26,6 +26,7 @@ from cubicfish_cli.errors import DetectionError, OutputError, PhotoError
 from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.identification.identified import (
+    FEWEST_CORNERS,
     Detection,
     GridReport,
     PhotoReport,
@@ -210,36 +211,23 @@ def detect_corners(
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))
+    with_boards = [_shows_boards(one) for one in found]
     found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     looks = [found[index] for index in usable]
     names = [photos[index].name for index in usable]
-    about: dict[str, Any] = {
-        "photos": len(photos),
-        "names": names,
-        "digests": [look.digest for look in looks],
-        "picture": lambda number: _brightness(photos[usable[number]]),
-        "target": target,
-    }
-    evidence: MarkerEvidence | GridEvidence
+    identified = None
     if target.has_markers:
         corners = marked_corners([_marked(look) for look in looks], target, size, names)
-        evidence = MarkerEvidence(**about, corners=corners, grids=list(map(_grids, looks)))
         parts = [_by_markers(look, name, target) for look, name in zip(looks, names, strict=True)]
-        other_colours = False
     else:
         identified = name_grids([_grids(look).grids for look in looks], target, size, names)
-        corners, other_colours = identified.corners, identified.other_colours
-        evidence = GridEvidence(**about, identified=identified)
+        corners = identified.corners
         fits = drawing_fits(identified.grids, target)
         parts = [
             _by_geometry(look, *of, fits=fits)
             for look, *of in zip(looks, names, identified.grids, identified.exact, strict=True)
         ]
-    findings = find_faults(evidence)
-    _refuse(findings, named=len(corners.pixel) > 0)
-    if not len(corners.pixel):
-        raise _no_checkerboard(found)
     reports = [
         PhotoReport(name=photo.name, refusal=look.refusal)
         for photo, look in zip(photos, found, strict=True)
@@ -248,11 +236,32 @@ def detect_corners(
         board = corners.board[corners.image == number]
         boards = tuple(corners.boards[one] for one in np.unique(board))
         reports[index] = replace(part, boards=boards, corners=len(board))
+    about: dict[str, Any] = {
+        "photos": len(photos),
+        "names": names,
+        "digests": [look.digest for look in looks],
+        "picture": lambda number: _brightness(photos[usable[number]]),
+        "target": target,
+        "with_boards": sum(with_boards),
+        "lost": [
+            report.loss
+            for report, shows in zip(reports, with_boards, strict=True)
+            if shows and report.loss is not None
+        ],
+    }
+    findings = find_faults(
+        MarkerEvidence(**about, corners=corners, grids=list(map(_grids, looks)))
+        if identified is None
+        else GridEvidence(**about, identified=identified)
+    )
+    _refuse(findings, named=len(corners.pixel) > 0)
+    if not len(corners.pixel):
+        raise _no_checkerboard(found)
     return Detection(
         corners=corners.only_seen()[0],
         photos=tuple(reports),
         findings=tuple(findings),
-        other_colours=other_colours,
+        other_colours=identified is not None and identified.other_colours,
     )
 
 
@@ -263,6 +272,12 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
             raise _refused(finding)
         if finding.severity is not Severity.NOTE and not named:
             raise DetectionError(_NOT_NAMED, do=finding.line)
+
+
+def _shows_boards(look: Look) -> bool:
+    """Whether a photo shows squares in rows, and so many that they are likely a board's."""
+    grids = () if look.grids is None else look.grids.grids
+    return any(len(grid) >= FEWEST_CORNERS for grid in grids)
 
 
 def _common_size(found: Sequence[Look]) -> tuple[int, int] | None:

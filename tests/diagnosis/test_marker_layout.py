@@ -76,6 +76,8 @@ def evidence(pictures, target):
         digests=[""] * len(pictures),
         picture=lambda number: pictures[number],
         target=target,
+        with_boards=len(pictures),
+        lost=(),
         corners=marked_corners(marked, target, SIZE, NAMES[: len(pictures)]),
         grids=grids,
     )

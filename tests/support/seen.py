@@ -11,6 +11,7 @@ from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.identified import Identified
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.finding import Finding
 
 
 def no_photo(_: int) -> None:
@@ -23,6 +24,7 @@ def grid_evidence(
     picture: Callable[[int], Picture | None] = no_photo,
     counts: Sequence[Count] | None = None,
     photos: int = 0,
+    lost: Sequence[Finding] = (),
 ) -> GridEvidence:
     """Of grids that were named; the counts in place of those that the grids show."""
     photos = photos or len(identified.grids)
@@ -32,6 +34,8 @@ def grid_evidence(
         digests=[""] * photos,
         picture=picture,
         target=target,
+        with_boards=photos,
+        lost=lost,
         identified=identified,
     )
     if counts is not None:
