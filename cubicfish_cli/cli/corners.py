@@ -16,14 +16,12 @@ from cubicfish_cli.words.phrases import listed
 
 # The names of corner_files.read.CORNER_FORMATS and of corner_files.detections.NUMBERINGS, here so
 # that --help need not load numpy; tests hold them to each other.
-FORMATS = ("deltille", "mrcal", "kalibr")
+FORMATS = ("mrcal", "kalibr")
 NUMBERINGS = ("rows", "rows-from-bottom", "columns", "tags")
 
 _HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
 
 \b
-deltille  .orpc, one per photo, or folders of them: five lines with the
-          photo's name, its size and the count, then board,corner,ordered,x,y
 mrcal     corners.vnl: '# filename x y', maybe with level or weight; one row
           for each corner of one board, dashes where it was not found
 kalibr    a CSV table with the columns image (or filename, timestamp,
@@ -31,9 +29,9 @@ kalibr    a CSV table with the columns image (or filename, timestamp,
           corner_index), x (u), y (v), and maybe camera, board_id, weight.
           Kalibr itself writes no corners; scripts around it do.
 
-None of these files says which corner of the board is number 0, or which way rows run: the
-target's corner (0, 0) and axes must be those of the detector. Corners of a board that would be
-seen from behind are refused.
+None of these files says how large the photos are: --size does. Nor does it say which corner of
+the board is number 0, or which way rows run: the target's corner (0, 0) and axes must be those of
+the detector. Corners of a board that would be seen from behind are refused.
 """
 
 
@@ -42,21 +40,21 @@ class Asked:
     """What is asked of ``cubicfish corners``."""
 
     files: tuple[Path, ...] = options.argument(
-        "What the detector wrote: files, or folders of .orpc files.",
+        "What the detector wrote.",
         nargs=-1,
         required=True,
         metavar="FILES...",
-        missing="name what the detector wrote: 'cubicfish corners run1/ --target target.yaml'",
+        missing="name what the detector wrote: 'cubicfish corners corners.vnl --size 1920x1080'",
     )
     target: Path | None = options.target_option
     table: Path = options.output_option("Where the corners go.", default="corners.csv")
-    written_by: Literal["deltille", "mrcal", "kalibr"] | None = option(
+    written_by: Literal["mrcal", "kalibr"] | None = option(
         "--format",
-        "What wrote the files. [default: .orpc deltille, .vnl mrcal, .csv kalibr]",
+        "What wrote the files. [default: .vnl mrcal, .csv kalibr]",
         click.Choice(FORMATS),
     )
-    image_size: tuple[int, int] | None = option(
-        "--size", "Size of the photos; .orpc files state it.", options.SIZE
+    image_size: tuple[int, int] = option(
+        "--size", "Size of the photos.", options.SIZE, required=True
     )
     boards: tuple[str, ...] = option(
         "--board [ID=]NAME",
@@ -79,7 +77,6 @@ class Asked:
 @as_command(
     "corners",
     "Take over corners that another detector found.",
-    "cubicfish corners run1/ --target box.yaml",
     "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
     "cubicfish corners found.csv --target grid.yaml --size 752x480 --only 'cam0/*'",
     help=_HELP,

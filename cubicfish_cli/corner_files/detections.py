@@ -46,7 +46,6 @@ class Detections:
     Attributes:
         path: the file, for messages.
         lines: (N,) the line of each corner.
-        image_size: (width, height); None where the file does not say.
         images: names of the photos, in order.
         image: (N,) index into ``images``.
         labels: what the file calls the boards; ("",) where it tells no boards apart.
@@ -62,7 +61,6 @@ class Detections:
 
     path: Path
     lines: IntArray
-    image_size: tuple[int, int] | None
     images: tuple[str, ...]
     image: IntArray
     labels: tuple[str, ...]
@@ -123,7 +121,7 @@ def named_corners(
     *,
     numbering: Numbering | None,
     boards: Mapping[str, str],
-    image_size: tuple[int, int] | None,
+    image_size: tuple[int, int],
 ) -> Observations:
     """The corners of several files, named by the target's boards, columns and rows.
 
@@ -135,14 +133,13 @@ def named_corners(
         boards: the target's board for what a file calls one; "" for files that tell none apart.
             What is not in it is looked up: a board of that name, ``board`` and that name, or the
             board in that place of the target, from 0.
-        image_size: (width, height), for files that do not say.
+        image_size: (width, height) of the photos, which no such file states.
 
     Raises:
         CorrespondenceError: the files do not fit the target or one another; one line that names
             the file and, where it is about one corner, the line.
 
     """
-    size = _one_size(files, image_size)
     images: dict[str, int] = {}
     parts: list[tuple[IntArray, IntArray, IntArray, IntArray]] = []
     for found in files:
@@ -158,7 +155,7 @@ def named_corners(
                 column[here], row[here] = _place(one, number, chosen)
         image = place[found.image] if len(found.image) else found.image
         _refuse_twice(found, image, board, column, row)
-        _refuse_pixels(found, size)
+        _refuse_pixels(found, image_size)
         for index, one in enumerate(target.boards):
             here = np.flatnonzero(board == index)
             if here.size and _mirrored(
@@ -173,7 +170,7 @@ def named_corners(
     used = np.unique(image)
     names = list(images)
     return Observations(
-        image_size=size,
+        image_size=image_size,
         images=tuple(names[i] for i in used.tolist()),
         boards=target.board_names,
         image=np.searchsorted(used, image).astype(np.intp),
@@ -185,28 +182,6 @@ def named_corners(
         world=target.world_points(board, column, row),
         target=target,
     )
-
-
-def _one_size(files: Sequence[Detections], given: tuple[int, int] | None) -> tuple[int, int]:
-    size, said = given, "--size"
-    for found in files:
-        if found.image_size is None:
-            continue
-        if size is not None and found.image_size != size:
-            raise CorrespondenceError(
-                f"{found.path}: photos of {_by(found.image_size)}, but {_by(size)} by {said}: "
-                "photos of one camera have one size"
-            )
-        size, said = found.image_size, str(found.path)
-    if size is None:
-        raise CorrespondenceError(
-            f"{files[0].path}: the file does not say how large the photos are: add --size WxH"
-        )
-    return size
-
-
-def _by(size: tuple[int, int]) -> str:
-    return f"{size[0]}x{size[1]}"
 
 
 def _refuse_known_images(found: Detections, known: Mapping[str, int]) -> None:

@@ -43,7 +43,6 @@ from cubicfish_cli.corner_files.detections import (
     read_text,
     select_images,
 )
-from cubicfish_cli.corner_files.orpc import read_orpc
 from cubicfish_cli.corner_files.vnlog import read_vnlog
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.observations import Observations, no_such_board
@@ -52,9 +51,9 @@ from cubicfish_cli.target import Target
 from cubicfish_cli.types import IntArray
 from cubicfish_cli.wording import quoted
 
-CornerFormat = Literal["deltille", "mrcal", "kalibr"]
+CornerFormat = Literal["mrcal", "kalibr"]
 CORNER_FORMATS: tuple[CornerFormat, ...] = get_args(CornerFormat)
-_SUFFIXES: dict[str, CornerFormat] = {".orpc": "deltille", ".vnl": "mrcal", ".csv": "kalibr"}
+_SUFFIXES: dict[str, CornerFormat] = {".vnl": "mrcal", ".csv": "kalibr"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,18 +79,18 @@ def read_corner_files(
     kind: CornerFormat | None = None,
     numbering: Numbering | None = None,
     boards: Mapping[str, str] | None = None,
-    image_size: tuple[int, int] | None = None,
+    image_size: tuple[int, int],
     only: str | None = None,
 ) -> Read:
     """Read the corners of one camera from files of other detectors.
 
     Args:
-        paths: files, and folders of ``.orpc`` files.
+        paths: the files.
         target: the calibration target.
         kind: the files' format; by default it goes by their suffixes.
         numbering: see :func:`~cubicfish_cli.corner_files.detections.named_corners`.
         boards: likewise.
-        image_size: likewise.
+        image_size: (width, height) of the photos, which no such file states.
         only: a glob: only photos whose names match it.
 
     Raises:
@@ -99,7 +98,7 @@ def read_corner_files(
 
     """
     boards = boards or {}
-    files = [_read(path, kind, target, boards) for path in _spread(paths)]
+    files = [_read(path, kind, target, boards) for path in paths]
     _refuse_unknown_labels(files, boards)
     if only is not None:
         files = [select_images(found, only) for found in files]
@@ -117,20 +116,6 @@ def read_corner_files(
     )
 
 
-def _spread(paths: Sequence[Path]) -> list[Path]:
-    """The files, those of folders by name."""
-    files: list[Path] = []
-    for path in paths:
-        if not path.is_dir():
-            files.append(path)
-            continue
-        inside = sorted(path.glob("*.orpc"))
-        if not inside:
-            raise CorrespondenceError(f"{path} holds no .orpc file: name the files themselves")
-        files.extend(inside)
-    return files
-
-
 def _read(
     path: Path, kind: CornerFormat | None, target: Target, boards: Mapping[str, str]
 ) -> Detections:
@@ -140,8 +125,6 @@ def _read(
         raise CorrespondenceError(
             f"{path}: what detector wrote it is not known: add --format {known}"
         )
-    if kind == "deltille":
-        return read_orpc(path)
     if kind == "kalibr":
         return read_detections_csv(path)
     board = _only_board(path, target, boards.get(""))
@@ -215,7 +198,6 @@ def read_detections_csv(path: Path) -> Detections:
     return Detections(
         path=path,
         lines=np.array(table.lines, np.intp),
-        image_size=None,
         images=images,
         image=image,
         labels=labels,

@@ -76,7 +76,6 @@ def read_vnlog(path: Path, *, corners: int) -> Detections:
     return Detections(
         path=path,
         lines=np.array(table.lines, np.intp),
-        image_size=None,
         images=images,
         image=image[found],
         labels=("",),

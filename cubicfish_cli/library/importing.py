@@ -236,21 +236,21 @@ def import_corner_files(
     written_by: CornerFormat | None = None,
     numbering: Numbering | None = None,
     boards: Mapping[str, str] | None = None,
-    image_size: tuple[int, int] | None = None,
+    image_size: tuple[int, int],
     only: str | None = None,
     run: Run = RUN,
 ) -> ImportedCornerFiles:
     """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
 
     Args:
-        files: what the detector wrote: files, and folders of ``.orpc`` files.
+        files: what the detector wrote.
         target: the calibration target, or its file.
         table: where the corners go.
-        written_by: ``deltille``, ``mrcal`` or ``kalibr``; by default told by the files' suffix.
+        written_by: ``mrcal`` or ``kalibr``; by default told by the files' suffix.
         numbering: how corners are numbered, as ``cubicfish corners --help`` says.
         boards: what the files call boards -> their names in the target; an empty name stands for
             all in files that tell no boards apart.
-        image_size: (width, height) of the photos in pixels, for files that do not say.
+        image_size: (width, height) of the photos in pixels, which such files do not state.
         only: a pattern for the names of photos, such as ``cam0/*``.
         run: how the work is done.
 

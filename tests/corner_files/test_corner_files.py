@@ -58,21 +58,15 @@ def same(read: Observations, true: Observations) -> None:
 # Writers of the layouts as their own programs write them -----------------------------------------
 
 
-def write_orpc(folder: Path, corners: Observations, target: Target, ids: dict[int, int]) -> None:
-    """As deltille_detector: one file per photo, board,corner,ordered,x,y."""
-    for index, name in enumerate(corners.images):
-        here = np.flatnonzero(corners.image == index)
-        rows = [
-            f"{ids[int(corners.board[i])]},"
-            f"{corners.row[i] * target.boards[corners.board[i]].columns + corners.column[i]},1,"
-            f"{float(corners.pixel[i, 0])!r},{float(corners.pixel[i, 1])!r}"
-            for i in here
-        ]
-        head = (
-            f"filename: {name}\nwidth: {SIZE[0]}\nheight: {SIZE[1]}\n"
-            f"num_corners: {len(rows)}\nencoding: ascii\n"
-        )
-        (folder / f"{Path(name).stem}.orpc").write_text(head + "\n".join([*rows, ""]))
+def write_csv(path: Path, corners: Observations, target: Target) -> None:
+    """As scripts around Kalibr do, with a board's number: every corner row by row."""
+    rows = [
+        f"{corners.images[corners.image[i]]},{corners.board[i]},"
+        f"{corners.row[i] * target.boards[corners.board[i]].columns + corners.column[i]},"
+        f"{float(corners.pixel[i, 0])!r},{float(corners.pixel[i, 1])!r}"
+        for i in range(len(corners.pixel))
+    ]
+    path.write_text("\n".join(["image,board,corner_id,x,y", *rows, ""]))
 
 
 def vnl_rows(corners: Observations, target: Target, *, extra: str = " 0") -> list[str]:
@@ -93,53 +87,34 @@ def vnl_rows(corners: Observations, target: Target, *, extra: str = " 0") -> lis
 # What the formats hold ---------------------------------------------------------------------------
 
 
-def test_orpc_files_give_the_true_corners(tmp_path: Path) -> None:
-    true = truth(THREE)
-    write_orpc(tmp_path, true, THREE, {0: 0, 1: 1, 2: 2})
-    read = read_corner_files([tmp_path], THREE)
+def test_boards_go_by_their_places_or_by_their_names(tmp_path: Path) -> None:
+    true, path = truth(THREE), tmp_path / "found.csv"
+    write_csv(path, true, THREE)
+    read = read_corner_files([path], THREE, image_size=SIZE)
     same(read.corners, true)
     assert read.left_out == 0
     assert read.empty == ()
-
-
-def test_orpc_boards_go_by_their_names(tmp_path: Path) -> None:
-    true = truth(THREE)
-    write_orpc(tmp_path, true, THREE, {0: 4, 1: 1, 2: 0})
+    path.write_text(path.read_text().replace(".png,0,", ".png,4,"))
     with pytest.raises(CorrespondenceError, match="board '4', and which of the target's"):
-        read_corner_files([tmp_path], THREE)
-    boards = {"4": "floor", "1": "left", "0": "right"}
-    same(read_corner_files([tmp_path], THREE, boards=boards).corners, true)
+        read_corner_files([path], THREE, image_size=SIZE)
+    boards = {"4": "floor"}
+    same(read_corner_files([path], THREE, boards=boards, image_size=SIZE).corners, true)
 
 
-def test_orpc_numbers_find_boards_that_are_called_so(tmp_path: Path) -> None:
-    text = "filename: a.png\nwidth: 960\nheight: 720\nnum_corners: 2\nencoding: ascii\n"
-    (tmp_path / "a.orpc").write_text(text + "4,0,1,10,20\n1,10,1,30,40\n")
+def test_numbers_find_boards_that_are_called_so(tmp_path: Path) -> None:
+    path, head = tmp_path / "a.csv", "image,board,corner_id,x,y\n"
+    path.write_text(head + "a,4,0,10,20\na,1,10,30,40\n")
     names = ("board1", "left", "board4")
     boards = (replace(board, name=name) for board, name in zip(THREE.boards, names, strict=True))
     target = Target(units="mm", boards=tuple(boards))
-    read = read_corner_files([tmp_path / "a.orpc"], target).corners
+    read = read_corner_files([path], target, image_size=SIZE).corners
     assert [read.boards[i] for i in read.board] == ["board4", "board1"]
     assert read.column.tolist() == [0, 1]
     assert read.row.tolist() == [0, 1]
     # A board that bears a number is not also meant by its place: here 0 is nobody.
-    (tmp_path / "a.orpc").write_text(text + "4,0,1,10,20\n0,10,1,30,40\n")
+    path.write_text(head + "a,4,0,10,20\na,0,10,30,40\n")
     with pytest.raises(CorrespondenceError, match="board '0'"):
-        read_corner_files([tmp_path / "a.orpc"], target)
-
-
-def test_orpc_leaves_out_what_was_not_indexed_and_names_photos_without_corners(
-    tmp_path: Path,
-) -> None:
-    head = "width: 960\nheight: 720\n"
-    (tmp_path / "a.orpc").write_text(
-        f"filename: a.png\n{head}num_corners: 2\nencoding: ascii\n0,0,1,10,20\n0,1,0,30,40\n"
-    )
-    (tmp_path / "b.orpc").write_text(f"filename: b.png\n{head}num_corners: 0\nencoding: ascii\n")
-    read = read_corner_files([tmp_path], FLAT)
-    assert read.left_out == 1
-    assert read.empty == ("b.png",)
-    assert read.corners.images == ("a.png",)
-    assert read.corners.pixel.tolist() == [[10, 20]]
+        read_corner_files([path], target, image_size=SIZE)
 
 
 @pytest.mark.parametrize("extra", ["", " 0"])
@@ -279,24 +254,9 @@ def test_the_command_knows_the_same_words() -> None:
 
 # What is refused ---------------------------------------------------------------------------------
 
-ORPC = "filename: a.png\nwidth: 960\nheight: 720\nnum_corners: 1\nencoding: ascii\n"
 VNL = "# filename x y level\n"
 CSV = "image,corner_id,x,y\n"
 REFUSED = {
-    "empty.orpc": ("", "line 1: 'filename: ...' is expected"),
-    "binary.orpc": (ORPC.replace("ascii", "binary") + "0,0,1,1,1", "line 5: encoding 'binary'"),
-    "size.orpc": (ORPC.replace("960", "-3") + "0,0,1,1,1", "line 2: '-3x720' is not an image size"),
-    "cut.orpc": (ORPC, "line 4: num_corners is '1', but 0 corners follow"),
-    "nan.orpc": (ORPC + "0,0,1,nan,1\n", "line 6: x must be a finite number, not 'nan'"),
-    "short.orpc": (ORPC + "0,0,1,5\n", "line 6: 4 values where 5 belong"),
-    "far.orpc": (ORPC + "0,0,1,5,721.5\n", "line 6: x 5, y 721.5 is outside the 960x720 image"),
-    "big.orpc": (ORPC + "0,88,1,5,5\n", "line 6: corner 88 is outside board 'board' with 11x8"),
-    "huge.orpc": (ORPC + f"0,{'9' * 30},1,5,5\n", "line 6: corner must be a whole number"),
-    "minus.orpc": (ORPC + "0,-1,1,5,5\n", "line 6: corner -1 is outside"),
-    "twice.orpc": (
-        ORPC.replace(": 1", ": 2") + "0,3,1,5,5\n0,3,1,6,6\n",
-        "line 7: the same corner as in line 6",
-    ),
     "legend.vnl": ("a.png 1 2 0\n", "must come before the corners"),
     "columns.vnl": ("# filename x y size\na.png 1 2 3\n", "unknown column 'size'"),
     "both.vnl": ("# filename x y level weight\na 1 2 0 1\n", "line 1: both level and weight"),
@@ -308,12 +268,18 @@ REFUSED = {
     "none.vnl": (VNL + "a - - -\n", "no corner in it is declared as found"),
     "header.csv": ("image,x,y\na,1,2\n", "'corner_id' is missing"),
     "more.csv": ("image,corner_id,x,y,colour\na,1,2,3,4\n", "unknown column 'colour'"),
+    "short.csv": (CSV + "a,0,5\n", "line 2: 3 values where 4 belong"),
+    "far.csv": (CSV + "a,0,5,721.5\n", "line 2: x 5, y 721.5 is outside the 960x720 image"),
+    "big.csv": (CSV + "a,88,5,5\n", "line 2: corner 88 is outside board 'board' with 11x8"),
+    "huge.csv": (CSV + f"a,{'9' * 30},5,5\n", "line 2: corner_id must be a whole number"),
+    "minus.csv": (CSV + "a,-1,5,5\n", "line 2: corner -1 is outside"),
+    "twice.csv": (CSV + "a,3,5,5\na,3,6,6\n", "line 3: the same corner as in line 2"),
     "nan.csv": (CSV + "a,0,inf,2\n", "line 2: x must be a finite number, not 'inf'"),
     "tags.csv": ("image,tag_id,corner_index,x,y\na,0,4,1,1\n", "corner_index 0, 1, 2 or 3"),
     "noun.csv": ("image,tag_id,corner_index,x,y\na,0,3,1,1\n", "is not an aprilgrid"),
     "weight.csv": ("image,corner_id,x,y,weight\na,0,1,2,0\n", "line 2: weight 0 must be above"),
     "board.csv": ("image,board,corner_id,x,y\na,7,0,1,2\n", "it has board '7'"),
-    "what.txt": ("", "add --format deltille or mrcal or kalibr"),
+    "what.txt": ("", "add --format mrcal or kalibr"),
 }
 
 
@@ -329,35 +295,29 @@ def test_a_bad_file_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
 
 
 def test_files_of_several_kinds_of_trouble(tmp_path: Path) -> None:
-    one = tmp_path / "one.orpc"
-    one.write_text(ORPC + "0,0,1,1,1\n")
+    one = tmp_path / "one.csv"
+    one.write_text("image,board,corner_id,x,y\na,0,0,1,1\n")
     with pytest.raises(CorrespondenceError, match="another file holds the corners of"):
-        read_corner_files([one, one], FLAT)
-    with pytest.raises(CorrespondenceError, match="960x720, but 640x480 by --size"):
-        read_corner_files([one], FLAT, image_size=(640, 480))
+        read_corner_files([one, one], FLAT, image_size=SIZE)
     with pytest.raises(CorrespondenceError, match="it has no board '3'; its boards: '0'"):
-        read_corner_files([one], FLAT, boards={"3": "board"})
+        read_corner_files([one], FLAT, boards={"3": "board"}, image_size=SIZE)
     with pytest.raises(CorrespondenceError, match="'bord' is not in the target: did you"):
-        read_corner_files([one], FLAT, boards={"0": "bord"})
+        read_corner_files([one], FLAT, boards={"0": "bord"}, image_size=SIZE)
     with pytest.raises(CorrespondenceError, match="no photo in the files is called like 'b\\*'"):
-        read_corner_files([one], FLAT, only="b*")
-    with pytest.raises(CorrespondenceError, match="holds no"):
-        read_corner_files([Path(__file__).parent], FLAT)
+        read_corner_files([one], FLAT, only="b*", image_size=SIZE)
     with pytest.raises(CorrespondenceError, match="does not exist"):
-        read_corner_files([tmp_path / "no.orpc"], FLAT)
+        read_corner_files([tmp_path / "no.csv"], FLAT, image_size=SIZE)
     (tmp_path / "a.vnl").write_text(VNL + "a - - -\n")
     with pytest.raises(CorrespondenceError, match="it is about one board, and which"):
         read_corner_files([tmp_path / "a.vnl"], THREE, image_size=SIZE)
-    with pytest.raises(CorrespondenceError, match="does not say how large the photos are"):
-        read_corner_files([tmp_path / "a.vnl"], FLAT)
     (tmp_path / "bytes.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(CorrespondenceError, match="is not UTF-8 text"):
-        read_corner_files([tmp_path / "bytes.csv"], FLAT)
+        read_corner_files([tmp_path / "bytes.csv"], FLAT, image_size=SIZE)
 
 
 @given(st.binary(max_size=300), st.sampled_from(CORNER_FORMATS), st.booleans())
 def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, kind, headed: bool) -> None:
-    head = {"deltille": ORPC, "mrcal": VNL, "kalibr": CSV}[kind].encode() if headed else b""
+    head = {"mrcal": VNL, "kalibr": CSV}[kind].encode() if headed else b""
     path = tmp_path_factory.getbasetemp() / "any"
     path.write_bytes(head + raw)
     said = ""
@@ -372,20 +332,21 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, kind, heade
 
 
 @pytest.mark.slow
-def test_corners_of_deltille_calibrate_a_camera(tmp_path: Path, run) -> None:
+def test_corners_of_others_calibrate_a_camera(tmp_path: Path, run) -> None:
     true = truth(THREE, photos=6)
-    write_orpc(tmp_path, true, THREE, {0: 0, 1: 1, 2: 2})
-    target, table = tmp_path / "target.yaml", tmp_path / "corners.csv"
+    target, table, found = (tmp_path / name for name in ("target.yaml", "c.csv", "found.csv"))
+    write_csv(found, true, THREE)
     target.write_text(target_text(THREE))
-    said = run("corners", tmp_path, "--target", target, "-o", table).stdout
+    line = ("corners", found, "--target", target, "--size", "{}x{}".format(*SIZE))
+    said = run(*line, "-o", table).stdout
     assert f"wrote {table}: {len(true.pixel):,} corners in 6 photos" in said
     fit = run(
         *("calibrate", table, "--target", target, "-o", tmp_path / "c", "--json"),
         *("--no-hold-out", "--refine-target", "off"),
     )
     assert json.loads(fit.stdout)["rms_px"] < 0.15  # noise of 0.1 px along x and y
-    run("corners", tmp_path, "--target", target, "-o", table, code=1)
-    run("corners", tmp_path, code=2)
-    run("corners", tmp_path, "--target", target, "--board", "=x", code=2)
-    again = run("corners", tmp_path, "--target", target, "-o", table, "--overwrite", "--json")
+    run(*line, "-o", table, code=1)
+    run("corners", found, "--target", target, code=2)
+    run(*line, "--board", "=x", code=2)
+    again = run(*line, "-o", table, "--overwrite", "--json")
     assert json.loads(again.stdout)["corners"] == len(true.pixel)

@@ -418,7 +418,7 @@ def test_corners_of_others_are_written_as_by_the_command(tmp_path: Path) -> None
     assert same_records(as_json(made), {**said, "file": str(tmp_path / "b.csv")})
     assert made.empty == ("b.png",)
     with pytest.raises(OutputError, match="exists already"):
-        import_corner_files(tmp_path / "c.vnl", target, tmp_path / "b.csv")
+        import_corner_files(tmp_path / "c.vnl", target, tmp_path / "b.csv", image_size=(960, 720))
 
 
 def test_a_target_is_checked_and_drawn_as_by_the_command(tmp_path: Path) -> None:

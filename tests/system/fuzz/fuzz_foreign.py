@@ -92,12 +92,6 @@ def look_through_mrcal(path: Path) -> object:
     return read_mrcal(path).project(RAYS)
 
 
-def orpc_seeds() -> Sequence[bytes]:
-    rows = [f"0,{i},1,{20.5 + 9 * (i % 3)},{30 + 9 * (i // 3)}" for i in range(6)]
-    head = "filename: a.png\nwidth: 640\nheight: 480\nnum_corners: 6\nencoding: ascii\n"
-    return [(head + "\n".join(rows) + "\n").encode()]
-
-
 def vnlog_seeds() -> Sequence[bytes]:
     rows = [f"a.png {20.5 + 9 * (i % 3)} {30 + 9 * (i // 3)} 0" for i in range(6)]
     return ["\n".join(["# filename x y level", *rows, "b.png - - -"]).encode()]

@@ -238,7 +238,6 @@ READERS = {
     "any camera": Reader(
         read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
     ),
-    ".orpc": Reader(read=foreign.read_corners, seeds=foreign.orpc_seeds, suffix=".orpc"),
     "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),
     "detections.csv": Reader(
         read=foreign.read_corners, seeds=foreign.detections_seeds, suffix=".csv"
