@@ -83,7 +83,7 @@ class Board(ABC):
             boards that are designed for a size of paper: fewer say little, more are small (of the
             class).
         designed_spacing: ``spacing`` of such boards (of the class).
-        numbering: how other programs number its corners, as in ``corners import``.
+        numbering: how other programs number its corners, seen from the front.
         name: unique within the target.
         columns, rows: number of corners along x and along y (a list of points: their count, 1).
         square: side of a square, in the target's units (0 for points; the side of a tag).

@@ -14,10 +14,9 @@ from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.words.phrases import listed
 
-# The names of corner_files.read.CORNER_FORMATS and of corner_files.detections.NUMBERINGS, here so
-# that --help need not load numpy; tests hold them to each other.
+# The names of corner_files.read.CORNER_FORMATS, here so that --help need not load numpy; a test
+# holds them to each other.
 FORMATS = ("mrcal", "kalibr")
-NUMBERINGS = ("rows", "rows-from-bottom", "columns", "tags")
 
 _HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
 
@@ -29,9 +28,10 @@ kalibr    a CSV table with the columns image (or filename, timestamp,
           corner_index), x (u), y (v), and maybe camera, board_id, weight.
           Kalibr itself writes no corners; scripts around it do.
 
-None of these files says how large the photos are: --size does. Nor does it say which corner of
-the board is number 0, or which way rows run: the target's corner (0, 0) and axes must be those of
-the detector. Corners of a board that would be seen from behind are refused.
+Corners are numbered row by row from the target's corner (0, 0), on an aprilgrid from its lowest row
+up as in Kalibr, or four a tag. None of these files says which corner of the board that is, or how
+large the photos are: the target's corner (0, 0) and axes must be those of the detector, and --size
+is needed. Corners of a board that would be seen from behind are refused.
 """
 
 
@@ -61,13 +61,6 @@ class Asked:
         "The target's board that the files call ID; NAME alone where they tell no boards apart. "
         "May be given again.",
         multiple=True,
-    )
-    numbering: Literal["rows", "rows-from-bottom", "columns", "tags"] | None = option(
-        "--numbering",
-        "How corners are numbered, seen from the front: from corner (0, 0) row by row or column "
-        "by column, row by row up from the lowest row, or four a tag. [default: rows; "
-        "rows-from-bottom on an aprilgrid, as in Kalibr]",
-        click.Choice(NUMBERINGS),
     )
     only: str | None = option("--only GLOB", "Only photos whose names match, such as 'cam0/*'.")
     overwrite: bool = options.overwrite_option

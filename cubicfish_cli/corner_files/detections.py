@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -25,18 +24,11 @@ from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.wording import quoted
 
-# How corners of a board are numbered, seen by someone who looks at its printed face:
-#   rows              along x from corner (0, 0), row by row down
-#   rows-from-bottom  along x from the lowest row's first corner, row by row up
-#   columns           along y from corner (0, 0), column by column to the right
-#   tags              four for each tag of an aprilgrid, tags as rows-from-bottom; within a tag
-#                     bottom left, bottom right, top right, top left
-Numbering = Literal["rows", "rows-from-bottom", "columns", "tags"]
-NUMBERINGS: tuple[Numbering, ...] = get_args(Numbering)
-
 # A camera sees boards from the front. Grids that run the wrong way round are refused when so many
 # of their cells do: single ones may lie across the rim of a fisheye's picture.
 _MIRRORED_SHARE = 0.5
+# How a board's ``numbering`` counts its corners, in words.
+_HOW = {"rows": "row by row", "rows-from-bottom": "row by row from the lowest row up"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +46,8 @@ class Detections:
         pixel: (N, 2).
         weight: (N,) relative weight of the corner's squared error.
         left_out: how many corners the file itself declares as not found.
-        numbering: how corners are numbered, where the file tells.
+        by_tags: whether numbers are four for each tag of an aprilgrid: bottom left, bottom right,
+            top right, top left. Else they go by the board's own ``numbering``.
         cameras: whether the photos' names start with a camera's and a slash.
 
     """
@@ -69,7 +62,7 @@ class Detections:
     pixel: FloatArray
     weight: FloatArray
     left_out: int
-    numbering: Numbering | None = None
+    by_tags: bool = False
     cameras: bool = False
 
     def refuse(self, row: int, what: str) -> CorrespondenceError:
@@ -119,7 +112,6 @@ def named_corners(
     files: Sequence[Detections],
     target: Target,
     *,
-    numbering: Numbering | None,
     boards: Mapping[str, str],
     image_size: tuple[int, int],
 ) -> Observations:
@@ -128,8 +120,6 @@ def named_corners(
     Args:
         files: what was read.
         target: the calibration target.
-        numbering: how corners are numbered; None for what is usual: ``rows``, and
-            ``rows-from-bottom`` on an aprilgrid, as in Kalibr.
         boards: the target's board for what a file calls one; "" for files that tell none apart.
             What is not in it is looked up: a board of that name, ``board`` and that name, or the
             board in that place of the target, from 0.
@@ -150,9 +140,7 @@ def named_corners(
         for index, one in enumerate(target.boards):
             here = np.flatnonzero(board == index)
             if here.size:
-                chosen = found.numbering or numbering or one.numbering
-                number = _counted(found, one, here, chosen)
-                column[here], row[here] = _place(one, number, chosen)
+                column[here], row[here] = _place(found, one, here)
         image = place[found.image] if len(found.image) else found.image
         _refuse_twice(found, image, board, column, row)
         _refuse_pixels(found, image_size)
@@ -161,8 +149,11 @@ def named_corners(
             if here.size and _mirrored(
                 one, image[here], column[here], row[here], found.pixel[here]
             ):
-                chosen = found.numbering or numbering or one.numbering
-                raise CorrespondenceError(_says_mirrored(found, one, chosen))
+                how = "four a tag" if found.by_tags else _HOW[one.numbering]
+                raise CorrespondenceError(
+                    f"{found.path}: board {quoted(one.name)} is seen from behind if its corners "
+                    f"are numbered {how}: number them so, from the target's corner (0, 0)"
+                )
         parts.append((image, board, column, row))
     if not sum(len(found.image) for found in files):
         raise CorrespondenceError(f"{files[0].path}: no corner in it is declared as found")
@@ -227,24 +218,22 @@ def _likely_board(label: str, target: Target) -> str | None:
     return None
 
 
-def _place(board: Board, number: IntArray, numbering: Numbering) -> tuple[IntArray, IntArray]:
-    """Columns and rows of numbered corners."""
-    if numbering == "columns":
-        column, row = np.divmod(number, board.rows)
-        return column, row
-    if numbering == "tags":
+def _place(found: Detections, board: Board, here: IntArray) -> tuple[IntArray, IntArray]:
+    """Columns and rows of corners of a board (their indices)."""
+    number = _counted(found, board, here)
+    if found.by_tags:
         tag, corner = np.divmod(number, 4)
         up, across = np.divmod(tag, board.columns // 2)
         column = 2 * across + ((corner == 1) | (corner == 2))
         return column, board.rows - 1 - (2 * up + (corner >= 2))
     row, column = np.divmod(number, board.columns)
-    return column, board.rows - 1 - row if numbering == "rows-from-bottom" else row
+    return column, board.rows - 1 - row if board.numbering == "rows-from-bottom" else row
 
 
-def _counted(found: Detections, board: Board, here: IntArray, numbering: Numbering) -> IntArray:
+def _counted(found: Detections, board: Board, here: IntArray) -> IntArray:
     """The corners' numbers, from the board's own first one."""
     number = found.number[here]
-    if numbering == "tags":
+    if found.by_tags:
         if board.per_cell != 2 or board.markers is None:
             raise CorrespondenceError(
                 f"{found.path}: corners are numbered by tags, and board {quoted(board.name)} of "
@@ -296,16 +285,6 @@ def _mirrored(
     along, down = pixel[right[cell]] - pixel[cell], pixel[below[cell]] - pixel[cell]
     area = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
     return bool(cell.size and (area < 0).mean() > _MIRRORED_SHARE)
-
-
-def _says_mirrored(found: Detections, board: Board, chosen: Numbering) -> str:
-    others = [
-        name for name in NUMBERINGS if name != chosen and (name != "tags" or board.per_cell == 2)
-    ]
-    return (
-        f"{found.path}: board {quoted(board.name)} is seen from behind if its corners are "
-        f"numbered by {chosen}: try --numbering {' or '.join(others)}"
-    )
 
 
 def _find(keys: IntArray, wanted: IntArray) -> IntArray:

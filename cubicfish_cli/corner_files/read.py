@@ -17,10 +17,9 @@ weight     ``weight`` of the corner's squared error; may be missing
 
 Other columns are refused. With a camera column, photos are called ``cam<camera>/<photo>``.
 
-Numbers are Kalibr's unless said otherwise: on an aprilgrid row by row along x from the LOWEST row
-up (``rows-from-bottom``), on a checkerboard as OpenCV finds them (``rows``); with ``tag_id``, four
-corners a tag: bottom left, bottom right, top right, top left. Basalt's ``corner_id`` is
-4 · tag + corner (``tags``). Tags are called by their ids, which start at the board's
+Numbers are Kalibr's: on an aprilgrid row by row along x from the LOWEST row up, on a checkerboard
+as OpenCV finds them; with ``tag_id``, four corners a tag: bottom left, bottom right, top right, top
+left. Tags are called by their ids, which start at the board's
 ``first_marker``. Pixel (0, 0) is the middle of the top-left pixel, as in OpenCV; the file does not
 say so, nor how large the photos are.
 """
@@ -38,7 +37,6 @@ import numpy as np
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.corner_files.detections import (
     Detections,
-    Numbering,
     named_corners,
     read_text,
     select_images,
@@ -77,7 +75,6 @@ def read_corner_files(
     target: Target,
     *,
     kind: CornerFormat | None = None,
-    numbering: Numbering | None = None,
     boards: Mapping[str, str] | None = None,
     image_size: tuple[int, int],
     only: str | None = None,
@@ -88,8 +85,7 @@ def read_corner_files(
         paths: the files.
         target: the calibration target.
         kind: the files' format; by default it goes by their suffixes.
-        numbering: see :func:`~cubicfish_cli.corner_files.detections.named_corners`.
-        boards: likewise.
+        boards: see :func:`~cubicfish_cli.corner_files.detections.named_corners`.
         image_size: (width, height) of the photos, which no such file states.
         only: a glob: only photos whose names match it.
 
@@ -105,9 +101,7 @@ def read_corner_files(
         if not any(found.images for found in files):
             raise CorrespondenceError(f"no photo in the files is called like {quoted(only)}")
     _refuse_cameras(files)
-    corners = named_corners(
-        files, target, numbering=numbering, boards=boards, image_size=image_size
-    )
+    corners = named_corners(files, target, boards=boards, image_size=image_size)
     used = set(corners.images)
     return Read(
         corners=corners,
@@ -206,7 +200,7 @@ def read_detections_csv(path: Path) -> Detections:
         pixel=np.stack([table.floats("x"), table.floats("y")], axis=-1),
         weight=table.floats("weight") if "weight" in table.columns else np.ones(len(image)),
         left_out=0,
-        numbering="tags" if "tag_id" in table.columns else None,
+        by_tags="tag_id" in table.columns,
         cameras="camera" in table.columns,
     )
 

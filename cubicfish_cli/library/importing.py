@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.corner_files.detections import Numbering
 from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.corner_files.read import CornerFormat, read_corner_files
 from cubicfish_cli.errors import CameraFileError
@@ -234,7 +233,6 @@ def import_corner_files(
     table: StrPath = "corners.csv",
     *,
     written_by: CornerFormat | None = None,
-    numbering: Numbering | None = None,
     boards: Mapping[str, str] | None = None,
     image_size: tuple[int, int],
     only: str | None = None,
@@ -247,7 +245,6 @@ def import_corner_files(
         target: the calibration target, or its file.
         table: where the corners go.
         written_by: ``mrcal`` or ``kalibr``; by default told by the files' suffix.
-        numbering: how corners are numbered, as ``cubicfish corners --help`` says.
         boards: what the files call boards -> their names in the target; an empty name stands for
             all in files that tell no boards apart.
         image_size: (width, height) of the photos in pixels, which such files do not state.
@@ -265,7 +262,6 @@ def import_corner_files(
         paths_of(files),
         target_in(target),
         kind=written_by,
-        numbering=numbering,
         boards=boards,
         image_size=image_size,
         only=only,

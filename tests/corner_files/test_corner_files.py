@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from synthetic import TRUE_LENS, corner_of_three, flat_board, poses_around, synthetic_corners
 
 from cubicfish_cli.cli import corners as command
-from cubicfish_cli.corner_files.detections import NUMBERINGS, _place
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.corner_files.read import CORNER_FORMATS, read_corner_files
 from cubicfish_cli.errors import CorrespondenceError
@@ -185,15 +184,6 @@ def test_a_tag_and_its_corner_are_kalibrs(tmp_path: Path, grid: Target) -> None:
     path.write_text(csv_of(true, "ts,tag_id,corner_idx,kp_x,kp_y", cell))
     read = read_corner_files([path], grid, image_size=SIZE).corners
     same(read, as_photos(true, ["0", "1", "2"]))
-    # Basalt's corner_id is 4 * tag + corner.
-    basalt = csv_of(
-        true,
-        "timestamp_ns,corner_id,x,y",
-        lambda *at: str(4 * int(cell(*at).split(",")[0]) + int(cell(*at).split(",")[1])),
-    )
-    path.write_text(basalt)
-    read = read_corner_files([path], grid, image_size=SIZE, numbering="tags").corners
-    same(read, as_photos(true, ["0", "1", "2"]))
 
 
 def test_the_marker_of_a_tag_is_where_the_tag_id_says(tmp_path: Path, grid: Target) -> None:
@@ -223,19 +213,13 @@ def test_one_camera_of_several_is_chosen(tmp_path: Path) -> None:
 def test_grids_that_run_the_wrong_way_round_are_refused(tmp_path: Path, grid: Target) -> None:
     true = truth(grid)
     path = tmp_path / "found.csv"
-    path.write_text(csv_of(true, "image,corner_id,x,y", lambda i, c, r: str((7 - r) * 10 + c)))
-    with pytest.raises(CorrespondenceError, match=r"seen from behind .* by rows: try --numbering"):
-        read_corner_files([path], grid, image_size=SIZE, numbering="rows")
-
-
-@given(st.sampled_from(NUMBERINGS))
-def test_a_numbering_names_every_corner_once(numbering) -> None:
-    board = replace(FLAT.boards[0], columns=10, rows=8)
-    column, row = _place(board, np.arange(80), numbering)
-    assert len(set(zip(column.tolist(), row.tolist(), strict=True))) == 80
-    assert column.max() == 9
-    assert row.max() == 7
-    assert min(column.min(), row.min()) == 0
+    path.write_text(csv_of(true, "image,corner_id,x,y", lambda i, c, r: str(r * 10 + c)))
+    with pytest.raises(CorrespondenceError, match=r"seen from behind .* from the lowest row up"):
+        read_corner_files([path], grid, image_size=SIZE)
+    flat = truth(FLAT)
+    path.write_text(csv_of(flat, "image,corner_id,x,y", lambda i, c, r: str((7 - r) * 11 + c)))
+    with pytest.raises(CorrespondenceError, match=r"seen from behind .* numbered row by row: "):
+        read_corner_files([path], FLAT, image_size=SIZE)
 
 
 def test_what_is_read_is_accepted_as_corners_csv(tmp_path: Path) -> None:
@@ -249,7 +233,6 @@ def test_what_is_read_is_accepted_as_corners_csv(tmp_path: Path) -> None:
 
 def test_the_command_knows_the_same_words() -> None:
     assert command.FORMATS == CORNER_FORMATS
-    assert command.NUMBERINGS == NUMBERINGS
 
 
 # What is refused ---------------------------------------------------------------------------------

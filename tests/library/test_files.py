@@ -404,14 +404,13 @@ def test_corners_of_others_are_written_as_by_the_command(tmp_path: Path) -> None
     target = Target.from_data({"units": "mm", "boards": [board]})
     (tmp_path / "t.yaml").write_text(target_text(target))
     line = ("corners", tmp_path / "c.vnl", "-t", tmp_path / "t.yaml", "--size", "960x720")
-    more = ("--board", "one", "--numbering", "rows", "-o", tmp_path / "a.csv")
+    more = ("--board", "one", "-o", tmp_path / "a.csv")
     said = json.loads(run_cli(*line, *more, "--json").stdout)
     made = import_corner_files(
         tmp_path / "c.vnl",
         target,
         tmp_path / "b.csv",
         boards={"": "one"},
-        numbering="rows",
         image_size=(960, 720),
     )
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
