@@ -68,7 +68,7 @@ class Asked:
     "cubicfish import camchain.yaml --camera cam1",
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",
-    "cubicfish import calibration.json --from pyocamcalib --size 1280x800",
+    "cubicfish import opencv.yaml --size 1280x800",
     help=_HELP,
 )
 def command(given: Asked) -> None:

@@ -132,7 +132,6 @@ class CameraFormat:
         file_name: what its file is usually called.
         write: lens, notes of how it was made and photos' poses -> text. Raises
             :class:`~cubicfish_cli.errors.CameraFileError` for values that the format does not take.
-        comments: whether the notes get into the file.
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
             it is :attr:`sizeless`. None where files are only written.
         holds_several: whether a file holds several cameras, of which one is named.
@@ -150,7 +149,6 @@ class CameraFormat:
     lenses: Mapping[str, type[Lens]]
     file_name: str
     write: Callable[[Any, Sequence[str], Poses], str]
-    comments: bool = True
     read: Callable[..., Lens] | None = None
     holds_several: bool = False
     sizeless: bool = False

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +44,11 @@ _SWAP = np.array([[0.0, 1.0], [1.0, 0.0]])
 
 def ocamcalib_text(lens: ScaramuzzaLens) -> str:
     """A lens as the text of calib_results.txt, numbers at full precision."""
-    lens = scaled(lens, float(lens.stretch[0, 0]))
-    matrix = _SWAP @ lens.stretch @ _SWAP
-    polynomial, inverse = -lens.a, lens.inverse
+    # The last entry of their matrix is 1: the stretch is divided by it, and radii multiplied.
+    scale = float(lens.stretch[0, 0])
+    matrix = _SWAP @ (lens.stretch / scale) @ _SWAP
+    polynomial = -lens.a * scale ** (1.0 - np.arange(len(lens.a)))
+    inverse = lens.inverse * scale
     width, height = lens.image_size
     values = (
         f"{len(polynomial)} {_spaced(polynomial)}",
@@ -98,57 +99,23 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
     c, d, e = values[3]
     height, width = values[4]
     image_size = size(Path(f"{path}, line {rows[4][0]}"), width, height, "the image size")
-    return ocam_lens(
-        f"{path}, line {rows[0][0]}",
-        centre=(float(column), float(row)),
-        stretch=_SWAP @ np.array([[c, d], [e, 1.0]]) @ _SWAP,
-        polynomial=-polynomial,
-        inverse=inverse,
-        image_size=image_size,
-    )
-
-
-def ocam_lens(
-    where: str,
-    *,
-    centre: tuple[float, float],
-    stretch: FloatArray,
-    polynomial: FloatArray,
-    inverse: FloatArray,
-    image_size: tuple[int, int],
-) -> ScaramuzzaLens:
-    """A lens of a file's values.
-
-    Raises:
-        CameraFileError: they are of no lens; ``where`` begins the line.
-
-    """
+    where = f"{path}, line {rows[0][0]}"
     if len(polynomial) < 2:
         raise CameraFileError(f"{where}: the polynomial has fewer than two coefficients")
-    if not polynomial[0] > 0:
+    if not polynomial[0] < 0:
         raise CameraFileError(
-            f"{where}: the first coefficient has the wrong sign (below 0 in calib_results.txt, "
-            "above 0 in py-OCamCalib): the lens would look backwards"
+            f"{where}: the first coefficient must be below 0: the lens would look backwards"
         )
+    stretch = _SWAP @ np.array([[c, d], [e, 1.0]]) @ _SWAP
     if not 0.1 < np.linalg.det(stretch) < 10:
         raise CameraFileError(f"{where}: c, d and e are not those of a camera: c must be near 1")
     return ScaramuzzaLens(
         image_size=image_size,
-        cx=centre[0],
-        cy=centre[1],
+        cx=float(column),
+        cy=float(row),
         stretch=stretch,
-        a=polynomial,
+        a=-polynomial,
         inverse=inverse,
-    )
-
-
-def scaled(lens: ScaramuzzaLens, scale: float) -> ScaramuzzaLens:
-    """The same lens with the stretch matrix divided by ``scale`` and radii multiplied by it."""
-    return replace(
-        lens,
-        stretch=lens.stretch / scale,
-        a=lens.a * scale ** (1.0 - np.arange(len(lens.a))),
-        inverse=lens.inverse * scale,
     )
 
 

@@ -45,7 +45,6 @@ ENTRIES = (
     Entry("ros_yaml", {"ros": "camera_info.yaml"}, "ros", "ROS CameraInfo"),
     Entry("kalibr_yaml", _KALIBR, "kalibr", "Kalibr's camchain"),
     Entry("ocamcalib", {"ocamcalib": "calib_results.txt"}, "ocamcalib", "OCamCalib's text"),
-    Entry("pyocamcalib", {"pyocamcalib": "calibration.json"}, "pyocamcalib", "py-OCamCalib's JSON"),
     Entry("colmap_cameras", _COLMAP, "colmap", "COLMAP's cameras.txt and cameras.bin"),
     Entry("nerfstudio_json", {"nerfstudio": "transforms.json, with poses"},
           "nerfstudio", "nerfstudio's transforms.json"),

@@ -29,8 +29,8 @@ _DEGREES = range(4, 13)
 # A higher degree must lower the RMS or the largest error by such a share and so many pixels.
 _WORTH_A_DEGREE = np.array([0.05, 0.1])
 _WORTH_PX = np.array([0.002, 0.02])
-# The inverse polynomial gets terms until it is this near, in pixels. Beyond the degree below, its
-# powers in degrees from the axis, as py-OCamCalib wants them, cancel to nothing.
+# The inverse polynomial gets terms until it is this near, in pixels. Beyond the degree below its
+# powers cancel to nothing.
 _INVERSE_PX = 0.003
 _INVERSE_DEGREES = range(5, 15)
 _INVERSE_MARGIN_RAD = np.deg2rad(5)

@@ -342,9 +342,7 @@ def export_files(
     return ExportedFiles(
         files=[goal],
         record={"file": goal, "format": to, **lens.as_record()},
-        lines=tuple(
-            _without_matrix(line) if WRITTEN[to].comments else line for line in lens.note[1:]
-        ),
+        lines=tuple(map(_without_matrix, lens.note[1:])),
         warnings=() if warning is None else (warning,),
     )
 

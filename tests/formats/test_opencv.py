@@ -149,6 +149,8 @@ def with_(**changes) -> str:
         ('{"K": 1, "K": 2}', "the key 'K' is there twice"),
         ('{"K": [NaN]}', "NaN is not a finite number"),
         ('{"K": [1', "line 1: not valid JSON"),
+        ('{"K": ' + "[" * 100_000, "not the JSON of a camera"),
+        ('{"K": [' + "9" * 5000 + "]}", "not the JSON of a camera"),
         ("[1, 2]", "must hold keys and values"),
         ("K: [1]\nK: [2]\n", "line 2: the key 'K' is there twice"),
         (with_(K=K.T.ravel().tolist()), "was it written column by column?"),

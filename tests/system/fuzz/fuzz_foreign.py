@@ -10,7 +10,6 @@ from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.corner_files.read import read_corner_files
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.formats.ocamcalib import ocamcalib_text, read_ocamcalib
-from cubicfish_cli.formats.pyocamcalib import pyocamcalib_text, read_pyocamcalib
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.target import Target
@@ -52,10 +51,6 @@ def ocamcalib_seeds() -> Sequence[bytes]:
     return [ocamcalib_text(_ocam()).encode()]
 
 
-def pyocamcalib_seeds() -> Sequence[bytes]:
-    return [pyocamcalib_text(_ocam()).encode()]
-
-
 def mrcal_seeds() -> Sequence[bytes]:
     lens = SplinedLens(
         image_size=SIZE,
@@ -77,14 +72,7 @@ def mrcal_seeds() -> Sequence[bytes]:
 
 
 def look_through_ocamcalib(path: Path) -> object:
-    return _through_ocam(read_ocamcalib(path))
-
-
-def look_through_pyocamcalib(path: Path) -> object:
-    return _through_ocam(read_pyocamcalib(path, image_size=SIZE))
-
-
-def _through_ocam(lens: ScaramuzzaLens) -> object:
+    lens = read_ocamcalib(path)
     return lens.project(RAYS), lens.project_by_inverse(RAYS)
 
 

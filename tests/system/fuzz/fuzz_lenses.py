@@ -19,7 +19,7 @@ from cubicfish_cli.formats.registry import ENTRIES, READABLE
 SIZE = (640, 480)
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])
 # More than what is exported is read of the others: fuzz_readers.py has them one by one.
-_SEEDED = {"opencv", "colmap", "ocamcalib", "pyocamcalib", "mrcal"}
+_SEEDED = {"opencv", "colmap", "ocamcalib", "mrcal"}
 EXPORTED = [name for name in READABLE if name not in _SEEDED]
 KEYS = (
     "camera_matrix", "K", "M1", "distortion_coefficients", "D", "xi", "image_size", "image_width",

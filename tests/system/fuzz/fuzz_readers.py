@@ -204,9 +204,6 @@ READERS = {
     "calib_results.txt": Reader(
         read=foreign.look_through_ocamcalib, seeds=foreign.ocamcalib_seeds, suffix=".txt"
     ),
-    "py-OCamCalib": Reader(
-        read=foreign.look_through_pyocamcalib, seeds=foreign.pyocamcalib_seeds, suffix=".json"
-    ),
     ".cameramodel": Reader(
         read=foreign.look_through_mrcal, seeds=foreign.mrcal_seeds, suffix=".cameramodel"
     ),
