@@ -29,20 +29,16 @@ from cubicfish_cli.formats.camera_format import (
     read_bounded_bytes,
     size,
 )
-from cubicfish_cli.lenses.division import DivisionLens
-from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
-from cubicfish_cli.lenses.unified import EnhancedUnifiedLens
+from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens
 from cubicfish_cli.wording import did_you_mean, quoted
 
 HALF = 0.5
 MAX_BYTES = 16_000_000
 _HEAD = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")
-_EQUIRECTANGULAR = 17
 _LINE = re.compile(r"^[^\S\n]*[0-9]+\s+[A-Z][A-Z_]+\s+[0-9]+\s+[0-9]+\s+[-+.0-9]", re.MULTILINE)
 
 
@@ -75,37 +71,23 @@ MODELS = {
     "OPENCV": _model(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
     "OPENCV_FISHEYE": _model(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
     "FULL_OPENCV": _model(6, PinholeLens, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    "FOV": _model(7, FieldOfViewLens, "fx fy cx cy omega"),
     "SIMPLE_RADIAL_FISHEYE": _model(8, RadialCamera, "f cx cy k1"),
     "RADIAL_FISHEYE": _model(9, RadialCamera, "f cx cy k1 k2"),
-    "THIN_PRISM_FISHEYE": _model(
-        10, ThinPrismLens, "fx fy cx cy k1 k2 t2 t1 k3 k4 s1 s3"
-    ),
     "RAD_TAN_THIN_PRISM_FISHEYE": _model(
         11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
-    "SIMPLE_DIVISION": _model(12, DivisionLens, "f cx cy bend"),
-    "DIVISION": _model(13, DivisionLens, "fx fy cx cy bend"),
-    "SIMPLE_FISHEYE": _model(14, RadialCamera, "f cx cy"),
-    "FISHEYE": _model(15, RadialCamera, "fx fy cx cy"),
-    "EUCM": _model(16, EnhancedUnifiedLens, "fx fy cx cy alpha beta"),
 }  # fmt: skip
-"""COLMAP's name -> the model. EQUIRECTANGULAR, 17, is no lens."""
+"""COLMAP's name -> the model; those of which a lens here is one."""
 _BY_NUMBER = {model.number: name for name, model in MODELS.items()}
 
 WRITTEN_AS: Mapping[type[Lens], str] = {
     RadialCamera: "OPENCV_FISHEYE",
-    ThinPrismLens: "THIN_PRISM_FISHEYE",
     RadTanThinPrismLens: "RAD_TAN_THIN_PRISM_FISHEYE",
-    EnhancedUnifiedLens: "EUCM",
 }
 """A lens -> the COLMAP model that it is written as."""
 
-_LENGTHS: Mapping[type[Lens], Mapping[str, int]] = {
-    RadialCamera: {"k": 4},
-    ThinPrismLens: {"k": 4, "t": 2, "s": 4},
-    RadTanThinPrismLens: {"k": 6, "t": 2, "s": 4},
-}
+_RADIAL = {"k": 4}
+_PRISM = {"k": 6, "t": 2, "s": 4}
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
@@ -113,19 +95,10 @@ def parameters_of(lens: Lens) -> tuple[str, list[float]]:
     """The COLMAP model and parameters of a lens of one of :data:`WRITTEN_AS`'s models.
 
     A pinhole's distortion is left out: a flat picture has none.
-
-    Raises:
-        CameraFileError: the lens's values lie outside what COLMAP takes.
-
     """
     name = {**WRITTEN_AS, PinholeLens: "PINHOLE"}[type(lens)]
     own = dict(zip(lens.parameter_names, lens.parameters.tolist(), strict=True))
     own["cx"], own["cy"] = own["cx"] + HALF, own["cy"] + HALF
-    if name == "EUCM" and not (0 <= own["alpha"] <= 1 and own["beta"] > 0):
-        raise CameraFileError(
-            "COLMAP takes an EUCM with alpha from 0 to 1 and beta above 0 only, which the lens "
-            "nearest to this camera is not: export to colmap"
-        )
     return name, [own[parameter] for parameter in MODELS[name].parameters]
 
 
@@ -148,21 +121,14 @@ def lens_of(where: Path, name: str, given: Sequence[float], image_size: tuple[in
     }  # fmt: skip
     if model.lens is PinholeLens:
         record["d"] = np.array([own.get(key, 0.0) for key in _PINHOLE])
-    elif model.lens in _LENGTHS:
-        for key, length in _LENGTHS[model.lens].items():
-            record[key] = np.array([own.get(f"{key}{i + 1}", 0.0) for i in range(length)])
     else:
-        record |= {key: own[key] for key in model.parameters if key not in ("f", *record)}
+        for key, length in (_RADIAL if model.lens is RadialCamera else _PRISM).items():
+            record[key] = np.array([own.get(f"{key}{i + 1}", 0.0) for i in range(length)])
     return model.lens(image_size=image_size, **record)
 
 
 def colmap_text(lens: Lens, note: Sequence[str]) -> str:
-    """A lens of one of :data:`WRITTEN_AS`'s models as a cameras.txt of one camera.
-
-    Raises:
-        CameraFileError: the lens's values lie outside what COLMAP takes.
-
-    """
+    """A lens of one of :data:`WRITTEN_AS`'s models as a cameras.txt of one camera."""
     name, parameters = parameters_of(lens)
     width, height = lens.image_size
     return "\n".join(
@@ -181,10 +147,6 @@ def colmap_rig_text(rig: LensRig) -> str:
     """Lenses of :data:`WRITTEN_AS`'s models as rig_config.json, with their cameras.
 
     The photos of each camera are in a folder of its name; lengths are the rig's own.
-
-    Raises:
-        CameraFileError: a lens's values lie outside what COLMAP takes.
-
     """
     cameras = []
     for number, one in enumerate(rig.lenses):
@@ -275,8 +237,6 @@ def _read_text(path: Path, text: str, camera: str | None) -> Lens:
 
 
 def _known(name: str) -> str:
-    if name == "EQUIRECTANGULAR":
-        return "it is a panorama's, not a lens's"
     near = did_you_mean(name, MODELS)
     return near if near.startswith("did") else "known: " + ", ".join(MODELS)
 
@@ -305,10 +265,9 @@ def _cameras(
         camera, model, width, height = _CAMERA.unpack_from(data, at)
         at += _CAMERA.size
         if model not in _BY_NUMBER:
-            what = _known("EQUIRECTANGULAR" if model == _EQUIRECTANGULAR else "")
             raise CameraFileError(
                 f"{path}: camera {camera} is of model number {model}, which is not known here: "
-                + what
+                + _known("")
             )
         name = _BY_NUMBER[model]
         parameters = struct.Struct(f"<{len(MODELS[name].parameters)}d")

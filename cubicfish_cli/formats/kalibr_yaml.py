@@ -1,8 +1,8 @@
 """Kalibr's camchain.yaml: one or more cameras, cam0, cam1, ...
 
 Of several cameras, ``T_cn_cnm1`` takes points of the camera before to each one's frame, metres.
-``pinhole`` with radtan, equidistant, fov or no distortion, ``omni`` with radtan or none, ``eucm``
-and ``ds`` with none; intrinsics in Kalibr's order.
+``pinhole`` with radtan, equidistant or no distortion, ``omni`` with radtan and ``ds`` with none;
+intrinsics in Kalibr's order.
 """
 
 from __future__ import annotations
@@ -23,26 +23,22 @@ from cubicfish_cli.formats.camera_format import (
     numbers,
     size,
 )
-from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.unified import DoubleSphereLens, EnhancedUnifiedLens, UnifiedLens
+from cubicfish_cli.lenses.unified import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.wording import quoted
 
 _CORE = ("fx", "fy", "cx", "cy")
 # Kalibr's camera_model -> what stands before the core in its intrinsics.
-_INTRINSICS = {"pinhole": (), "omni": ("xi",), "eucm": ("alpha", "beta"), "ds": ("xi", "alpha")}
+_INTRINSICS = {"pinhole": (), "omni": ("xi",), "ds": ("xi", "alpha")}
 # camera_model and distortion_model -> the lens, its attribute with the coefficients, how many.
 _MODELS: Mapping[tuple[str, str], tuple[type[Lens], str, int]] = {
     ("pinhole", "radtan"): (PinholeLens, "d", 4),
     ("pinhole", "equidistant"): (RadialCamera, "k", 4),
-    ("pinhole", "fov"): (FieldOfViewLens, "omega", 1),
     ("pinhole", "none"): (PinholeLens, "d", 0),
     ("omni", "radtan"): (UnifiedLens, "d", 4),
-    ("omni", "none"): (UnifiedLens, "d", 0),
-    ("eucm", "none"): (EnhancedUnifiedLens, "", 0),
     ("ds", "none"): (DoubleSphereLens, "", 0),
 }
 # Of a lens with several the first is written.
@@ -142,10 +138,8 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
     if not isinstance(resolution, list) or len(resolution) != 2:
         raise CameraFileError(f"{path}: {camera}.resolution must be two whole numbers")
     values: dict[str, Any] = dict(zip((*own, *_CORE), given.tolist(), strict=True))
-    if model is UnifiedLens and not count:
-        d = np.zeros(4)
     if key:
-        values[key] = float(d[0]) if count == 1 else d
+        values[key] = d
     image_size = size(path, resolution[0], resolution[1], f"{camera}.resolution")
     return model(image_size=image_size, **values)
 
@@ -155,15 +149,12 @@ def _check(path: Path, kind: str, own: Sequence[float]) -> None:
         raise CameraFileError(f"{path}: xi of an omni lens must be above 0")
     if kind == "ds" and not 0 <= own[1] < 1:
         raise CameraFileError(f"{path}: alpha of a ds lens must be from 0 to below 1")
-    if kind == "eucm" and not (0 <= own[0] <= 1 and own[1] >= 0):
-        raise CameraFileError(f"{path}: an eucm lens has alpha from 0 to 1 and beta from 0 on")
 
 
 FORMAT = CameraFormat(
     lenses={
         "kalibr-pinhole-equi": RadialCamera,
         "kalibr-omni": UnifiedLens,
-        "kalibr-eucm": EnhancedUnifiedLens,
         "kalibr-ds": DoubleSphereLens,
     },
     file_name="camchain.yaml",

@@ -30,14 +30,11 @@ class Entry(NamedTuple):
 _KALIBR = {
     "kalibr-pinhole-equi": "camchain.yaml",
     "kalibr-omni": "camchain.yaml; the nearest of Kalibr's",
-    "kalibr-eucm": "camchain.yaml",
     "kalibr-ds": "camchain.yaml",
 }
 _COLMAP = {
     "colmap": "cameras.txt; OPENCV_FISHEYE",
-    "colmap-thin-prism-fisheye": "cameras.txt",
     "colmap-rad-tan-thin-prism-fisheye": "cameras.txt; the nearest of COLMAP's",
-    "colmap-eucm": "cameras.txt",
 }
 ENTRIES = (
     Entry("opencv_cameras", {"opencv": "K and D of cv2.fisheye, YAML"},

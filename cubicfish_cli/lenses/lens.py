@@ -33,8 +33,6 @@ _SEEDS = 6000
 _BLOCK = 8192
 _STEP = 1e-6
 _PIXELS = ("fx", "fy", "cx", "cy", "skew")
-ALPHA = {"alpha": (0.0, 0.9999)}
-"""Other programs read an α from 0 on and below 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,8 +12,8 @@ from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.rational import RationalLens
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
-from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens, ThinPrismLens
-from cubicfish_cli.lenses.unified import DoubleSphereLens, EnhancedUnifiedLens, UnifiedLens
+from cubicfish_cli.lenses.thin_prism import RadTanThinPrismLens
+from cubicfish_cli.lenses.unified import DoubleSphereLens, UnifiedLens
 
 LENSES: tuple[type[Lens], ...] = (
     RadialCamera,
@@ -23,9 +23,7 @@ LENSES: tuple[type[Lens], ...] = (
     ScaramuzzaLens,
     UnifiedLens,
     DoubleSphereLens,
-    EnhancedUnifiedLens,
     RationalLens,
-    ThinPrismLens,
     RadTanThinPrismLens,
     FThetaLens,
     SplinedLens,

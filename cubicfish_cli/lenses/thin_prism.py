@@ -1,24 +1,22 @@
-"""Fisheye lenses with tangential and thin-prism terms, as COLMAP has them (sensor/models.h).
+"""A fisheye lens with tangential and thin-prism terms, as COLMAP has it (sensor/models.h).
 
-A point at the angle θ from the axis is first (u, v), θ along its azimuth. With ρ² = x² + y²,
+COLMAP calls it RAD_TAN_THIN_PRISM_FISHEYE, Project Aria Fisheye624. A point at the angle θ from
+the axis is first (u, v), θ along its azimuth. With (a, b) = (1 + k1 θ² + ... + k6 θ¹²) (u, v),
+ρ² = a² + b² and
 
-    T(x, y) = (t1 (ρ² + 2x²) + 2 t2 x y + s1 ρ² + s2 ρ⁴,
-               t2 (ρ² + 2y²) + 2 t1 x y + s3 ρ² + s4 ρ⁴),
+    T(a, b) = (t1 (ρ² + 2a²) + 2 t2 a b + s1 ρ² + s2 ρ⁴,
+               t2 (ρ² + 2b²) + 2 t1 a b + s3 ρ² + s4 ρ⁴),
 
-and (a, b) = (1 + k1 θ² + k2 θ⁴ + ...) (u, v), the pixel is f · ((a, b) + T) + c where
+the pixel is f · ((a, b) + T) + c.
 
-- ``thin_prism_fisheye`` (THIN_PRISM_FISHEYE) has T of (u, v), k1..k4, s2 = s4 = 0;
-- ``rad_tan_thin_prism_fisheye`` (RAD_TAN_THIN_PRISM_FISHEYE, Project Aria's Fisheye624) has T of
-  (a, b), k1..k6.
-
-T follows a tilted axis too, so these lenses keep the camera's own frame.
+T follows a tilted axis too, so this lens keeps the camera's own frame.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -33,23 +31,19 @@ _STEP_RAD = np.deg2rad(0.05)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ThinPrismLens(FocalLens):
-    """COLMAP's THIN_PRISM_FISHEYE.
+class RadTanThinPrismLens(FocalLens):
+    """See above.
 
     Attributes:
-        k: (K,) k1, k2, ... of the radial part.
+        k: (6,) of the radial part.
         t: (2,) t1, t2, tangential.
         s: (4,) s1..s4, of thin prisms.
 
     """
 
-    name = "thin_prism_fisheye"
-    label = "thin prism fisheye"
+    name = "rad_tan_thin_prism_fisheye"
+    label = "radial, tangential, thin prism fisheye"
     symmetric = False
-    fixed: ClassVar[tuple[str, ...]] = ("s2", "s4")
-    terms: ClassVar[int] = 4
-    of_bent: ClassVar[bool] = False
-    """Whether T is of (a, b) in place of (u, v)."""
 
     k: FloatArray
     t: FloatArray
@@ -58,7 +52,7 @@ class ThinPrismLens(FocalLens):
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
         """The radial lens."""
-        k = np.append(radial.k, np.zeros(cls.terms - 4))
+        k = np.append(radial.k, [0.0, 0.0])
         return (cls.near(radial, k=k, t=np.zeros(2), s=np.zeros(4)),)
 
     @cached_property
@@ -69,7 +63,7 @@ class ThinPrismLens(FocalLens):
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`."""
         uv = _fisheye(points)
-        bent = _bent(uv, self.k, self._shape, of_bent=self.of_bent)[0]
+        bent = _bent(uv, self.k, self._shape)[0]
         return np.asarray(bent * [self.fx, self.fy] + [self.cx, self.cy])
 
     def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
@@ -78,24 +72,13 @@ class ThinPrismLens(FocalLens):
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`Lens`."""
-        bent, by_uv, by_shape = _bent(_fisheye(points), self.k, self._shape, of_bent=self.of_bent)
+        bent, by_uv, by_shape = _bent(_fisheye(points), self.k, self._shape)
         plain = np.array([1, 1, 0, 0, 0, 0, 0, 0], float)
         return self.through_focal(bent, by_uv @ project_jacobian(plain, points)[1], by_shape)
 
     @property
     def _shape(self) -> FloatArray:
         return np.concatenate([self.t, self.s])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RadTanThinPrismLens(ThinPrismLens):
-    """COLMAP's RAD_TAN_THIN_PRISM_FISHEYE."""
-
-    name = "rad_tan_thin_prism_fisheye"
-    label = "radial, tangential, thin prism fisheye"
-    fixed = ()
-    terms = 6
-    of_bent = True
 
 
 def _fisheye(points: FloatArray) -> FloatArray:
@@ -145,7 +128,7 @@ def _terms_slope(xy: FloatArray, shape: FloatArray) -> FloatArray:
 
 
 def _bent(
-    uv: FloatArray, k: FloatArray, shape: FloatArray, *, of_bent: bool
+    uv: FloatArray, k: FloatArray, shape: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where (u, v) go (N, 2), d/d(u, v) (N, 2, 2), and d/dk, d/d the values of T (N, 2, K + 6)."""
     powers = (uv**2).sum(axis=1)[:, None] ** np.arange(1, len(k) + 1)
@@ -157,11 +140,7 @@ def _bent(
     )
     by_uv = (1 + powers @ k)[:, None, None] * np.eye(2)
     by_uv = by_uv + steep[:, None, None] * uv[:, :, None] * uv[:, None, :]
-    base = radial if of_bent else uv
-    terms, slope = _terms(base), _terms_slope(base, shape)
-    if of_bent:
-        by_k = by_k + slope @ by_k
-        by_uv = by_uv + slope @ by_uv
-    else:
-        by_uv = by_uv + slope
+    terms, slope = _terms(radial), _terms_slope(radial, shape)
+    by_k = by_k + slope @ by_k
+    by_uv = by_uv + slope @ by_uv
     return radial + terms @ shape, by_uv, np.concatenate([by_k, terms], axis=2)

@@ -20,10 +20,8 @@ from cubicfish_cli.formats.registry import ENTRIES, READABLE
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.library.exporting import _rounded_up, export_camera
 
-# The other lenses of COLMAP are in test_formats_colmap; the last two are not read.
-LENS_FORMATS = sorted(
-    {*foreign.WRITTEN} - {"colmap-eucm", "colmap-thin-prism-fisheye", "gyroflow", "nvidia"}
-)
+# The last two are not read.
+LENS_FORMATS = sorted({*foreign.WRITTEN} - {"gyroflow", "nvidia"})
 
 
 @pytest.fixture(scope="module")
@@ -126,9 +124,6 @@ def project_kalibr(cam: dict, points: np.ndarray) -> np.ndarray:
         d1 = np.sqrt(r2 + z * z)
         d2 = np.sqrt(r2 + (xi * d1 + z) ** 2)
         plane = points[:, :2] / (alpha * d2 + (1 - alpha) * (xi * d1 + z))[:, None]
-    elif kind == "eucm":
-        alpha, beta = values[:2]
-        plane = points[:, :2] / (alpha * np.sqrt(beta * r2 + z * z) + (1 - alpha) * z)[:, None]
     else:
         plane = points[:, :2] / (z + values[0] * np.sqrt(r2 + z * z))[:, None]
         k1, k2, p1, p2 = cam["distortion_coeffs"]
@@ -146,7 +141,7 @@ def project_kalibr(cam: dict, points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("lens", "kind", "distortion"),
     [("pinhole-equi", "pinhole", "equidistant"), ("omni", "omni", "radtan"),
-     ("eucm", "eucm", "none"), ("ds", "ds", "none")],
+     ("ds", "ds", "none")],
 )  # fmt: skip
 def test_kalibr_holds_the_same_lens(run, calibrated, tmp_path, rays, lens, kind, distortion):
     path = tmp_path / "camchain.yaml"
@@ -361,7 +356,7 @@ def test_readers_that_see_nothing_behind_are_named(run, calibrated, tmp_path):
     assert (lines in run(*args, "--to", "colmap", "-o", tmp_path / "a").stdout) == behind
     front = run(*args, "--to", "colmap", "-o", tmp_path / "b", "--max-angle", 80).stdout
     assert lines not in front
-    assert lines not in run(*args, "--to", "kalibr-eucm", "-o", tmp_path / "c").stdout
+    assert lines not in run(*args, "--to", "kalibr-ds", "-o", tmp_path / "c").stdout
 
 
 @pytest.mark.slow
@@ -436,7 +431,7 @@ def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
         (PINHOLE.replace("plumb_bob", "magic"), "'magic' is not known"),
         (PINHOLE.replace("plumb_bob", "[1]"), "is not known"),
         (CHAIN.format("pinhole", "rational"), "'rational' does not go with pinhole: radtan, equi"),
-        (CHAIN.format("mei", "none"), "cam0.camera_model 'mei' is not known: pinhole, omni, eucm"),
+        (CHAIN.format("mei", "none"), "cam0.camera_model 'mei' is not known: pinhole, omni, ds"),
         ('{"fl_x": 1, "camera_model": "X"}', "'X' is not known: OPENCV, OPENCV_FISHEYE, PIN"),
         ('{"fl_x": 1, "fl_x": 2}', "the key 'fl_x' is there twice"),
         (
@@ -448,7 +443,7 @@ def test_kalibrs_pinhole_becomes_the_same_cubic_camera(run, tmp_path):
         (PINHOLE.replace("data: [-0.2,", "data: [-0.2, 1.0, 2.0,"), "must hold 0 or 4 or 5"),
         ("# CAMERA_ID\n1 OPENCV_FISHEYE 640 480 1 2\n", "FISHEYE must hold 8"),
         ("# CAMERA_ID\n1 NONE 640 480 1 2\n", "no camera model"),
-        ("# CAMERA_ID\n1 FOV 6 4 1 1 1 1 1\n2 FOV 6 4 1 1 1 1 1\n", "--camera: 1, 2"),
+        ("# CAMERA_ID\n1 PINHOLE 6 4 1 1 1 1\n2 PINHOLE 6 4 1 1 1 1\n", "--camera: 1, 2"),
         ('{"fl_x": 1e999}', "must hold 1 finite numbers"),
         ("cam0:\n  camera_model: x\n  intrinsics: []\n  resolution: []\n", "'x' is not known"),
         ("%YAML:1.0\n---\nK: !!opencv-matrix\n  data: [1]\n", "K must hold 9"),

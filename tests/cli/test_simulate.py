@@ -162,7 +162,7 @@ def test_a_lens_that_no_camera_can_hold_and_its_truth(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["mrcal", "colmap-thin-prism-fisheye"])
+@pytest.mark.parametrize("form", ["mrcal", "colmap-rad-tan-thin-prism-fisheye"])
 def test_another_tools_lens_is_taken_as_it_is(
     run: Run, calibrated: Path, board: Path, tmp_path: Path, form: str
 ) -> None:

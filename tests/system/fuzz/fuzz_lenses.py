@@ -102,5 +102,5 @@ def colmap_binary_seeds() -> Sequence[bytes]:
 
 
 def _parameters(names: Sequence[str]) -> list[float]:
-    known = {"f": 300.0, "fx": 300.0, "fy": 301.0, "cx": 320.0, "cy": 240.0, "omega": 0.9}
-    return [{**known, "alpha": 0.6, "beta": 1.1}.get(name, 1e-3) for name in names]
+    known = {"f": 300.0, "fx": 300.0, "fy": 301.0, "cx": 320.0, "cy": 240.0}
+    return [known.get(name, 1e-3) for name in names]

@@ -57,7 +57,7 @@ COMMANDS = (
 _NARROW = ("--max-angle 60", "")
 FORMATS = {
     "opencv": _NARROW, "ros": _NARROW, "kalibr-pinhole-equi": _NARROW, "kalibr-omni": _NARROW,
-    "kalibr-eucm": _NARROW, "kalibr-ds": _NARROW, "ocamcalib": _NARROW,
+    "kalibr-ds": _NARROW, "ocamcalib": _NARROW,
     "colmap": _NARROW, "nerfstudio": _NARROW, "mrcal": ("", ""), "maps": ("", ".npz"),
 }  # fmt: skip
 
