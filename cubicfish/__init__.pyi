@@ -58,7 +58,6 @@ from cubicfish_cli import judge as judge
 from cubicfish_cli import load_any_camera as load_any_camera
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
-from cubicfish_cli import load_map as load_map
 from cubicfish_cli import load_rig as load_rig
 from cubicfish_cli import map_files as map_files
 from cubicfish_cli import map_rig_files as map_rig_files

@@ -74,7 +74,7 @@ _PLACES = {
     "rendering.options": ("FilmOptions", "LookOptions"),
     "undistortion.choose": ("build_view",),
     "undistortion.options": ("ViewOptions",),
-    "undistortion.maps": ("UndistortMap", "build_map", "load_map", "save_map"),
+    "undistortion.maps": ("UndistortMap", "build_map", "save_map"),
     "undistortion.rigs": ("RectifiedPair",),
     "undistortion.view": ("View",),
 }

@@ -70,7 +70,6 @@ from cubicfish_cli.target import Target as Target
 from cubicfish_cli.undistortion.choose import build_view as build_view
 from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
 from cubicfish_cli.undistortion.maps import build_map as build_map
-from cubicfish_cli.undistortion.maps import load_map as load_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
 from cubicfish_cli.undistortion.options import ViewOptions as ViewOptions
 from cubicfish_cli.undistortion.rigs import RectifiedPair as RectifiedPair

@@ -17,9 +17,6 @@ corners.vnl, tables of Kalibr          200 MB, 16 million values   2 GB      20
 points, pixels                         100 MB                      1 GB      60
 photos, each of those under way        2 GB, 200 million pixels,   2.5 GB    15
                                        1.2 GB when decoded
-undistort_map.npz                      arrays of the view's size;  that of   that of
-                                       packed ones 200 MB and 20   the       the
-                                       times the file              arrays    arrays
 =====================================  ==========================  ========  =======
 
 Anything else than a file, such as a pipe or a device, is read up to the same bounds where text is

@@ -40,7 +40,6 @@ from cubicfish_cli.undistortion.view import (
     View,
     rotation_from_angles,
 )
-from cubicfish_cli.wording import did_you_mean, quoted
 
 MAX_DEFAULT_FIELD_DEG = 120.0
 """A flat picture of a wider field spends nearly all its pixels on the rim."""
@@ -56,11 +55,6 @@ CENTRAL_KINDS: Mapping[str, type[CentralView]] = {
         StereographicView,
         EquidistantView,
     )
-}
-_KINDS: Mapping[str, type[View]] = {
-    **CENTRAL_KINDS,
-    CrossView.kind: CrossView,
-    PlaneView.kind: PlaneView,
 }
 
 
@@ -79,32 +73,6 @@ def axis_focal(camera: Camera) -> float:
     if not area > 0:
         raise ViewError("the camera has no sound scale on its axis: calibrate it again")
     return float(np.sqrt(area))
-
-
-def view_from_json(text: str) -> View:
-    """The view that :meth:`View.to_json` wrote.
-
-    Raises:
-        ViewError: the text is not JSON, or not the record of a view.
-
-    """
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise ViewError("the view is not JSON text") from problem
-    if not isinstance(data, dict):
-        raise ViewError("the view is not a JSON object")
-    for key in ("kind", "size"):
-        if key not in data:
-            raise ViewError(f"the view has no {quoted(key)}")
-    kind, size = data.pop("kind"), data.pop("size")
-    if not isinstance(kind, str) or kind not in _KINDS:
-        raise ViewError(
-            f"unknown kind of view {quoted(kind)}: {did_you_mean(str(kind), sorted(_KINDS))}"
-        )
-    if not isinstance(size, list):
-        raise ViewError("the view's size and rotation must be lists of numbers")
-    return _KINDS[kind].from_parameters(tuple(size), data)  # type: ignore[arg-type]
 
 
 _LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much

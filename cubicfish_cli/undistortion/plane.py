@@ -7,7 +7,7 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, Protocol
 
@@ -61,7 +61,7 @@ class PlaneView(View):
     origin: Vector
     x_axis: Vector
     y_axis: Vector
-    pixels_per_unit: float = field(metadata={"key": "pixels_a_unit"})  # as files have it
+    pixels_per_unit: float
 
     def __post_init__(self) -> None:
         super().__post_init__()

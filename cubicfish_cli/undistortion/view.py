@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol
 
 import cv2
 import numpy as np
@@ -84,41 +83,15 @@ class View(ABC):
 
     def parameters(self) -> dict[str, Any]:
         """What a kind of view adds to the record, as plain data."""
-        values = {key: getattr(self, name) for key, name in self._keys().items()}
+        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "size"}
         return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
-
-    @classmethod
-    def from_parameters(cls, size: tuple[int, int], data: Mapping[str, Any]) -> Self:
-        """The inverse of :meth:`parameters`.
-
-        Raises:
-            ViewError: a key is missing or unknown, or a value is not usable.
-
-        """
-        names = cls._keys()
-        for key in names:
-            if key not in data:
-                raise ViewError(f"the view has no {quoted(key)}")
-        for key in data:
-            if key not in names:
-                raise ViewError(f"the view has an unknown key {quoted(key)}")
-        values = {
-            names[key]: tuple(one) if isinstance(one, list) else one for key, one in data.items()
-        }
-        return cls(size=size, **values)
-
-    @classmethod
-    def _keys(cls) -> dict[str, str]:
-        """Key of the record -> the field."""
-        own = (one for one in fields(cls) if one.name != "size")
-        return {one.metadata.get("key", one.name): one.name for one in own}
 
     @abstractmethod
     def describe(self) -> str:
         """The view in a few words, after its size."""
 
     def to_json(self) -> str:
-        """The view as JSON text, which :func:`~.views.view_from_json` reads."""
+        """The view as JSON text: its kind, its size and :meth:`parameters`."""
         return json.dumps({"kind": self.kind, "size": list(self.size)} | self.parameters())
 
     def pixel_grid(self) -> FloatArray:

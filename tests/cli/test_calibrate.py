@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from running import SAMPLE, Run
+from saved_maps import read_map
 
 from cubicfish_cli import __version__
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
@@ -15,7 +16,6 @@ from cubicfish_cli.files import sha256_of
 from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.target import load_target
-from cubicfish_cli.undistortion.maps import load_map
 
 CORNERS = SAMPLE / "true_corners.csv"
 TARGET = SAMPLE / "target.yaml"
@@ -109,7 +109,7 @@ def test_overwriting_replaces_all(run: Run, tmp_path: Path, quick_fit: None) -> 
     run("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path, "--overwrite")
     assert load_camera(tmp_path / "camera.yaml").fit["images"] == 10
     assert (tmp_path / "corners.csv").read_text().startswith("# cubicfish corners 1")
-    assert load_map(tmp_path / "undistort_map.npz").image_size == (960, 720)
+    assert read_map(tmp_path / "undistort_map.npz").image_size == (960, 720)
 
 
 def test_when_one_output_fails_none_is_written(

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import yaml
 from running import Run
+from saved_maps import read_map
 
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.undistortion.maps import load_map
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_the_map_of_a_rescaled_photo(run: Run, model: Path, tmp_path: Path) -> N
     run("map", tmp_path / "a.npz", *view)
     run("map", tmp_path / "b.npz", *view, "--photo-size", "480x360")
     run("map", tmp_path / "c.npz", *view, "--crop", "640x480+160+100")
-    a, b, c = (load_map(tmp_path / f"{name}.npz") for name in "abc")
+    a, b, c = (read_map(tmp_path / f"{name}.npz") for name in "abc")
     assert (b.image_size, c.image_size) == ((480, 360), (640, 480))
     np.testing.assert_allclose(b.map_x, (a.map_x + 0.5) / 2 - 0.5, atol=1e-4)
     np.testing.assert_allclose(c.map_x[c.valid], a.map_x[c.valid] - 160, atol=1e-4)
@@ -100,7 +100,7 @@ def test_a_fixed_point_map(run: Run, model: Path, tmp_path: Path) -> None:
 def test_a_cube_has_six_maps(run: Run, model: Path, tmp_path: Path) -> None:
     run("map", tmp_path / "m.npz", "-m", model, "--view", "cube", "--size", "20x20")
     assert len(list(tmp_path.glob("m_*.npz"))) == 6
-    assert load_map(tmp_path / "m_front.npz").valid.all()
+    assert read_map(tmp_path / "m_front.npz").valid.all()
     assert len(list(tmp_path.glob("m_*.view.opencv.yaml"))) == 6
 
 
@@ -113,7 +113,7 @@ def test_an_equidistant_views_camera_is_opencvs_fisheye(
     matrix, coefficients = (
         storage.getNode(name).mat() for name in ("camera_matrix", "distortion_coefficients")
     )
-    view = load_map(tmp_path / "m.npz").view
+    view = read_map(tmp_path / "m.npz").central_view
     ray = np.array([[[0.4, -0.3, 1.0]]])
     pixel, _ = cv2.fisheye.projectPoints(ray, np.zeros(3), np.zeros(3), matrix, coefficients)
     np.testing.assert_allclose(pixel.ravel(), view.pixels(ray.ravel()), atol=1e-6)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import yaml
 from running import Run
+from saved_maps import read_map
 
-from cubicfish_cli import load_map, load_rig
+from cubicfish_cli import load_rig
 from cubicfish_cli.cli.options import keys_of
 from tests.cli.test_export_rig import made_rig
 
@@ -37,10 +38,10 @@ def test_maps_show_one_point_in_one_row(run: Run, pair: Path, tmp_path: Path, ki
     points = np.array([[100.0, 50, 900], [-300, 200, 700], [40, -500, 800], [600, 10, 1000]])
     rows = []
     for name in ("left", "right"):
-        made = load_map(tmp_path / f"out_{name}.npz")
+        made = read_map(tmp_path / f"out_{name}.npz")
         camera = rig.camera(name)
         pixel = camera.file.camera.project(points @ camera.rotation.T + camera.translation)
-        found = made.view.pixels(camera.file.camera.unproject(pixel))
+        found = made.central_view.pixels(camera.file.camera.unproject(pixel))
         x, y = np.rint(found).astype(int).T
         here = np.column_stack([made.map_x[y, x], made.map_y[y, x]])
         assert np.abs(here - pixel).max() < 2  # whole pixels of the picture

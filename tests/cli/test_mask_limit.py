@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import yaml
 from running import SAMPLE, Run
+from saved_maps import read_map
 
 from cubicfish_cli.assess.uncertainty import sigma_at
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.plain_yaml import plain_yaml_text
-from cubicfish_cli.undistortion.maps import Crop, calibrated_pixels, camera_for_photos, load_map
+from cubicfish_cli.undistortion.maps import Crop, calibrated_pixels, camera_for_photos
 
 VIEW = ["--view", "equidistant", "--fit", "outer", "--size", "160x120"]
 PHOTO = next((SAMPLE / "photos").glob("*.[pj]*g"))
@@ -46,7 +47,7 @@ def test_a_tighter_limit_leaves_less(run: Run, calibrated: Path, tmp_path: Path)
     model = calibrated / "camera.yaml"
     record = load_camera(model).fit["uncertainty"]
     valid = mask_of(run, tmp_path, model, *VIEW)
-    made = load_map(tmp_path / "m.npz")
+    made = read_map(tmp_path / "m.npz")
     sigma = sigma_at(record, np.stack([made.map_x, made.map_y], axis=-1)[valid].astype(float))
     wider = valid
     for share in (0.8, 0.4, 0.1):
@@ -56,7 +57,7 @@ def test_a_tighter_limit_leaves_less(run: Run, calibrated: Path, tmp_path: Path)
         assert not (mask & ~wider).any()
         np.testing.assert_array_equal(mask[valid], sigma <= limit)
         wider = mask
-    after = load_map(tmp_path / "m.npz")
+    after = read_map(tmp_path / "m.npz")
     np.testing.assert_array_equal(after.valid, made.valid)  # the map itself stays whole
 
 
@@ -65,7 +66,7 @@ def test_the_limit_holds_in_pixels_as_calibrated(
     run: Run, model: Path, tmp_path: Path, photos: list[str]
 ) -> None:
     mask = mask_of(run, tmp_path, model, *VIEW, *photos, "--mask-limit", "0.6")
-    made = load_map(tmp_path / "m.npz")
+    made = read_map(tmp_path / "m.npz")
     width = load_camera(model).camera.image_size[0]
     x = made.map_x.astype(float)
     if photos[:1] == ["--photo-size"]:
@@ -81,7 +82,7 @@ def test_where_nothing_is_known_is_not_trusted(run: Run, model: Path, tmp_path: 
     record = dict(load_camera(model).fit["uncertainty"])
     record["sigma_px"] = [[None] * 7 + row[7:] for row in record["sigma_px"]]
     mask = mask_of(run, tmp_path, edited(model, model, record), *VIEW, "--mask-limit", "100")
-    made = load_map(tmp_path / "m.npz")
+    made = read_map(tmp_path / "m.npz")
     # A grid cell with one known side is known, up to its unknown side.
     np.testing.assert_array_equal(mask, made.valid & (made.map_x > record["x"][6]))
     assert 0 < mask.sum() < made.valid.sum()

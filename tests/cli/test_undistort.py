@@ -1,6 +1,5 @@
 """undistort and map: the right view of the right photos, and nothing replaced unasked."""
 
-import json
 import re
 import signal
 import subprocess
@@ -13,11 +12,11 @@ import numpy as np
 import pytest
 import yaml
 from running import SAMPLE, Run
+from saved_maps import read_map
 
 from cubicfish_cli.cli import streams, terminal
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS
-from cubicfish_cli.undistortion.maps import load_map
 from cubicfish_cli.undistortion.options import WIDEST
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
@@ -84,7 +83,7 @@ def test_the_view_is_the_one_asked_for(run: Run, model: Path, tmp_path: Path) ->
     assert said.splitlines()[0] == (
         f"wrote {tmp_path / 'm.npz'}: 101x51 pixels, 90.0° across, focal length 50.50 px"
     )
-    written = load_map(tmp_path / "m.npz")
+    written = read_map(tmp_path / "m.npz")
     assert written.map_x.shape == (51, 101)
     # The middle looks 30° to the right and 20° up.
     yaw, pitch = np.radians([30, 20])
@@ -98,7 +97,7 @@ def test_the_view_is_the_one_asked_for(run: Run, model: Path, tmp_path: Path) ->
 def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: Path) -> None:
     run("map", tmp_path / "a.npz", "-m", model)
     run("map", tmp_path / "b.npz", "-m", model, "--size", "480x360")
-    a, b = (json.loads(load_map(tmp_path / f"{n}.npz").view.to_json()) for n in "ab")
+    a, b = (read_map(tmp_path / f"{n}.npz").view for n in "ab")
     assert a["size"] == [960, 720]
     assert b["focal"] == pytest.approx(a["focal"] / 2)
 

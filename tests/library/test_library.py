@@ -17,6 +17,7 @@ import pytest
 from lenses import smaller
 from listening import Heard
 from running import SAMPLE, run_cli
+from saved_maps import read_map
 from synthetic import checkerboard
 
 import cubicfish
@@ -44,7 +45,6 @@ from cubicfish_cli import (
     judge,
     load_camera,
     load_corners,
-    load_map,
     read_picture,
     save_camera,
     save_corners,
@@ -201,7 +201,7 @@ def test_a_camera_is_that_of_the_command_line(
     assert calibration.camera.max_angle_deg == pytest.approx(loaded.camera.max_angle_deg)
     assert judge(calibration) == judge(loaded)
     made = build_map(calibration.camera, build_view(calibration.camera))
-    of_file = load_map(calibrated / "undistort_map.npz")
+    of_file = read_map(calibrated / "undistort_map.npz")
     np.testing.assert_allclose(made.map_x, of_file.map_x, atol=1e-3)
 
 

@@ -32,7 +32,6 @@ from cubicfish_cli import (
     judge,
     load_camera,
     load_corners,
-    load_map,
     read_picture,
     save_camera,
     save_corners,
@@ -88,7 +87,6 @@ def uses(picture: npt.NDArray[np.uint8]) -> Floats:
     view: View = build_view(camera, "cylindrical", fit="outer")
     made = assert_type(build_map(camera, view), UndistortMap)
     save_map("map.npz", made)
-    assert_type(load_map("map.npz"), UndistortMap)
     assert_type(undistort(picture, made, interpolation="cubic"), npt.NDArray[Any])
     undistort(read_picture("photo.png"), camera, view)
     return assert_type(camera.unproject(seen), Floats)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import yaml
 from running import SAMPLE, run_cli
+from saved_maps import read_map
 
 from cubicfish_cli.cli.main import COMMANDS, cli
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.target import load_target
-from cubicfish_cli.undistortion.maps import load_map
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -190,7 +190,7 @@ def test_the_map_is_all_that_opencv_needs(
         exec(python_block("undistort.md", "cv2.remap"), names)
     flat = names["flat"]
     assert isinstance(flat, np.ndarray)
-    valid = load_map(calibrated / "undistort_map.npz").valid
+    valid = read_map(calibrated / "undistort_map.npz").valid
     assert flat.shape == photo.shape
     assert flat[valid].mean() > 30
     assert not flat[~valid].any() or valid.all()

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from lenses import cubic_camera
+from saved_maps import read_map
 
 from cubicfish_cli.errors import OutputError, UsageError
 from cubicfish_cli.undistortion.map_formats import (
@@ -17,7 +18,7 @@ from cubicfish_cli.undistortion.map_formats import (
     map_writers,
     stmap,
 )
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map, load_map
+from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveView
 from cubicfish_cli.undistortion.view import rotation_from_angles
 
@@ -47,11 +48,11 @@ def test_the_map_has_both_kinds_of_pixels():
     assert 0.5 < VALID.mean() < 0.95
 
 
-def test_npz_is_the_map_that_the_library_reads(tmp_path):
+def test_npz_is_the_map_that_numpy_reads(tmp_path):
     (path,) = written(tmp_path / "m.npz")
-    read = load_map(path)
+    read = read_map(path)
     np.testing.assert_array_equal(read.map_x, MAP.map_x)
-    assert read.view == VIEW
+    assert read.central_view == VIEW
     assert read.image_size == (960, 720)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
-from cubicfish_cli.undistortion.choose import build_view, view_from_json
+from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.view import rotation_from_angles
 
@@ -105,10 +105,9 @@ def test_default_view_needs_a_sound_axis():
     st.floats(1e-3, 1e9),
     st.tuples(*[st.floats(-10, 10)] * 3),
 )
-def test_json_brings_the_view_back(size, focal, rotation):
+def test_json_has_all_of_the_view(size, focal, rotation):
     view = PerspectiveView(size=size, focal=focal, rotation=rotation)
     text = view.to_json()
-    assert view_from_json(text) == view
     assert json.loads(text) == {
         "kind": "perspective",
         "size": list(size),
@@ -117,47 +116,32 @@ def test_json_brings_the_view_back(size, focal, rotation):
     }
 
 
-GOOD = {"kind": "perspective", "size": [4, 3], "focal": 2.0, "rotation": [0, 0, 0]}
+GOOD = {"size": (4, 3), "focal": 2.0, "rotation": (0, 0, 0)}
 
 
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"kind": "perspectiv"}, "did you mean 'perspective'"),
-        ({"kind": ["perspective"]}, "unknown kind"),
-        ({"size": [4]}, "size must be two whole numbers"),
-        ({"size": [4, 3.5]}, "size must be two whole numbers"),
-        ({"size": [0, 3]}, "size must be two whole numbers"),
-        ({"size": [True, 3]}, "size must be two whole numbers"),
-        ({"size": [40_000, 3]}, "size must be two whole numbers"),
-        ({"size": "43"}, "must be lists"),
+        ({"size": (4,)}, "size must be two whole numbers"),
+        ({"size": (4, 3.5)}, "size must be two whole numbers"),
+        ({"size": (0, 3)}, "size must be two whole numbers"),
+        ({"size": (True, 3)}, "size must be two whole numbers"),
+        ({"size": (40_000, 3)}, "size must be two whole numbers"),
+        ({"size": "43"}, "size must be two whole numbers"),
         ({"rotation": None}, "three finite numbers"),
-        ({"rotation": [0, 0]}, "three finite numbers"),
-        ({"rotation": [0, 0, float("nan")]}, "three finite numbers"),
-        ({"rotation": [0, 0, "0"]}, "three finite numbers"),
+        ({"rotation": (0, 0)}, "three finite numbers"),
+        ({"rotation": (0, 0, float("nan"))}, "three finite numbers"),
+        ({"rotation": (0, 0, "0")}, "three finite numbers"),
         ({"focal": 0}, "focal length must be positive"),
         ({"focal": float("inf")}, "focal length must be positive"),
         ({"focal": 10**400}, "focal length must be positive"),
         ({"focal": [2.0]}, "focal length must be positive"),
-        ({"extra": 1}, "unknown key 'extra'"),
     ],
 )
-def test_a_record_that_is_no_view_is_refused_in_one_line(change, says):
+def test_what_is_no_view_is_refused_in_one_line(change, says):
     with pytest.raises(ViewError, match=says) as caught:
-        view_from_json(json.dumps(GOOD | change))
+        PerspectiveView(**(GOOD | change))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("key", list(GOOD))
-def test_a_record_without_a_key_is_refused(key):
-    with pytest.raises(ViewError, match=f"no '{key}'"):
-        view_from_json(json.dumps({k: v for k, v in GOOD.items() if k != key}))
-
-
-@pytest.mark.parametrize("text", ["", "{", "[1]", "3", "[" * 100_000])
-def test_text_that_is_no_record_is_refused(text):
-    with pytest.raises(ViewError, match=r"not (a )?JSON"):
-        view_from_json(text)
 
 
 def test_sizes_and_angles_from_code_are_checked_too():

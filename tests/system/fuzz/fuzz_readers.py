@@ -1,6 +1,5 @@
 """What is fuzzed: every reader of files that come from outside, with files it can read."""
 
-import io
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,8 +17,6 @@ from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.formats.camera_yaml import load_any_camera
 from cubicfish_cli.photos import decode_picture, photo_size, read_file
 from cubicfish_cli.target import load_target
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.maps import UndistortMap, load_map, save_map
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 LONGEST_MESSAGE = 2000
@@ -127,31 +124,6 @@ def _read_camera(path: Path) -> object:
 
 
 @cache
-def _map_seeds() -> Sequence[bytes]:
-    from fuzz_cameras import camera
-
-    view = build_view(camera())
-    small = type(view)(**{**view.__dict__, "size": (12, 9)})
-    shape = (9, 12)
-    made = UndistortMap(
-        map_x=np.full(shape, -1, np.float32),
-        map_y=np.zeros(shape, np.float32),
-        valid=np.zeros(shape, bool),
-        view=small,
-        image_size=camera().image_size,
-    )
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        save_map(Path(folder) / "map.npz", made, overwrite=False)
-        whole = (Path(folder) / "map.npz").read_bytes()
-    packed = io.BytesIO()
-    with np.load(io.BytesIO(whole)) as data:
-        np.savez_compressed(packed, **data)
-    return [whole, packed.getvalue()]
-
-
-@cache
 def _picture_seeds() -> Sequence[bytes]:
     rng = np.random.default_rng(1)
     grey = rng.integers(0, 255, (60, 72), np.uint8)
@@ -196,7 +168,6 @@ READERS = {
         read=load_correspondences, seeds=_correspondence_seeds, suffix=".csv"
     ),
     "camera.yaml": Reader(read=_read_camera, seeds=_camera_seeds, suffix=".yaml"),
-    "undistort_map.npz": Reader(read=load_map, seeds=_map_seeds, suffix=".npz"),
     "photos": Reader(read=_read_photo, seeds=_picture_seeds, suffix=".png"),
     "points": Reader(
         read=lambda path: read_points(path, ("x", "y", "z")), seeds=_view_seeds, suffix=".csv"
