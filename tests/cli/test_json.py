@@ -344,6 +344,7 @@ def test_an_error_leaves_stdout_empty(run: Run, tmp_path: Path, name: str) -> No
         "frames": (missing, "-o", out),
         "map": (out / "m.npz", "-m", missing),
         "export": ("--to", "opencv", missing),
+        "corners": (missing, "-t", TARGET, "--size", "960x720"),
     }
     said = run(*name.split(), *special.get(name, of_missing_files(name, missing)), "--json", code=1)
     assert said.stdout == ""

@@ -174,7 +174,7 @@ def test_what_a_user_can_cause_has_an_exit_code(
         (["compare", "a.yaml"], "cubicfish compare a.yaml b.yaml"),
         (["import"], "cubicfish import camchain.yaml"),
         (["target", "check"], "cubicfish target check target.yaml"),
-        (["corners"], "cubicfish corners run1/ --target target.yaml"),
+        (["corners"], "cubicfish corners corners.vnl --size 1920x1080"),
     ],
 )
 def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown: str) -> None:
