@@ -438,7 +438,7 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
         raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
-    from cubicfish_cli.printing.sheet import length_mm
+    from cubicfish_cli.printing.paper import length_mm
 
     return TargetSource(counts=board, square=length_mm(square))
 

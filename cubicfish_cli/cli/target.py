@@ -133,7 +133,7 @@ def _direction(axis: Iterable[float]) -> str:
     return _vector(values)
 
 
-_OBJECTS = ("corner", "box", "block", "board")
+_OBJECTS = ("corner", "box", "board")
 
 
 @record
@@ -148,7 +148,7 @@ class PrintAsked:
     kind: str | None = option(
         "--object",
         "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
-        "boards seen from inside, a block of five seen from outside, or one flat board.",
+        "boards seen from inside, or one flat board.",
         click.Choice(_OBJECTS),
     )
     paper: str = option(
@@ -167,8 +167,7 @@ class PrintAsked:
     )
     counts: tuple[int, int] | None = option(
         "--corners --tags COLUMNSxROWS",
-        "Inner corners (of an aprilgrid: tags) of a target's largest board. With --square too, "
-        "boards may be larger than the paper, and are printed in parts.",
+        "Inner corners (of an aprilgrid: tags) of a target's largest board.",
         COUNTS,
     )
     dictionary: str | None = option(
@@ -183,7 +182,7 @@ class PrintAsked:
         "--board NAME", "Of TARGET, print this board only. May be given again.", multiple=True
     )
     folder: Path = options.output_option(
-        "Where boards.pdf, assembly.pdf and target.yaml go.", default="printed", folder=True
+        "Where boards.pdf and target.yaml go.", default="printed", folder=True
     )
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
@@ -200,9 +199,9 @@ class PrintAsked:
 def print_boards(given: PrintAsked) -> None:
     """Print the boards of TARGET, or those of a new target that fits the paper.
 
-    Writes boards.pdf, pages to be printed at 100 %, each with a ruler, the board's name and which
-    way up it is; boards that are larger than the paper are in parts to be glued together. A new
-    target comes with its target.yaml and with assembly.pdf, which says how to join the boards.
+    Writes boards.pdf, a board a page, to be printed at 100 %, each with a ruler, the board's name
+    and which way up it is. A new target comes with its target.yaml, and its pages say where they
+    are cut and which edges are joined.
     """
     from cubicfish_cli.library.target_files import print_target_files
 
@@ -215,23 +214,20 @@ def print_boards(given: PrintAsked) -> None:
 
 
 def _print_written(made: PrintedFiles) -> None:
+    from cubicfish_cli.library.target_files import print_size
+
     outputs, pages = made.files, made.pages
-    rows = []
-    for sheet in made.sheets:
-        board = sheet.board
-        own = [page for page in pages if page.sheet is sheet]
-        parts = own[0].tile
-        rows.append(
-            (
-                board.name,
-                board.kind,
-                f"{board.columns}x{board.rows}",
-                f"{board.square:g}",
-                " x ".join(f"{side:g}" for side in sheet.size),
-                f"{len(own)}" if parts is None else f"{len(own)} ({parts.rows} x {parts.columns})",
-            )
+    rows = [
+        (
+            board.name,
+            board.kind,
+            f"{board.columns}x{board.rows}",
+            f"{board.square:g}",
+            " x ".join(f"{side:g}" for side in print_size(board)),
         )
-    print_table(("board", "type", "corners", "square mm", "print mm", "pages"), rows)
+        for board in (page.board for page in pages)
+    ]
+    print_table(("board", "type", "corners", "square mm", "print mm"), rows)
     result("\n" + "\n".join(f"wrote {path}" for path in outputs.values()))
     say(
         f"\n{count(len(pages), 'page')} on {made.paper.name}: print at 100 %, without 'fit to "

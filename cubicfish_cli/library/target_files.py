@@ -19,10 +19,10 @@ from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
 from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
 from cubicfish_cli.printing import extra
-from cubicfish_cli.printing.layout import Page, lay_out
+from cubicfish_cli.printing.layout import Page, boards_in_millimetres, lay_out
 from cubicfish_cli.printing.objects import Wanted, design
-from cubicfish_cli.printing.sheet import Paper, Sheet, length_mm, sheets_of
-from cubicfish_cli.printing.sheet import paper as paper_of
+from cubicfish_cli.printing.paper import Paper, length_mm
+from cubicfish_cli.printing.paper import paper as paper_of
 from cubicfish_cli.rendering.object_drawing import object_svg
 from cubicfish_cli.target import Target, load_target, target_text
 from cubicfish_cli.units import MILLIMETRES
@@ -31,7 +31,7 @@ from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.codes import Event
 from cubicfish_cli.words.phrases import Sentences
 
-NAMES = {"boards": "boards.pdf", "assembly": "assembly.pdf", "target": "target.yaml"}
+NAMES = {"boards": "boards.pdf", "target": "target.yaml"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,20 +40,25 @@ class PrintedFiles:
 
     Attributes:
         files: what was written, by its name in :data:`NAMES`.
-        sheets: the boards.
-        pages: the pages that they are on.
+        pages: the pages, each with its board.
         paper: the paper.
 
     """
 
     files: dict[str, Path]
-    sheets: Sequence[Sheet]
     pages: Sequence[Page]
     paper: Paper
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish target print --json`` prints."""
-        pages = list(map(_page_record, self.pages))
+        pages = [
+            {
+                "board": page.board.name,
+                "size_mm": [page.width, page.height],
+                "corner_0_0_mm": list(page.shift),
+            }
+            for page in self.pages
+        ]
         return {**self.files, "paper": self.paper.name, "pages": pages}
 
 
@@ -76,7 +81,7 @@ def print_target_files(
     Args:
         target: the target's file; None makes a new one.
         folder: where the pages go.
-        kind: of a new target: ``corner``, ``box``, ``block`` or ``board``.
+        kind: of a new target: ``corner``, ``box`` or ``board``.
         paper: its size, such as ``A3``, ``Letter`` or ``600x400mm``.
         board_type: of a new target's boards: ``checkerboard``, ``charuco`` or ``aprilgrid``.
         square: the side of a new target's squares, such as ``30mm``.
@@ -94,9 +99,7 @@ def print_target_files(
     """
     made = (board_type, square, counts, dictionary)
     if target is None and kind is None:
-        raise UsageError(
-            "name a target.yaml, or make a target with --object corner, box, block or board"
-        )
+        raise UsageError("name a target.yaml, or make a target with --object corner, box or board")
     if target is not None and (kind is not None or any(one is not None for one in made)):
         raise UsageError(
             "--object, --type, --square, --corners and --dictionary make a new target; the boards "
@@ -108,60 +111,42 @@ def print_target_files(
     if lacking:
         raise CubicfishError(f"printing needs {' and '.join(lacking)}: {extra.INSTALL}")
     on, rim = paper_of(paper), length_mm(margin)
-    text = None
+    contents: dict[str, Content] = {}
     if target is not None:
         loaded = load_target(Path(target)).as_printed()
-        sheets = sheets_of(loaded, tuple(boards))
+        printed = boards_in_millimetres(loaded, tuple(boards))
+        pages = [lay_out(board, on, margin=rim) for board in printed]
         if any(board.shape is not None for board in loaded.boards):
             run.listener.tell(Event.PRINTED_AS_DRAWN)
     else:
-        side = None if square is None else length_mm(square)
         wanted = Wanted(
             kind=kind,
             type=board_type or "checkerboard",
-            square=side,
+            square=None if square is None else length_mm(square),
             counts=counts,
             dictionary=dictionary,
         )
-        loaded, sheets = design(wanted, on, margin=rim)
+        loaded, pages = design(wanted, on, margin=rim)
         checked = check_target(loaded)
         for about, words in checked.advice if checked.facts.ambiguous else ():
             if about == "Names":
                 run.listener.tell(Event.AMBIGUOUS, line=words)
-        join = "" if len(loaded.boards) == 1 else " Join them as assembly.pdf says, and measure."
-        text = (
+        join = "" if len(pages) == 1 else " Cut and join them as it says, and measure."
+        contents["target"] = (
             f"# {kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at 100 %."
             f"{join}\n{target_text(loaded)}"
         )
-    pages = [page for sheet in sheets for page in lay_out(sheet, on, margin=rim)]
-    there = {"boards": True, "assembly": len(sheets) > 1, "target": text is not None}
-    outputs = {name: Path(folder) / NAMES[name] for name, wanted in there.items() if wanted}
-    refuse_existing(*outputs.values(), overwrite=run.overwrite)
     # Pages carry no date, so that they can be made again, or that of SOURCE_DATE_EPOCH.
     date = datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
     with extra.quiet():
-        from cubicfish_cli.printing.assembly import words_for, write_assembly, write_boards
+        from cubicfish_cli.printing.drawing import write_boards
 
-    contents: dict[str, Content] = {
-        "boards": lambda path: write_boards(path, pages, date=date),
-        "assembly": lambda path: write_assembly(
-            path, sheets, words_for(kind, on.name), on.name, date=date
-        ),
-        "target": text or "",
-    }
+    contents = {"boards": lambda path: write_boards(path, pages, date=date), **contents}
+    outputs = {name: Path(folder) / NAMES[name] for name in contents}
+    refuse_existing(*outputs.values(), overwrite=run.overwrite)
     run.listener.progress(f"Drawing {len(pages)} page{'s' * (len(pages) != 1)}")
     write_files({path: contents[name] for name, path in outputs.items()}, overwrite=run.overwrite)
-    return PrintedFiles(files=outputs, sheets=sheets, pages=pages, paper=on)
-
-
-def _page_record(page: Page) -> dict[str, Any]:
-    tile = page.tile
-    return {
-        "board": page.sheet.board.name,
-        "size_mm": [page.width, page.height],
-        "tile": tile and {key: getattr(tile, key) for key in ("row", "column", "rows", "columns")},
-        "corner_0_0_mm": list(page.shift),
-    }
+    return PrintedFiles(files=outputs, pages=pages, paper=on)
 
 
 _SENTENCES = Sentences()

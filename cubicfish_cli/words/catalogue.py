@@ -33,7 +33,6 @@ class Catalogue(NamedTuple):
         phrases: parts of sentences, by the name of a figure and its value.
         events: what is said while work is done, by event.
         checks: what is said of a target before any photo.
-        assembly: what is said of how its boards are joined.
 
     """
 
@@ -42,7 +41,6 @@ class Catalogue(NamedTuple):
     phrases: Mapping[str, Mapping[str, str]]
     events: Mapping[str, str]
     checks: Mapping[str, str]
-    assembly: Mapping[str, str]
 
 
 @cache
@@ -76,4 +74,4 @@ def catalogue() -> Catalogue:
         for table, own in data["phrases"].items()
     }
     checks = {key: whole(text) for key, text in data["checks"].items()}
-    return Catalogue(sayings, data["because"], phrases, data["events"], checks, data["assembly"])
+    return Catalogue(sayings, data["because"], phrases, data["events"], checks)

@@ -175,7 +175,7 @@ def test_target_check(run: Run, tmp_path: Path) -> None:
 def test_target_print(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     (one,) = records(run, ("target", "print", "--object", "corner", "-o", tmp_path / "p"))
-    files = {one[key] for key in ("boards", "assembly", "target")}
+    files = {one[key] for key in ("boards", "target")}
     assert files == {str(path) for path in (tmp_path / "p").iterdir()}
 
 

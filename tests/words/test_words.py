@@ -81,8 +81,6 @@ def all_wording() -> str:
         for key, text in phrases.items():
             values = {**sample((text,), 2), "images": IMAGES, "boards": BOARDS}
             lines.append(f"  {key}: {sentences.vformat(text, (), values)}")
-    lines.append("\nassembly")
-    lines += [f"  {key}: {text.format(paper='A4')}" for key, text in catalogue().assembly.items()]
     lines.append("\nchecks")
     for name, text in catalogue().checks.items():
         values = {**sample((text,), 2), "boards": ", ".join(BOARDS)}
