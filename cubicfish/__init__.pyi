@@ -13,7 +13,6 @@ from cubicfish_cli import Evaluation as Evaluation
 from cubicfish_cli import Event as Event
 from cubicfish_cli import FilmOptions as FilmOptions
 from cubicfish_cli import Finding as Finding
-from cubicfish_cli import GroundOptions as GroundOptions
 from cubicfish_cli import Listener as Listener
 from cubicfish_cli import LookOptions as LookOptions
 from cubicfish_cli import Observations as Observations

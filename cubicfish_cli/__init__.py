@@ -39,7 +39,7 @@ _PLACES = {
     "formats.camera_yaml": ("CameraFile", "load_any_camera", "load_camera"),
     "formats.rig_yaml": ("RigFile", "load_rig"),
     "library.asked": ("Run",),
-    "library.asked_pictures": ("GroundOptions", "PlaneOptions"),
+    "library.asked_pictures": ("PlaneOptions",),
     "library.calibration_files": ("calibrate_files", "evaluate_files"),
     "library.rig_files": ("calibrate_rig_files", "evaluate_rig_files"),
     "listener": ("Listener",),

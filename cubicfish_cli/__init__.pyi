@@ -17,7 +17,6 @@ from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.asked import Run as Run
-from cubicfish_cli.library.asked_pictures import GroundOptions as GroundOptions
 from cubicfish_cli.library.asked_pictures import PlaneOptions as PlaneOptions
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate

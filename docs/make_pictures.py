@@ -169,16 +169,11 @@ def rig(folder: Path) -> None:
         photos.append(cv2.resize(photo, (302, 302 * photo.shape[0] // photo.shape[1])))
     shot = [f"{name}/shot_001.png" for name in names]
     cubicfish("undistort", *shot, "all.png", "--rig", "rig", "--distance", 800, folder=folder)
-    ground = ("--plane", "floor", "-t", "box.yaml", "--margin", 500)
-    cubicfish("undistort", *shot, "above.png", "--rig", "rig", *ground, folder=folder)
     height = min(len(photo) for photo in photos)
     row = beside(*(cv2.cvtColor(photo[:height], cv2.COLOR_GRAY2BGR) for photo in photos))
-    all_round = scaled(cv2.imread(str(folder / "all.png")), 816)
-    above = cv2.imread(str(folder / "above.png"))
-    side = min(above.shape[:2])
-    above = cv2.resize(above[:side, :side], (row.shape[1] - 816 - 8, len(all_round)))
+    all_round = scaled(cv2.imread(str(folder / "all.png")), row.shape[1])
     gap = np.full((8, row.shape[1], 3), 255, np.uint8)
-    jpeg("rig.jpg", np.vstack([row, gap, beside(all_round, above)]))
+    jpeg("rig.jpg", np.vstack([row, gap, all_round]))
 
 
 def chromium(page: Path, picture: Path, width: int, height: int) -> bool:

@@ -84,7 +84,7 @@ class Asked:
     "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
     "cubicfish undistort left/1.png right/1.png all.png --rig rig",
-    "cubicfish undistort shots/ above/ --rig rig --ground 1200,-10",
+    "cubicfish undistort shots/ around/ --rig rig --view cylindrical",
 )
 def command(given: Asked) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
@@ -94,9 +94,8 @@ def command(given: Asked) -> None:
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
 
-    With --rig the photos are those of a rig's cameras, and each shot becomes one picture: a
-    panorama in any --view (equirectangular unless another is named), the ground from above with
-    --ground or --plane, or with --view cube flat faces about each camera, with masks and poses.
+    With --rig the photos are those of a rig's cameras, and each shot becomes one picture, a
+    panorama in any --view (equirectangular unless another is named).
     """
     from cubicfish_cli.library.undistorting import undistort_files
 
@@ -169,12 +168,6 @@ def _print(made: UndistortedFiles) -> None:
 def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
     """The picture or how many there are, where they are, and what they show."""
     folder = made.output if made.output.is_dir() else made.output.parent
-    if made.faces:
-        side = view.first.size[0]
-        return (
-            f"{count(len(made.written), made.kind)} to {folder}: {count(made.faces, 'face')} of "
-            f"{side}x{side} pixels each, with masks"
-        )
     what = count(len(made.files), "video" if made.kind == "video" else "picture")
     alone = len(made.files) == len(made.names) == 1
     return f"{made.files[0] if alone else f'{what} to {folder}'}: {view.describe()}"

@@ -24,7 +24,7 @@ from cubicfish_cli.cli.options import (
     target_path,
 )
 from cubicfish_cli.cli.terminal import say
-from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions
+from cubicfish_cli.library.asked_pictures import PlaneOptions
 from cubicfish_cli.undistortion.options import KINDS, ViewOptions
 from cubicfish_cli.wording import either
 
@@ -101,18 +101,6 @@ class SceneOptions:
     """What the user asked to be shown, and of a rig; None where nothing was asked."""
 
     rig: Path | None = rig_option
-    ground: tuple[float, ...] | None = option(
-        "--ground HEIGHT[,PITCH[,ROLL]]",
-        "Of a rig: the ground from above. It is HEIGHT below the first camera, which looks "
-        "PITCH degrees up (below 0: down) and is rolled ROLL degrees clockwise. With --plane it is "
-        "where that board lies.",
-        Parsed("HEIGHT[,PITCH[,ROLL]]", partial(_three, "HEIGHT,PITCH,ROLL, such as 1200,-10,0")),
-    )
-    shot: str | None = option(
-        "--shot NAME",
-        "Of a rig, with --plane: the shot of rig.yaml that says where the board lies. "
-        "[default: the shot itself]",
-    )
     distance: float | None = option(
         "--distance UNITS",
         "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
@@ -141,23 +129,21 @@ class SceneOptions:
     )
 
     def __post_init__(self) -> None:
-        for name in ("ground", "shot", "distance"):
-            if self.rig is None and getattr(self, name) is not None:
-                raise click.UsageError(f"--{name} goes with --rig: name the rig.yaml")
-        scale = {"--pixels-per-unit": self.pixels_per_unit, "--margin": self.margin}
+        if self.rig is None and self.distance is not None:
+            raise click.UsageError("--distance goes with --rig: name the rig.yaml")
         if self.plane is None:
-            refuse_given("goes with --plane", {"--shot": self.shot is not None})
-        if self.plane is None and self.ground is None:
+            scale = {"--pixels-per-unit": self.pixels_per_unit, "--margin": self.margin}
             given = {name: value is not None for name, value in scale.items()}
-            refuse_given("goes with --plane, or with the --ground of a rig", given)
-        elif self.plane is not None and self.ground is not None:
-            raise click.UsageError("--ground and --plane say the same thing twice: leave one out")
-        elif self.view not in (ViewOptions(), ViewOptions(kind=KINDS[0])):
+            refuse_given("goes with --plane", given)
+            return
+        if self.rig is not None:
+            raise click.UsageError("--plane is for the photos of one camera: leave it out")
+        if self.view not in (ViewOptions(), ViewOptions(kind=KINDS[0])):
             raise click.UsageError(
-                f"--{'ground' if self.plane is None else 'plane'} sets size and direction: leave "
-                "out the view's options, or choose --pixels-per-unit and --margin"
+                "--plane sets size and direction: leave out the view's options, or choose "
+                "--pixels-per-unit and --margin"
             )
-        if self.plane is not None and target_path(self.target) is None:
+        if target_path(self.target) is None:
             raise click.UsageError("--plane needs the target: name it with --target target.yaml")
 
     @property
@@ -166,10 +152,7 @@ class SceneOptions:
         scale = {"pixels_per_unit": self.pixels_per_unit, "margin": self.margin}
         target = target_path(self.target)
         if self.plane is not None and target is not None:
-            return PlaneOptions(board=self.plane, target=target, shot=self.shot, **scale)
-        if self.ground is not None:
-            height, pitch, roll = self.ground
-            return GroundOptions(height=height, pitch_deg=pitch, roll_deg=roll, **scale)
+            return PlaneOptions(board=self.plane, target=target, **scale)
         return self.view
 
 

@@ -1,19 +1,16 @@
-"""The photos of a rig's shots in files -> one picture per shot, or faces of cubes for splats."""
+"""The photos of a rig's shots in files -> one picture per shot."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cubicfish_cli.errors import CubicfishError, UsageError, ViewError
-from cubicfish_cli.files import refuse_existing, write_files
+from cubicfish_cli.files import write_files
 from cubicfish_cli.fitting.rig.shots import shots_by_name
-from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
+from cubicfish_cli.formats.rig_yaml import load_rig
 from cubicfish_cli.library.asked import (
     RUN,
     Run,
@@ -23,31 +20,22 @@ from cubicfish_cli.library.asked import (
     paths_of,
     rig_file_in,
 )
-from cubicfish_cli.library.asked_pictures import GroundOptions, PlaneOptions
-from cubicfish_cli.library.rig_pictures import Face, body_of_rig, faces_of, faces_texts
+from cubicfish_cli.library.rig_pictures import body_of_rig
 from cubicfish_cli.library.undistorting import (
     Interpolation,
     UndistortedFiles,
     is_folder,
     refuse_itself,
 )
-from cubicfish_cli.library.views import board_with_plane
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import decode_picture, natural_key, photo_size, read_file, shown
-from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
-from cubicfish_cli.undistortion.images import (
-    Rendering,
-    check_outputs,
-    encode_picture,
-    remap_picture,
-)
-from cubicfish_cli.undistortion.map_formats import mask_picture, view_files
+from cubicfish_cli.undistortion.choose import chosen_view
+from cubicfish_cli.undistortion.images import Rendering, check_outputs, encode_picture
+from cubicfish_cli.undistortion.map_formats import view_files
 from cubicfish_cli.undistortion.maps import camera_for_photos
 from cubicfish_cli.undistortion.options import ViewOptions
-from cubicfish_cli.undistortion.rigs import Body, Ground, mosaic_of
-from cubicfish_cli.undistortion.view import View, matrix_of_rotation
-from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.undistortion.rigs import Body, mosaic_of
+from cubicfish_cli.undistortion.view import View
 from cubicfish_cli.words.phrases import plural
 
 Shot = Mapping[str, Path]
@@ -77,33 +65,9 @@ def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
     return replace(body, cameras=tuple(cameras))
 
 
-def ground_of_board(rig: RigFile, shot: str, target: Target, board: str) -> Ground:
-    """Where a board of the target lay in a shot that the rig was calibrated from.
-
-    Raises:
-        ViewError: the rig does not know the shot, or the target has no such plane.
-
-    """
-    known = {str(one["shot"]): one for one in rig.fit.get("per_shot", [])}
-    if shot not in known:
-        raise ViewError(
-            f"rig.yaml does not know where shot {quoted(shot)} was taken: name a shot of the "
-            f"calibration with --shot ({did_you_mean(shot, sorted(known))}), or say --ground"
-        )
-    plane = board_with_plane(target, board)
-    pose = known[shot]["rig_from_world"]
-    turn = matrix_of_rotation(np.array(pose["rotation_vector"], float))
-    ends = np.array([[0, 0], [plane.columns - 1, plane.rows - 1]])
-    corners = np.array([plane.world_points(*end) for end in ends])
-    return Ground.of_board(
-        corners @ turn.T + np.array(pose["translation"], float),
-        turn @ np.cross(plane.x_axis, plane.y_axis),
-    )
-
-
 def _pictures(
     body: Body,
-    views: Mapping[str, ChosenView],
+    view: View,
     shots: Mapping[str, Shot],
     outputs: Mapping[str, Path],
     rendering: Rendering,
@@ -116,84 +80,22 @@ def _pictures(
 
     Raises:
         OutputError: one exists and may not be replaced, or cannot be written.
-        ViewError: shots have a mask or a camera each.
 
     """
-    mosaic = lru_cache(maxsize=1)(partial(mosaic_of, body))  # most often the same for all
+    mosaic = mosaic_of(body, view)
     check_outputs(list(outputs.values()), overwrite=run.overwrite)
     extras: list[Path] = []
     if mask is not None or beside is not None:
-        if len({view.first for view in views.values()}) > 1:
-            raise ViewError(
-                "these shots have a mask and a virtual camera each, since their planes differ: do "
-                "them one at a time"
-            )
-        made = {"": mosaic(views[next(iter(shots))].first).whole_map}
-        files = view_files(made, mask=mask, beside=beside)
+        files = view_files({"": mosaic.whole_map}, mask=mask, beside=beside)
         extras = write_files(files, overwrite=run.overwrite)
 
     def files_of(shot: str) -> dict[Path, bytes]:
         like, pictures = _read(shots[shot])
-        picture, _ = mosaic(views[shot].first).render(pictures, rendering)
+        picture, _ = mosaic.render(pictures, rendering)
         path = outputs[shot]
         return {path: encode_picture(path, picture, quality=rendering.quality, like=like)}
 
     return _each(shots, files_of, run), extras
-
-
-def _faces(
-    rig: RigFile,
-    faces: Sequence[Face],
-    shots: Mapping[str, Shot],
-    folder: Path,
-    rendering: Rendering,
-    run: Run,
-) -> tuple[Became, list[Path]]:
-    """Write the faces of a cube about each camera, with masks, and where all were taken from.
-
-    Raises:
-        OutputError: one exists and may not be replaced, or cannot be written.
-
-    """
-    suffix = next(iter(next(iter(shots.values())).values())).suffix
-    names = {shot: f"{shot}{suffix}" for shot in shots}
-    tables = {folder / name: text for name, text in faces_texts(rig, faces, names).items()}
-    masks = {
-        face.name: encode_picture(Path("mask.png"), mask_picture(face.map.valid)) for face in faces
-    }
-    paths = {
-        (shot, face.name): (
-            folder / "images" / face.name / names[shot],
-            folder / "masks" / face.name / f"{names[shot]}.png",
-        )
-        for shot, photos in shots.items()
-        for face in faces
-        if face.camera.name in photos
-    }
-    check_outputs([path for pair in paths.values() for path in pair], overwrite=run.overwrite)
-    refuse_existing(*tables, overwrite=run.overwrite)
-
-    def files_of(shot: str) -> dict[Path, bytes]:
-        like, pictures = _read(shots[shot])
-        files = {}
-        for face in faces:
-            if face.camera.name in pictures:
-                path, mask = paths[shot, face.name]
-                part = _rendered(face, pictures, rendering)
-                files[path] = encode_picture(path, part, quality=rendering.quality, like=like)
-                files[mask] = masks[face.name]
-        return files
-
-    written, failures = _each(shots, files_of, run)
-    extras = [] if failures else write_files(tables, overwrite=run.overwrite)
-    return (written, failures), extras
-
-
-def _rendered(face: Face, pictures: Mapping[str, Any], rendering: Rendering) -> Any:
-    try:
-        return remap_picture(pictures[face.camera.name], face.map, rendering)
-    except ViewError as problem:
-        raise ViewError(f"camera {face.camera.name}: {problem}") from problem
 
 
 def _each(
@@ -221,34 +123,11 @@ def _read(photos: Shot) -> tuple[bytes, dict[str, Any]]:
     return next(iter(data.values())), pictures
 
 
-def _views_of_ground(
-    asked: PlaneOptions | GroundOptions, rig: RigFile, body: Body, shots: Iterable[str]
-) -> dict[str, ChosenView]:
-    """The ground in each shot, from above.
-
-    Raises:
-        ViewError: it is not known where the board lay, or nothing is seen.
-
-    """
-
-    def chosen(ground: Ground) -> ChosenView:
-        view = ground.view(body, margin=asked.margin, pixels_per_unit=asked.pixels_per_unit)
-        return ChosenView(views={"": view}, unit=rig.units or "unit")
-
-    if isinstance(asked, GroundOptions):
-        below = Ground.below(asked.height, asked.pitch_deg, asked.roll_deg)
-        return dict.fromkeys(shots, chosen(below))
-    of_board = partial(ground_of_board, rig, target=asked.loaded(), board=asked.board)
-    if asked.shot is not None:
-        return dict.fromkeys(shots, chosen(of_board(asked.shot)))
-    return {shot: chosen(of_board(shot)) for shot in shots}
-
-
 def undistort_rig_files(
     photos: StrPath | Sequence[StrPath],
     output: StrPath,
     rig: StrPath,
-    view: View | ViewOptions | PlaneOptions | GroundOptions | None = None,
+    view: View | ViewOptions | None = None,
     *,
     distance: float | None = None,
     interpolation: Interpolation = "linear",
@@ -267,8 +146,7 @@ def undistort_rig_files(
         output: a folder; of one shot also a name for its picture.
         rig: its file, or the folder of that.
         view: what to show in the frame of the rig, or what is asked of it; by default all around,
-            as longitude and latitude. A cube in six pictures is made about each camera, with masks
-            and, for COLMAP and nerfstudio, where they were taken from.
+            as longitude and latitude.
         distance: how far away things are that the cameras' pictures join at, in the rig's unit;
             None for far away.
         interpolation: how pixels are blended.
@@ -291,48 +169,31 @@ def undistort_rig_files(
     rendering = Rendering(interpolation=interpolation, border=border, quality=quality)
     if view is None or (isinstance(view, ViewOptions) and view.kind is None):
         view = replace(view or ViewOptions(), kind="equirectangular")
-    if isinstance(view, PlaneOptions | GroundOptions) and distance is not None:
-        raise UsageError("the ground has a distance of its own: leave out --distance")
-    in_faces = isinstance(view, ViewOptions) and view.parts != ("",)
-    if in_faces and (mask is not None or virtual_camera is not None):
-        raise UsageError(
-            "the faces of a rig's cube have masks and cameras beside them: leave out "
-            f"{'--mask' if mask is not None else '--camera'}"
-        )
+    if isinstance(view, ViewOptions) and view.parts != ("",):
+        raise UsageError("a shot of a rig becomes one picture: choose another --view than cube")
     path, goal = rig_file_in(Path(rig)), Path(output)
     loaded = load_rig(path)
     shots = shots_of(paths_of(photos), [one.name for one in loaded.cameras], run.listener)
     body = body_for_photos(replace(body_of_rig(loaded), distance=distance), shots)
-    faces: Sequence[Face] = ()
-    if in_faces and isinstance(view, ViewOptions):
-        parts = {one.name: chosen_view(one.camera, view).views for one in body.cameras}
-        views = dict.fromkeys(shots, ChosenView(views=parts[body.cameras[0].name]))
-        faces = faces_of(body, parts)
-        (written, failures), extras = _faces(loaded, faces, shots, goal, rendering, run)
-    else:
-        if isinstance(view, PlaneOptions | GroundOptions):
-            views = _views_of_ground(view, loaded, body, shots)
-        else:
-            views = dict.fromkeys(shots, chosen_view(body, view))
-        (written, failures), extras = _pictures(
-            body,
-            views,
-            shots,
-            _outputs(shots, goal),
-            rendering,
-            run,
-            mask=path_or_none(mask),
-            beside=path_or_none(virtual_camera),
-        )
+    chosen = chosen_view(body, view)
+    (written, failures), extras = _pictures(
+        body,
+        chosen.first,
+        shots,
+        _outputs(shots, goal),
+        rendering,
+        run,
+        mask=path_or_none(mask),
+        beside=path_or_none(virtual_camera),
+    )
     return UndistortedFiles(
         kind="shot",
         output=goal,
         written=written,
         failures=failures,
         model=path,
-        view=views[next(iter(written))] if written else None,
+        view=chosen if written else None,
         extras=extras,
-        faces=len(faces),
     )
 
 

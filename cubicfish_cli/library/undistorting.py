@@ -129,7 +129,6 @@ class UndistortedFiles:
         view: what was rendered of the first; None where none was done.
         seen: what the camera sees of the view's field; None where it has none.
         extras: masks, virtual cameras and tables that were written.
-        faces: how many flat pictures there are of a shot, where that is not one picture.
         groups: of a dry run: which views there are.
 
     """
@@ -143,7 +142,6 @@ class UndistortedFiles:
     view: ChosenView | None = None
     seen: SeenField | None = None
     extras: Sequence[Path] = ()
-    faces: int = 0
     groups: Sequence[Group] | None = None
 
     @property
@@ -284,8 +282,6 @@ def undistort_files(
         raise UsageError("--skip-existing and --overwrite exclude each other")
     if mask_limit is not None and mask is None:
         raise UsageError("--mask-limit goes with --mask: name the mask's file")
-    if isinstance(view, PlaneOptions) and view.shot is not None:
-        raise UsageError("--shot is of a rig: leave it out")
     plan = _planned(photos, Path(output), view, run.listener)
     if plan.videos and run.executor is not None:
         raise UsageError("--scheduler is for photos: do videos without it")

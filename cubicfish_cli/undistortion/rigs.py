@@ -1,10 +1,8 @@
 """Pictures of several cameras on one body: one of all that they see, or two whose rows agree.
 
 Cameras stand at different places, so one picture shows all of them truly only of what is far away,
-at a given distance, or on a given plane. Where several see a pixel they are blended by how far it
+or at a given distance. Where several see a pixel they are blended by how far it
 is from the edge of each one's field, so that no camera begins or ends with a step.
-
-The ground is seen from above so: a plane in the frame of the body, and its metric picture.
 
 Rectified stereo pairs: a point is in the same row of both pictures.
 
@@ -32,7 +30,6 @@ from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.fit import seen_field_deg, sees
 from cubicfish_cli.undistortion.images import PLAIN, Rendering, remap_picture
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
-from cubicfish_cli.undistortion.plane import PlaneView, plane_view
 from cubicfish_cli.undistortion.projections import (
     CrossView,
     EpipolarCylindricalView,
@@ -44,7 +41,6 @@ from cubicfish_cli.undistortion.view import (
     CentralView,
     View,
     matrix_of_rotation,
-    rotation_from_angles,
     rotation_vector,
 )
 
@@ -55,9 +51,6 @@ Floats = npt.NDArray[np.float32]
 _SHARPNESS = 4
 # What the very edge of a field counts with, where it is alone.
 _LEAST_WEIGHT = 1e-12
-# What is left of a direction along the ground, for it to be the picture's way up.
-_LEAST_ALONG = 0.1
-_MARGIN_HEIGHTS = 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,12 +76,7 @@ class BodyCamera:
         return np.asarray(-self.rotation.T @ self.translation)
 
     def view(self, view: View) -> View:
-        """A view of the body's frame, of far things or of a plane, as one of the camera's."""
-        if isinstance(view, PlaneView):
-            place = self.rotation @ np.array(view.origin) + self.translation
-            axes = np.array([view.x_axis, view.y_axis]) @ self.rotation.T
-            x, y = (tuple(axis.tolist()) for axis in axes)
-            return replace(view, origin=tuple(place.tolist()), x_axis=x, y_axis=y)
+        """A view of the body's frame, of far things, as one of the camera's."""
         if isinstance(view, CentralView | CrossView):
             turn = self.rotation @ matrix_of_rotation(np.array(view.rotation))
             return replace(view, rotation=rotation_vector(turn))
@@ -102,13 +90,11 @@ class Body:
     Attributes:
         cameras: the cameras.
         distance: how far from ``centre`` everything is that lies along a ray; None for far away.
-        points: whether points of the body's frame are asked instead of rays.
 
     """
 
     cameras: tuple[BodyCamera, ...]
     distance: float | None = None
-    points: bool = False
 
     @property
     def centre(self) -> FloatArray:
@@ -127,15 +113,8 @@ class Body:
         """All around: where a field ends is asked ray by ray."""
         return 179.9
 
-    @property
-    def near(self) -> bool:
-        """Whether lengths count."""
-        return self.points or self.distance is not None
-
     def in_camera(self, one: BodyCamera, rays: FloatArray) -> FloatArray:
         """Rays of the body (..., 3) -> points in a camera's frame, of any length where far."""
-        if self.points:
-            return rays @ one.rotation.T + one.translation
         if self.distance is None:
             return rays @ one.rotation.T
         points = unit_rays(rays) * self.distance + self.centre
@@ -151,13 +130,13 @@ class Body:
             with np.errstate(divide="ignore", invalid="ignore"):
                 cosine = own[..., 2] / np.linalg.norm(own, axis=-1)
             better = sees(one.camera, own) & (cosine > best)
-            pixel[better] = one.camera.project(own[better], near=self.near)
+            pixel[better] = one.camera.project(own[better], near=self.distance is not None)
             best[better] = cosine[better]
         return pixel
 
     def map_of(self, one: BodyCamera, view: View) -> UndistortMap:
         """The map that renders a view of the body's frame from a camera's photos."""
-        if isinstance(view, PlaneView) or self.distance is None:
+        if self.distance is None:
             return replace(build_map(one.camera, one.view(view)), view=view)
         return build_map(_Along(body=self, one=one), view)
 
@@ -175,7 +154,7 @@ class _Along:
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
         points = self.body.in_camera(self.one, np.asarray(points, float))
-        return self.one.camera.project(points, near=self.body.near)
+        return self.one.camera.project(points, near=self.body.distance is not None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -285,91 +264,6 @@ def edge_distance(camera: CubicCamera) -> Floats:
     field[[0, -1]] = 0
     field[:, [0, -1]] = 0
     return np.asarray(cv2.distanceTransform(field, cv2.DIST_L2, 5)[1:-1, 1:-1], np.float32)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Ground:
-    """A plane below a body.
-
-    Attributes:
-        down: (3,) unit vector that points into it, in the body's frame.
-        height: how far it lies below the body's origin.
-        marks: (N, 3) points of the body's frame that its picture shall show, such as a board's.
-
-    """
-
-    down: FloatArray
-    height: float
-    marks: FloatArray
-
-    @classmethod
-    def below(cls, height: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Ground:
-        """The ground so far below a camera that looks up by an angle and is rolled clockwise."""
-        level = rotation_from_angles(pitch_deg=pitch_deg, roll_deg=roll_deg)
-        down = matrix_of_rotation(np.array(level)).T @ np.array([0.0, 1.0, 0.0])
-        return cls(down=down, height=height, marks=np.zeros((0, 3)))
-
-    @classmethod
-    def of_board(cls, corners: FloatArray, down: FloatArray) -> Ground:
-        """The ground that a board lies on, face up.
-
-        Args:
-            corners: (N, 3) of the board, in the body's frame.
-            down: (3,) unit vector into the board.
-
-        Raises:
-            ViewError: the body is behind the board.
-
-        """
-        height = float(np.mean(corners @ down))
-        if height <= 0:
-            raise ViewError(
-                "the rig is behind this board's plane: name a board that lies on the ground, its "
-                "face up"
-            )
-        return cls(down=down, height=height, marks=corners)
-
-    def view(
-        self,
-        body: Body,
-        *,
-        margin: float | None = None,
-        pixels_per_unit: float | None = None,
-    ) -> PlaneView:
-        """The picture from above, what is ahead of the body's first camera at the top.
-
-        Args:
-            body: the cameras.
-            margin: how far it goes on beyond the cameras and the marks; None for three heights.
-            pixels_per_unit: its scale; None for a longer side as long as the photos' longer one.
-
-        Raises:
-            ViewError: no camera sees any of it.
-
-        """
-        foot = self.height * self.down
-        for wish in (np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])):  # ahead, or up
-            ahead = wish - (wish @ self.down) * self.down
-            if np.linalg.norm(ahead) > _LEAST_ALONG:
-                break
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(self.down, ahead)
-        shown = np.vstack([*(one.position for one in body.cameras), self.marks])
-        place = np.stack([(shown - foot) @ right, -(shown - foot) @ ahead], axis=-1)
-        around = _MARGIN_HEIGHTS * self.height if margin is None else margin
-        low, high = place.min(axis=0) - around, place.max(axis=0) + around
-        if not (high > low).all():
-            raise ViewError("this picture of the ground has no width: choose a larger --margin")
-        scale = pixels_per_unit or max(body.image_size) / float((high - low).max())
-        return plane_view(
-            Body(cameras=body.cameras, points=True),
-            origin=foot,
-            x_axis=right,
-            y_axis=-ahead,
-            low=low,
-            high=high,
-            pixels_per_unit=scale,
-        )
 
 
 FORMAT_VERSION = 1

@@ -13,7 +13,6 @@ from running import SAMPLE, run_cli
 
 from cubicfish_cli import (
     Event,
-    GroundOptions,
     PlaneOptions,
     Run,
     Target,
@@ -262,7 +261,6 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
     [
         ({"mask_limit": 0.1}, "--mask-limit goes with --mask"),
         ({"view": PlaneOptions(board="flor", target=TARGET)}, "did you mean 'floor'"),
-        ({"view": PlaneOptions(board="floor", target=TARGET, shot="1")}, "--shot is of a rig"),
     ],
 )
 def test_pictures_that_cannot_be_are_refused(
@@ -330,13 +328,6 @@ def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
     made = undistort_rig_files(photos, b, rig.parent, ViewOptions(size=(80, 40)), distance=900)
     assert read(a) == read(b)
     assert [*made.written] == ["1", "2"]
-    ground = GroundOptions(height=500, pitch_deg=-20, pixels_per_unit=0.1)
-    line = ("--ground", "500,-20", "--pixels-per-unit", 0.1)
-    run_cli("undistort", photos, a / "g", "--rig", rig, *line)
-    undistort_rig_files(photos, b / "g", rig, ground)
-    assert read(a / "g") == read(b / "g") != {}
-    with pytest.raises(UsageError, match="leave out --distance"):
-        undistort_rig_files(photos, b / "h", rig, ground, distance=3)
     for folder in (a, b):
         (folder / "m").mkdir()
     run_cli("map", a / "m" / "m.npz", "--rig", rig, "--view", "cylindrical", "--size", "60x40")

@@ -17,9 +17,8 @@ from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.images import Rendering
 from cubicfish_cli.undistortion.maps import camera_for_photos
-from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
-from cubicfish_cli.undistortion.rigs import Body, BodyCamera, Ground, edge_distance, mosaic_of
+from cubicfish_cli.undistortion.rigs import Body, BodyCamera, edge_distance, mosaic_of
 from tests.undistortion.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]
@@ -122,47 +121,6 @@ def test_things_at_the_distance_that_is_named_join(ring: Body) -> None:
     assert np.quantile(np.abs(picture - true)[shown], 0.99) < 0.1
     wrong, _ = mosaic_of(ring, PANORAMA).render(photos)
     assert np.median(np.abs(wrong - true)[shown]) > 1
-
-
-@pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (-20.0, 8.0)])
-def test_the_ground_is_metric_and_what_is_ahead_is_up(
-    ring: Body, pitch: float, roll: float
-) -> None:
-    ground = Ground.below(300.0, pitch, roll)
-    # A camera that looks down has the ground ahead.
-    assert np.sign(round(ground.down[2], 6)) == -np.sign(pitch)
-    view = ground.view(ring, margin=500.0, pixels_per_unit=0.25)
-
-    def plane(place: np.ndarray, along: np.ndarray) -> np.ndarray:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reach = (300.0 - place @ ground.down) / (along @ ground.down)
-        return np.where((reach > 0)[..., None], place + along * reach[..., None], np.nan)
-
-    def waves(points: np.ndarray) -> np.ndarray:
-        return 100 + 30 * np.sin(points @ [0.01, 0.004, 0.006])
-
-    picture, shown = mosaic_of(ring, view).render(photos_of(ring, waves, plane))
-    assert shown.mean() > 0.97
-    points = view.rays(view.pixel_grid())
-    np.testing.assert_allclose(points @ ground.down, 300.0, atol=1e-6)
-    assert np.median(np.abs(picture - waves(points))[shown]) < 0.05
-    assert np.quantile(np.abs(picture - waves(points))[shown], 0.99) < 1
-    assert np.linalg.norm(points[0, 4] - points[0, 0]) == pytest.approx(16)
-    assert points[0, :, 2].mean() > points[-1, :, 2].mean()  # ahead
-    assert points[:, -1, 0].mean() > points[:, 0, 0].mean()  # to the right
-    assert view.size == (round(0.25 * (200 + 1000)), view.size[1])
-
-
-def test_a_board_says_where_the_ground_is(ring: Body) -> None:
-    corners = np.array([[100.0, 250, 300], [300, 250, 500]])
-    ground = Ground.of_board(corners, np.array([0.0, 1, 0]))
-    assert ground.height == pytest.approx(250)
-    view = ground.view(ring, margin=10.0)
-    assert isinstance(view, PlaneView)
-    places = view.pixels(corners)
-    assert ((places >= 0) & (places <= np.array(view.size))).all()
-    with pytest.raises(ViewError, match="behind this board"):
-        Ground.of_board(corners, np.array([0.0, -1, 0]))
 
 
 def test_photos_keep_their_nature_and_what_nobody_sees_is_the_border(ring: Body) -> None:
