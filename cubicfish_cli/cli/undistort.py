@@ -65,7 +65,6 @@ class Asked:
         options.FILE,
     )
     skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists.")
-    dry_run: bool = option("--dry-run", "Say what would be done, and write nothing.")
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
@@ -110,23 +109,15 @@ def command(given: Asked) -> None:
                 "--crop": given.crop,
                 "--mask-limit": given.mask.mask_limit,
                 "--skip-existing": given.skip_existing,
-                "--dry-run": given.dry_run,
                 "--scheduler": given.scheduler.address,
             },
         )
         made = call(undistort_rig_files, given, photos=photos, view=scene.shown)
     else:
         camera = options.model_path(given.model)
-        where = None if given.dry_run else given.scheduler
-        made = call(
-            undistort_files, given, photos=photos, camera=camera, view=scene.shown, scheduler=where
-        )
+        made = call(undistort_files, given, photos=photos, camera=camera, view=scene.shown)
     if given.as_json:
         print_json(made.as_record())
-    if made.groups is not None:
-        if not given.as_json:
-            _print_dry_run(made)
-        return
     if not given.as_json:
         _print(made)
     _end_with(made, as_json=given.as_json)
@@ -171,32 +162,6 @@ def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
     what = count(len(made.files), "video" if made.kind == "video" else "picture")
     alone = len(made.files) == len(made.names) == 1
     return f"{made.files[0] if alone else f'{what} to {folder}'}: {view.describe()}"
-
-
-def _print_dry_run(made: UndistortedFiles) -> None:
-    """Print how many files, which fields, and how much of them is empty."""
-    groups, total = made.groups or (), len(made.names)
-    skipped = f", {len(made.skipped)} skipped" * bool(made.skipped)
-    given = count(total, made.kind)
-    if made.failures:
-        given = f"{len(made.written):,} of {given}"
-    result(f"would write {count(len(made.files), 'file')} from {given}{skipped}")
-    unread = dict(made.failures)
-    for group in groups:
-        result(f"{count(len(group.images), made.kind)} of {{}}x{{}} pixels:".format(*group.size))
-        if group.view is None or group.empty_share is None:
-            result(f"  cannot be done: {group.problem}")
-            unread = {name: why for name, why in unread.items() if name not in group.images}
-            continue
-        result(f"  view          {group.view.describe()}")
-        if group.seen is not None:
-            result(f"  camera sees   {group.seen.describe()}")
-        if group.kept_share is not None:
-            result(f"  kept field    {100 * group.kept_share:.1f} % of what the camera sees")
-        result(f"  empty pixels  {100 * group.empty_share:.1f} %")
-        _warn_of_limit(group.view)
-    for line in _failure_lines(unread, made.kind):
-        say(f"would fail: {line}")
 
 
 def _warn_of_limit(view: ChosenView) -> None:

@@ -6,7 +6,7 @@ A picture and a camera -> the undistorted picture.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -117,7 +117,7 @@ def _refuse_no_picture(picture: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class UndistortedFiles:
-    """What became of photos, of videos or of the shots of a rig; of a dry run, what would.
+    """What became of photos, of videos or of the shots of a rig.
 
     Attributes:
         kind: ``photo``, ``video`` or ``shot``.
@@ -129,7 +129,6 @@ class UndistortedFiles:
         view: what was rendered of the first; None where none was done.
         seen: what the camera sees of the view's field; None where it has none.
         extras: masks, virtual cameras and tables that were written.
-        groups: of a dry run: which views there are.
 
     """
 
@@ -142,7 +141,6 @@ class UndistortedFiles:
     view: ChosenView | None = None
     seen: SeenField | None = None
     extras: Sequence[Path] = ()
-    groups: Sequence[Group] | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -161,17 +159,14 @@ class UndistortedFiles:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish undistort --json`` prints."""
-        groups = None if self.groups is None else [group.as_record() for group in self.groups]
         return {
             **({} if self.model is None else {"model": self.model}),
-            "dry_run": groups is not None,
             "images": len(self.written),
             "files": self.files,
             "skipped": self.skipped,
             "failed": [_failure_record(name, why) for name, why in self.failed.items()],
             "view": self.view and self.view.as_record(),
             "extra_files": self.extras,
-            **({} if groups is None else {"groups": groups}),
         }
 
 
@@ -181,41 +176,6 @@ def _failure_record(name: str, problem: str) -> dict[str, Any]:
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )
     return {**told.as_record(), "image": name, "problem": problem}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Group:
-    """Photos that have one view.
-
-    Attributes:
-        images: their names.
-        size: (width, height) of each, pixels.
-        view: what would be rendered of the first; None where that cannot be done.
-        seen: what the camera sees of the view's field; None where it has none.
-        kept_share: of what the camera sees; None where nobody asks.
-        empty_share: of the pixels.
-        problem: why it cannot be done.
-
-    """
-
-    images: Sequence[str]
-    size: Size
-    view: ChosenView | None = None
-    seen: SeenField | None = None
-    kept_share: float | None = None
-    empty_share: float | None = None
-    problem: CubicfishError | None = None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "images": len(self.images),
-            "image_size": self.size,
-            "view": self.view and self.view.as_record(),
-            "kept_share": self.kept_share,
-            "empty_share": self.empty_share,
-            "problem": None if self.problem is None else str(self.problem),
-        }
 
 
 def undistort_files(
@@ -235,7 +195,6 @@ def undistort_files(
     mask_limit: float | None = None,
     virtual_camera: StrPath | None = None,
     skip_existing: bool = False,
-    dry_run: bool = False,
     run: Run = RUN,
 ) -> UndistortedFiles:
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
@@ -262,7 +221,6 @@ def undistort_files(
         virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
             flat.view.opencv.yaml.
         skip_existing: leaves out photos whose result is there.
-        dry_run: only looks what would be done, and writes nothing.
         run: how the work is done.
 
     Returns:
@@ -298,8 +256,6 @@ def undistort_files(
     plan = plan.free(skip_existing=skip_existing, overwrite=run.overwrite)
     if isinstance(views, PlanesOfPhotos):
         views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
-    if dry_run:
-        return replace(_outlook(plan, views), model=path)
     files = _extras(plan, views, path_or_none(mask), masked, path_or_none(virtual_camera))
     if skip_existing:
         files = {path: content for path, content in files.items() if not path.is_file()}
@@ -545,36 +501,3 @@ def _videos(
 
 def _first_map(views: Views, source: Path, size: Size) -> UndistortMap:
     return views.maps(source, size)[0]
-
-
-def _outlook(plan: _Plan, views: Views) -> UndistortedFiles:
-    """What would be done: every photo's size is looked at, and one photo of each group."""
-    members: dict[Hashable, list[tuple[PhotoJob, Size]]] = {}
-    failures: dict[str, CubicfishError] = {}
-    for job in plan.jobs:
-        try:
-            size = plan.size_of(job)
-        except CubicfishError as error:
-            failures[job.name] = error
-            continue
-        members.setdefault(views.group(job.source, size), []).append((job, size))
-    groups = []
-    for own in members.values():
-        job, size = own[0]
-        group = Group(images=[one.name for one, _ in own], size=size)
-        try:
-            (camera, view), maps = views.chosen(job.source, size), views.maps(job.source, size)
-            empty = 1 - sum(made.valid.sum() for made in maps) / sum(m.valid.size for m in maps)
-            group = replace(
-                group,
-                view=view,
-                seen=view.seen_by(camera),
-                kept_share=view.kept_share(camera),
-                empty_share=float(empty),
-            )
-        except CubicfishError as error:
-            group = replace(group, problem=error)
-            failures |= dict.fromkeys(group.images, error)
-        groups.append(group)
-    first = next((group.view for group in groups if group.view), None)
-    return replace(plan.became(failures), view=first, groups=groups)

@@ -14,12 +14,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import UsageError, ViewError
-from cubicfish_cli.undistortion.fit import (
-    cropped_view,
-    fit_view,
-    kept_share,
-    seen_field_deg,
-)
+from cubicfish_cli.undistortion.fit import cropped_view, fit_view, seen_field_deg
 from cubicfish_cli.undistortion.options import KINDS, OUTER, Kind, Share, ViewOptions
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
@@ -231,12 +226,6 @@ class ChosenView:
             return None
         field = (self.first.hfov_deg, self.first.vfov_deg)
         return SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
-
-    def kept_share(self, camera: Camera) -> float | None:
-        """Share of what a camera sees, of the solid angle, that the views keep; None of a plane."""
-        if isinstance(self.first, PlaneView):
-            return None
-        return min(1.0, sum(kept_share(camera, view) for view in self.views.values()))
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON; of a cube in six pictures the first face, and all their names."""

@@ -124,12 +124,6 @@ def sees(camera: Camera, rays: FloatArray, *, margin: float = 0.0) -> npt.NDArra
         return np.asarray(across & (v >= margin) & (v <= height - 1 - margin))
 
 
-def kept_share(camera: Camera, view: View) -> float:
-    """Share of the solid angle that the camera sees which is in the view."""
-    rays = _region(camera)
-    return float(_shows(view, rays).mean()) if len(rays) else 0.0
-
-
 def seen_field_deg(camera: Camera, view: CentralView) -> tuple[float, float]:
     """How much of a view's field the camera sees: along its middle row, and its middle column.
 

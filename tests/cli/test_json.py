@@ -204,7 +204,7 @@ def test_undistort(run: Run, model: Path, tmp_path: Path) -> None:
         (photos / name).write_bytes(PHOTO.read_bytes())
     line = ("undistort", photos, flat, "-m", model, "--size", "96x72", "--fit", "outer")
     made = ("--mask", tmp_path / "mask.png", "--camera", tmp_path / "v.yaml")
-    first, dry_run = records(run, (*line, *made), (*line, "--skip-existing", "--dry-run"))
+    first = record(run, *line, *made)
     assert first["model"] == str(model)
     assert first["images"] == 2
     assert first["files"] == [str(flat / "a.jpg"), str(flat / "b.jpg")]
@@ -214,8 +214,6 @@ def test_undistort(run: Run, model: Path, tmp_path: Path) -> None:
     assert first["view"]["size"] == [96, 72]
     assert first["view"]["hfov_deg"] > 100
     assert first["view"]["cut"] is True
-    assert dry_run["skipped"] == ["a.jpg", "b.jpg"]
-    assert dry_run["files"] == dry_run["groups"] == []
     (photos / "c.jpg").write_bytes(PHOTO.read_bytes())
     third = record(run, *line, "--skip-existing")
     assert (third["images"], third["skipped"]) == (1, ["a.jpg", "b.jpg"])
@@ -229,17 +227,11 @@ def test_undistort_names_what_failed_and_why(run: Run, model: Path, tmp_path: Pa
     (photos / "a.jpg").write_bytes(PHOTO.read_bytes())
     (photos / "bad.jpg").write_bytes(b"no picture")
     line = ("undistort", photos, flat, "-m", model, "--size", "96x72")
-    dry_run = record(run, *line, "--dry-run")
-    assert not flat.exists()
     one = record(run, *line, code=1)
-    for told in (dry_run, one):
-        assert told["files"] == [str(flat / "a.jpg")]
-        (failed,) = told["failed"]
-        assert failed["image"] == "bad.jpg"
-        assert "bad.jpg" in failed["problem"]
-    assert [group["images"] for group in dry_run["groups"]] == [1]
-    assert dry_run["groups"][0]["image_size"] == [960, 720]
-    assert 0 < dry_run["groups"][0]["kept_share"] < 1
+    assert one["files"] == [str(flat / "a.jpg")]
+    (failed,) = one["failed"]
+    assert failed["image"] == "bad.jpg"
+    assert "bad.jpg" in failed["problem"]
     said = run(*line, "--overwrite", "--json", code=1).stderr
     assert said == (
         "Error: 1 of 2 photos could not be undistorted: the reason is in the JSON, the other is "
@@ -248,21 +240,6 @@ def test_undistort_names_what_failed_and_why(run: Run, model: Path, tmp_path: Pa
     alone = record(run, "undistort", photos / "bad.jpg", tmp_path / "x.png", "-m", model, code=1)
     assert alone["images"] == 0
     assert alone["failed"][0]["image"] == "bad.jpg"
-
-
-def test_a_view_that_cannot_be_made_is_a_group_that_fails(
-    run: Run, model: Path, tmp_path: Path
-) -> None:
-    small = tmp_path / "small.png"
-    cv2.imwrite(str(small), np.zeros((50, 77), np.uint8))  # no rescale of the calibrated photos
-    one = record(run, "undistort", small, tmp_path / "x.png", "-m", model, "--dry-run")
-    (group,) = one["groups"]
-    assert group["view"] is None
-    assert "77x50" in group["problem"]
-    (failed,) = one["failed"]
-    assert failed["image"] == "small.png"
-    assert failed["problem"] == group["problem"]
-    assert one["files"] == []
 
 
 def test_a_cube_has_six_parts(run: Run, model: Path, tmp_path: Path) -> None:

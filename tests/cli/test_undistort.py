@@ -66,8 +66,6 @@ def test_nothing_is_replaced_unasked_and_nothing_done_by_half(
     (out / "b.jpg").write_text("old")
     args = ["undistort", photos, out, "-m", model, "--size", "96x72"]
     assert "b.jpg exists already" in run(*args, code=1).stderr
-    said = run(*args, "--dry-run", code=1).stderr
-    assert "b.jpg exists already: choose another name or add --overwrite or --skip-e" in said
     assert [path.name for path in out.iterdir()] == ["b.jpg"]
     said = run(
         "undistort", PHOTO, tmp_path / "new.png", "-m", model, "--mask", out / "b.jpg", code=1
@@ -263,16 +261,6 @@ def test_failures_fit_the_terminal(
     assert max(map(len, lines)) <= 80
 
 
-def test_a_dry_run_counts_what_can_be_done(run: Run, model: Path, tmp_path: Path) -> None:
-    write_bad_photos(tmp_path)
-    (tmp_path / "a.jpg").write_bytes(PHOTO.read_bytes())
-    said = run("undistort", tmp_path, tmp_path / "out", "-m", model, "--dry-run")
-    assert said.stdout.startswith("would write 1 file from 1 of 6 photos\n")
-    assert said.stdout.count("cannot be done: the photo has 300x200 pixels") == 1
-    each = "each is empty: copy it again or leave it out"
-    assert said.stderr == f"would fail: 2 photos (e1.png and e2.png): {each}\n"
-
-
 def test_existing_results_are_skipped_when_asked(
     run: Run, model: Path, tmp_path: Path, photos: Path
 ) -> None:
@@ -332,23 +320,6 @@ def test_a_photo_is_never_replaced_by_its_own_result(run: Run, model: Path, phot
     assert (photos / "a.jpg").read_bytes() == before
 
 
-@pytest.mark.slow
-def test_a_dry_run_says_what_would_be_kept_and_writes_nothing(
-    run: Run, model: Path, tmp_path: Path, photos: Path
-) -> None:
-    out = tmp_path / "out"
-    args = ["undistort", photos, out, "-m", model, "--view", "equidistant", "--dry-run"]
-    said = run(*args).stdout
-    assert "would write 2 files from 2 of 3 photos" in said
-    assert "100.0 % of what the camera sees" in said
-    empty = float(said.split("empty pixels")[1].split("%")[0])
-    assert 10 < empty < 60
-    said = run(*args, "--fit", "inner").stdout
-    assert "empty pixels  0.0 %" in said
-    assert 30 < float(said.split("kept field")[1].split(" %")[0]) < 95
-    assert not out.exists()
-
-
 def test_a_view_at_its_limit_says_so(run: Run, model: Path, tmp_path: Path) -> None:
     args = ["-m", model, "--size", "96x72"]
     said = run("undistort", PHOTO, tmp_path / "o.png", *args, "--fit", "outer").stderr
@@ -371,11 +342,7 @@ def test_what_the_camera_saw_is_told_from_what_the_view_spans(
     assert f"equidistant, {across:.1f}° across" in done.stdout
     assert seen == pytest.approx(2 * camera.max_angle_deg, abs=0.5)
     assert seen < across
-    dry = run("undistort", PHOTO, tmp_path / "p.png", *args, "--dry-run").stdout
-    assert f"  camera sees   {found[1]}° of {found[2]}° across, " in dry
     assert run("map", tmp_path / "m.npz", *args).stderr == done.stderr
-    flat = run("undistort", PHOTO, tmp_path / "f.png", "-m", model, "--dry-run").stdout
-    assert "  camera sees   all 120.0° across, all 104.8° down\n" in flat
     assert run("undistort", PHOTO, tmp_path / "f.png", "-m", model).stderr == ""
 
 
@@ -486,7 +453,6 @@ def write_video(path: Path) -> None:
 def test_a_video_becomes_a_video(run: Run, model: Path, tmp_path: Path) -> None:
     write_video(tmp_path / "in.mp4")
     args = ["undistort", tmp_path / "in.mp4", tmp_path / "out.mp4", "-m", model, "--crf", "10"]
-    assert "would write 1 file from 1 video" in run(*args, "--dry-run").stdout
     said = run(*args).stdout
     assert said.startswith(f"wrote {tmp_path / 'out.mp4'}: 960x720 pixels, 120.0° across")
     ok, frame = cv2.VideoCapture(str(tmp_path / "out.mp4")).read()

@@ -49,8 +49,6 @@ def test_a_boards_plane_is_the_drawing_of_the_board(
     said = run("undistort", PHOTO, tmp_path / "o.png", *args).stdout
     assert "the plane at 3 pixels per mm" in said
     assert likeness(read_picture(tmp_path / "o.png"), drawn(board)) > 0.93
-    said = run("undistort", PHOTO, tmp_path / "o.png", *args, "--dry-run", "--overwrite").stdout
-    assert "empty pixels" in said
 
 
 def test_the_margin_and_the_scale_set_the_size(run: Run, model: Path, tmp_path: Path) -> None:

@@ -249,11 +249,6 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
         "flat.view.yaml",
         "m.png",
     ]
-    outlook = undistort_files(photo, b / "flat.png", calibrated, skip_existing=True, dry_run=True)
-    assert (outlook.skipped, outlook.files) == (("corner_01.jpg",), ())
-    outlook = undistort_files([photo], tmp_path / "c", calibrated, dry_run=True)
-    assert outlook.files == (tmp_path / "c" / "corner_01.jpg",)
-    assert not outlook.files[0].exists()
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,17 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS, axis_focal, build_view
-from cubicfish_cli.undistortion.fit import fit_view, kept_share, seen_field_deg, sees
+from cubicfish_cli.undistortion.fit import _region, _shows, fit_view, seen_field_deg, sees
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.options import WIDEST
 from cubicfish_cli.undistortion.view import CentralView, rotation_from_angles
 
 SIZE = (120, 90)
+
+
+def kept_share(camera: AsymmetricLens, view: CentralView) -> float:
+    """Share of the solid angle that the camera sees which is in the view."""
+    return float(_shows(view, _region(camera)).mean())
 
 
 @cache
