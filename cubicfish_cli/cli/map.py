@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import click
+from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, option, record
@@ -28,7 +26,7 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 \b
 .npz  map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
       cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR) renders the picture
-.exr  STMap: x and y in R and G, 0 to 1 across the frame, 32-bit float
+.exr  STMap: x and y in R and G, 0 to 1 across the frame, 32-bit float, y from the bottom
 .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
 .pgm  the pair that ffmpeg's remap filter takes; the command is printed
 
@@ -61,16 +59,6 @@ class Asked:
     crop: Crop | None = crop_option
     redistort: bool = option(
         "--redistort", "The way back: from the view to the photo of the camera."
-    )
-    fixed_point: bool = option(
-        "--fixed-point", "In .npz, map_1 and map_2 of cv2.convertMaps instead of floats."
-    )
-    origin: Any = option(
-        "--origin",
-        "Where y of an STMap (.exr, .png) is 0. [default: bottom-left, as in Nuke and Flame]",
-        click.Choice(["bottom-left", "top-left"]),
-        "bottom-left",
-        show_default=False,
     )
     mask: MaskOptions = mask_options
     overwrite: bool = options.overwrite_option

@@ -21,10 +21,10 @@ from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, chosen_view
 from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.map_formats import (
-    Origin,
     build_redistort_map,
     ffmpeg_command,
-    map_writers,
+    map_contents,
+    map_paths,
     view_files,
 )
 from cubicfish_cli.undistortion.maps import (
@@ -42,17 +42,19 @@ from cubicfish_cli.wording import either
 Size = tuple[int, int]
 
 
-def _contents(plan: Mapping[str, Any], maps: Mapping[str, UndistortMap]) -> dict[Path, Content]:
-    """The files of each part of a map, and what writes them."""
+def _contents_of(
+    plan: Mapping[str, Sequence[Path]], maps: Mapping[str, UndistortMap]
+) -> dict[Path, Content]:
+    """The files of all parts of a map, and what they hold."""
     return {
-        path: partial(write, index, maps[part])
-        for part, (paths, write) in plan.items()
-        for index, path in enumerate(paths)
+        path: content
+        for part, paths in plan.items()
+        for path, content in map_contents(paths, maps[part]).items()
     }
 
 
-def _files_of(plan: Mapping[str, Any]) -> list[Path]:
-    return [path for paths, _ in plan.values() for path in paths]
+def _files_of(plan: Mapping[str, Sequence[Path]]) -> list[Path]:
+    return [path for paths in plan.values() for path in paths]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,8 +103,6 @@ def map_files(
     photo_size: Size | None = None,
     crop: Crop | str | None = None,
     redistort: bool = False,
-    fixed_point: bool = False,
-    origin: Origin = "bottom-left",
     mask: StrPath | None = None,
     mask_limit: float | None = None,
     run: Run = RUN,
@@ -117,8 +117,6 @@ def map_files(
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
         crop: the part of the calibrated photo that photos show, such as ``960x540+160+90``.
         redistort: makes the way back, from the view to the photo.
-        fixed_point: in .npz, the fixed-point maps of cv2.convertMaps.
-        origin: where y of an STMap (.exr, .png) is 0.
         mask: also writes where the map may be trusted.
         mask_limit: there only where the camera's own uncertainty is at most so many pixels.
         run: how the work is done.
@@ -137,7 +135,7 @@ def map_files(
         )
     goal = Path(output)
     parts = view.parts if isinstance(view, ViewOptions) else ("",)
-    plan = map_writers(goal, parts, fixed_point=fixed_point, origin=origin)
+    plan = map_paths(goal, parts)
     refuse_existing(*_files_of(plan), overwrite=run.overwrite)
     path = in_folder(Path(camera))
     loaded, part = load_camera(path), parse_crop(crop) if isinstance(crop, str) else crop
@@ -150,7 +148,7 @@ def map_files(
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}
     views = view_files(maps, mask=path_or_none(mask), beside=goal, masked=masked)
-    written = write_files({**_contents(plan, maps), **views}, overwrite=run.overwrite)
+    written = write_files({**_contents_of(plan, maps), **views}, overwrite=run.overwrite)
     is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(
         model=path,
@@ -159,7 +157,7 @@ def map_files(
         image_size=size,
         view=chosen,
         seen=None if redistort else chosen.seen_by(there),
-        ffmpeg=[ffmpeg_command(*paths) for paths, _ in plan.values()] if is_pair else [],
+        ffmpeg=[ffmpeg_command(*paths) for paths in plan.values()] if is_pair else [],
     )
 
 
@@ -170,8 +168,6 @@ def map_rig_files(
     *,
     pair: tuple[str, str] | None = None,
     photo_size: Size | None = None,
-    fixed_point: bool = False,
-    origin: Origin = "bottom-left",
     mask: StrPath | None = None,
     run: Run = RUN,
 ) -> MapFiles:
@@ -183,8 +179,6 @@ def map_rig_files(
         view: what is asked of both pictures; by default flat.
         pair: names of its cameras; None for a rig of two.
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        fixed_point: as for :func:`map_files`.
-        origin: likewise.
         mask: also writes where each map may be trusted.
         run: how the work is done.
 
@@ -198,12 +192,12 @@ def map_rig_files(
 
     """
     goal = Path(output)
-    map_writers(goal, fixed_point=fixed_point, origin=origin)  # its name is refused first
+    map_paths(goal)  # its name is refused first
     asked, path = _row_aligned(view or ViewOptions()), rig_file_in(Path(rig))
     loaded = load_rig(path)
     both = _two_cameras(loaded, pair)
     about = goal.with_suffix(".stereo.yaml")
-    plan = map_writers(goal, both, fixed_point=fixed_point, origin=origin)
+    plan = map_paths(goal, both)
     refuse_existing(*_files_of(plan), about, overwrite=run.overwrite)
     between = rectify(loaded, *both)
     if photo_size is not None:
@@ -229,7 +223,7 @@ def map_rig_files(
         **between.as_record(common),
     }
     views = view_files(maps, mask=path_or_none(mask), beside=goal)
-    files = {**_contents(plan, maps), about: plain_yaml_text(record), **views}
+    files = {**_contents_of(plan, maps), about: plain_yaml_text(record), **views}
     written = write_files(files, overwrite=run.overwrite)
     return MapFiles(
         model=path,

@@ -1,4 +1,4 @@
-"""Maps for other programs: OpenCV's fixed-point pair, STMaps, and ffmpeg's pair of pictures.
+"""Maps for other programs: OpenCV's, STMaps, and ffmpeg's pair of pictures.
 
 All hold, for each pixel of the result, where it comes from in the source. What comes from
 nowhere is negative, or beyond the frame where a format has no negative numbers.
@@ -12,7 +12,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -28,9 +28,8 @@ from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveV
 from cubicfish_cli.undistortion.view import MAX_SIDE, CentralView, View
 
 Floats = npt.NDArray[np.float32]
-Origin = Literal["bottom-left", "top-left"]
+Shorts = npt.NDArray[np.uint16]
 
-FIXED_POINT_FORMAT = "cubicfish fixed_point_map 1"
 _BEYOND = 65_535
 _ROWS_PER_BLOCK = 32
 
@@ -63,40 +62,20 @@ def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
     )
 
 
-def write_fixed_point(path: Path, pixel_map: UndistortMap) -> None:
-    """``map_1`` (H, W, 2) int16 and ``map_2`` (H, W) uint16: ``cv2.remap(photo, map_1, map_2, …)``.
-
-    Whole pixels and 1/32 pixels, as ``cv2.convertMaps`` makes them.
-    """
-    map_1, map_2 = cv2.convertMaps(pixel_map.map_x, pixel_map.map_y, cv2.CV_16SC2)
-    with path.open("wb") as file:
-        np.savez(
-            file,
-            map_1=map_1,
-            map_2=map_2,
-            valid=pixel_map.valid,
-            view=np.array(pixel_map.view.to_json()),
-            format=np.array(FIXED_POINT_FORMAT),
-            image_size=np.array(pixel_map.image_size),
-        )
-
-
-def stmap(pixel_map: UndistortMap, origin: Origin) -> tuple[Floats, Floats]:
+def stmap(pixel_map: UndistortMap) -> tuple[Floats, Floats]:
     """The map as shares of the source's frame, 0 to 1 from edge to edge: two of (H, W) float32.
 
-    Pixel centres are at half pixels; −1 marks what comes from nowhere. From ``bottom-left``
-    the second counts upwards, as Nuke and Flame have it.
+    Pixel centres are at half pixels; −1 marks what comes from nowhere. The second counts upwards
+    from the bottom, as Nuke and Flame have it.
     """
     width, height = pixel_map.image_size
     u = (pixel_map.map_x.astype(float) + 0.5) / width
-    v = (pixel_map.map_y.astype(float) + 0.5) / height
-    if origin == "bottom-left":
-        v = 1 - v
+    v = 1 - (pixel_map.map_y.astype(float) + 0.5) / height
     u[~pixel_map.valid] = v[~pixel_map.valid] = OUTSIDE
     return u.astype(np.float32), v.astype(np.float32)
 
 
-def write_exr(path: Path, pixel_map: UndistortMap, origin: Origin) -> None:
+def write_exr(path: Path, made: UndistortMap) -> None:
     """STMap: R and G hold x and y as 32-bit floats, B is 0.
 
     Raises:
@@ -104,7 +83,7 @@ def write_exr(path: Path, pixel_map: UndistortMap, origin: Origin) -> None:
         OSError: the file cannot be written.
 
     """
-    u, v = stmap(pixel_map, origin)
+    u, v = stmap(made)
     write_float_exr(path, {"R": u, "G": v, "B": np.zeros_like(u)})
 
 
@@ -141,19 +120,23 @@ def require_exr(path: Path) -> Any:
     return OpenEXR
 
 
-def png_values(pixel_map: UndistortMap, *, origin: Origin, axis: int) -> npt.NDArray[np.uint16]:
-    """STMap in 16 bits (H, W), x (axis 0) or y (1): value / 65535 is the share of the frame.
+def png_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
+    """STMap in 16 bits, x and y (H, W): value / 65535 is the share of the frame.
 
     The half pixel at the frame's edge is never 0, so 0 marks what comes from nowhere.
     """
-    part = stmap(pixel_map, origin)[axis]
-    return np.where(pixel_map.valid, np.round(part * 65_535.0), 0).astype(np.uint16)
+    u, v = (np.round(part * 65_535.0) for part in stmap(pixel_map))
+    valid = pixel_map.valid
+    return np.where(valid, u, 0).astype(np.uint16), np.where(valid, v, 0).astype(np.uint16)
 
 
-def pgm_values(pixel_map: UndistortMap, *, axis: int) -> npt.NDArray[np.uint16]:
-    """For ffmpeg's remap filter (H, W): whole source pixels, 65535 for what comes from nowhere."""
-    part = (pixel_map.map_x, pixel_map.map_y)[axis]
-    return np.where(pixel_map.valid, np.rint(part), _BEYOND).astype(np.uint16)
+def pgm_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
+    """For ffmpeg's remap filter, x and y (H, W): whole source pixels, 65535 for nowhere."""
+    x, y = (
+        np.where(pixel_map.valid, np.rint(part), _BEYOND).astype(np.uint16)
+        for part in (pixel_map.map_x, pixel_map.map_y)
+    )
+    return x, y
 
 
 def ffmpeg_command(path_x: Path, path_y: Path) -> str:
@@ -162,59 +145,40 @@ def ffmpeg_command(path_x: Path, path_y: Path) -> str:
     return f"ffmpeg -i in.mp4 {maps} -lavfi remap=fill=black -c:a copy out.mp4"
 
 
-def _write(path: Path, values: npt.NDArray[np.uint16]) -> None:
-    done, data = cv2.imencode(path.suffix.lower(), values)
-    if not done:
-        raise OutputError(f"{path}: the map cannot be encoded")
-    path.write_bytes(data.tobytes())
-
-
-Writer = Callable[[int, UndistortMap, Path], None]
-"""(index of the file, map, where to write it)."""
-
-
-def map_writers(
-    output: Path,
-    parts: Sequence[str] = ("",),
-    *,
-    fixed_point: bool = False,
-    origin: Origin = "bottom-left",
-) -> dict[str, tuple[tuple[Path, ...], Writer]]:
-    """The files that each part of a map named ``output`` consists of, and what writes each.
+def map_paths(output: Path, parts: Sequence[str] = ("",)) -> dict[str, tuple[Path, ...]]:
+    """The files that each part of a map named ``output`` consists of.
 
     Raises:
-        UsageError: the name's suffix is none of .npz, .exr, .png and .pgm, or there are no
-            fixed-point maps in it.
+        UsageError: the name's suffix is none of .npz, .exr, .png and .pgm.
         OutputError: it is .exr and the extra ``exr`` is not installed.
 
     """
     suffix = output.suffix.lower()
-    numbers: dict[str, Callable[..., npt.NDArray[np.uint16]]] = {
-        ".png": partial(png_values, origin=origin),
-        ".pgm": pgm_values,
-    }
-    if suffix not in (".npz", ".exr", *numbers):
+    if suffix not in (".npz", ".exr", *_PAIRS):
         raise UsageError(
             f"{output}: maps are written as .npz, .exr, .png, .pgm: choose a name that ends so"
         )
-    if fixed_point and suffix != ".npz":
-        raise UsageError("--fixed-point is for maps in .npz")
     if suffix == ".exr":
         require_exr(output)  # before the work, and by the name that the user knows
-
-    def write(index: int, made: UndistortMap, path: Path) -> None:
-        if suffix == ".npz":
-            (write_fixed_point if fixed_point else write_npz)(path, made)
-        elif suffix == ".exr":
-            write_exr(path, made, origin)
-        else:
-            _write(path, numbers[suffix](made, axis=index))
-
-    axes = "xy" if suffix in numbers else ""
+    axes = ("x", "y") if suffix in _PAIRS else ("",)
     return {
-        part: (tuple(part_name(part_name(output, part), axis) for axis in axes or ("",)), write)
-        for part in parts
+        part: tuple(part_name(part_name(output, part), axis) for axis in axes) for part in parts
     }
+
+
+def map_contents(paths: Sequence[Path], made: UndistortMap) -> dict[Path, Content]:
+    """What the files of one map hold, as :func:`write_files` takes them."""
+    suffix = paths[0].suffix.lower()
+    if suffix in _PAIRS:
+        values = _PAIRS[suffix](made)
+        return {path: encode_picture(path, one) for path, one in zip(paths, values, strict=True)}
+    return {paths[0]: partial(write_npz if suffix == ".npz" else write_exr, made=made)}
+
+
+_PAIRS: Mapping[str, Callable[[UndistortMap], tuple[Shorts, Shorts]]] = {
+    ".png": png_values,
+    ".pgm": pgm_values,
+}
 
 
 FORMAT_VERSION = 1

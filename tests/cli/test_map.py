@@ -90,13 +90,6 @@ def test_the_way_back(run: Run, model: Path, tmp_path: Path) -> None:
     assert np.hypot(middle[0] - 47.5, middle[1] - 35.5) < 1
 
 
-def test_a_fixed_point_map(run: Run, model: Path, tmp_path: Path) -> None:
-    run("map", tmp_path / "m.npz", "-m", model, "--size", "96x72", "--fixed-point")
-    with np.load(tmp_path / "m.npz") as data:
-        assert data["map_1"].shape == (72, 96, 2)
-        assert data["map_1"].dtype == np.int16
-
-
 def test_a_cube_has_six_maps(run: Run, model: Path, tmp_path: Path) -> None:
     run("map", tmp_path / "m.npz", "-m", model, "--view", "cube", "--size", "20x20")
     assert len(list(tmp_path.glob("m_*.npz"))) == 6

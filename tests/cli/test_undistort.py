@@ -150,7 +150,6 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
         (["undistort"], 2, "\nError: IN and OUT are both needed: "),
         (["map"], 2, "\nError: OUT is needed: 'cubicfish map undistort.npz'"),
         (["map", "out.tif"], 2, "out.tif: maps are written as .npz, .exr, .png, .pgm"),
-        (["map", "out.png", "--fixed-point"], 2, ".npz"),
     ],
 )
 def test_what_cannot_be_done_is_said_and_leaves_nothing(

@@ -186,8 +186,8 @@ def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None
 def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="maps are written as"):
         map_files(tmp_path / "none.yaml", tmp_path / "a.txt")
-    with pytest.raises(UsageError, match="--fixed-point is for maps in"):
-        map_rig_files(tmp_path / "none.yaml", tmp_path / "a.exr", fixed_point=True)
+    with pytest.raises(UsageError, match="maps are written as"):
+        map_rig_files(tmp_path / "none.yaml", tmp_path / "a.txt")
 
 
 @pytest.mark.parametrize(
@@ -285,22 +285,21 @@ def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None
     for name in "ab":
         (tmp_path / name).mkdir()
     a, b = tmp_path / "a", tmp_path / "b"
-    line = ("--fit", "inner", "--size", "90x60", "--crop", "600x400+100+90", "--fixed-point")
+    line = ("--fit", "inner", "--size", "90x60", "--crop", "600x400+100+90")
     said = run_cli("map", a / "m.npz", "-m", calibrated, *line, "--mask", a / "k.png", "--json")
     made = map_files(
         calibrated,
         b / "m.npz",
         ViewOptions(fit="inner", size=(90, 60)),
         crop="600x400+100+90",
-        fixed_point=True,
         mask=b / "k.png",
     )
     assert read(a) == read(b)
     assert json.loads(said.stdout)["image_size"] == [600, 400] == list(made.image_size)
-    line = ("--view", "equidistant", "--fit", "outer", "--redistort", "--origin", "top-left")
+    line = ("--view", "equidistant", "--fit", "outer", "--redistort")
     run_cli("map", a / "s.png", "-m", calibrated, *line)
     whole = ViewOptions(kind="equidistant", fit="outer")
-    map_files(calibrated, b / "s.png", whole, redistort=True, origin="top-left")
+    map_files(calibrated, b / "s.png", whole, redistort=True)
     assert read(a) == read(b)
     with pytest.raises(UsageError, match="--mask-limit is for the map that undistorts"):
         map_files(calibrated, b / "t.npz", redistort=True, mask=b / "l.png", mask_limit=1)
