@@ -88,11 +88,6 @@ view_options = bundle(
         ViewOptions.rotate_deg,
         show_default=False,
     ),
-    option(
-        "--layout",
-        "A cube as six pictures or as one. [default: files]",
-        click.Choice(["files", "cross"]),
-    ),
 )
 
 

@@ -366,7 +366,7 @@ def _planned(
     if videos and others:
         raise UsageError("photos and videos together: do them one after the other")
     if videos and parts != ("",):
-        raise UsageError("a cube of a video is one picture: add --layout cross")
+        raise UsageError("a video becomes one video: choose another --view than cube")
     if videos and isinstance(view, PlaneOptions):
         raise UsageError("--plane is for photos, each of which has its own pose")
     sources = [(path.name, path) for path in videos]

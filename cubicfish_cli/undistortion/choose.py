@@ -18,7 +18,6 @@ from cubicfish_cli.undistortion.fit import cropped_view, fit_view, seen_field_de
 from cubicfish_cli.undistortion.options import KINDS, OUTER, Kind, Share, ViewOptions
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
-    CrossView,
     CylindricalView,
     EpipolarCylindricalView,
     EpipolarEquirectangularView,
@@ -196,7 +195,7 @@ class ChosenView:
     """What is rendered.
 
     Attributes:
-        views: name of the part -> view; one part named "" unless it is a cube in six pictures.
+        views: name of the part -> view; one part named "" unless it is a cube.
         at_limit: whether the camera sees more than the fitted view can show.
         unit: of length, of a plane's picture.
 
@@ -228,7 +227,7 @@ class ChosenView:
         return SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON; of a cube in six pictures the first face, and all their names."""
+        """Plain data for JSON; of a cube the first face, and all their names."""
         first = self.first
         record = {**json.loads(first.to_json()), "words": self.describe(), "cut": self.at_limit}
         if len(self.views) > 1:
@@ -257,6 +256,4 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
 def _cube(camera: Camera, asked: ViewOptions) -> Mapping[str, View]:
     side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
     rotation = _rotation(asked)
-    if asked.layout == "cross":
-        return {"": CrossView(size=asked.size or (4 * side, 3 * side), rotation=rotation)}
     return face_views(asked.size[0] if asked.size else side, rotation)

@@ -24,7 +24,6 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import BoolArray
 from cubicfish_cli.undistortion.cubic_grid import grid_of
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, seen_near
-from cubicfish_cli.undistortion.projections import CrossView
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
 from cubicfish_cli.wording import quoted
 
@@ -79,8 +78,6 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
             f"a side may have {MAX_SIDE} pixels at most"
         )
     width, height = view.size
-    if isinstance(view, CrossView):
-        return _cross_map(camera, view)
     map_x, map_y = np.empty((2, height, width), np.float32)
     valid = np.empty((height, width), bool)
     put = _filler(camera, view)
@@ -110,20 +107,6 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
     else:
         with ThreadPoolExecutor(_THREADS) as threads:
             list(threads.map(fill, tops))
-    return UndistortMap(
-        map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
-    )
-
-
-def _cross_map(camera: PointProjector, view: CrossView) -> UndistortMap:
-    """The faces of a cube, each by its own map, in their places."""
-    width, height = view.size
-    map_x, map_y = np.full((2, height, width), OUTSIDE, np.float32)
-    valid = np.zeros((height, width), bool)
-    for (column, row), face in view.placed_faces():
-        place = np.s_[row : row + view.side, column : column + view.side]
-        part = build_map(camera, face)
-        map_x[place], map_y[place], valid[place] = part.map_x, part.map_y, part.valid
     return UndistortMap(
         map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
     )

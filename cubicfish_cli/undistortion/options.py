@@ -38,16 +38,15 @@ or must stay below."""
 
 KINDS = (*WIDEST, "cube")
 
-FACES: Mapping[str, tuple[tuple[float, float], tuple[int, int]]] = {
-    "front": ((0, 0), (1, 1)),
-    "right": ((90, 0), (2, 1)),
-    "back": ((180, 0), (3, 1)),
-    "left": ((-90, 0), (0, 1)),
-    "up": ((0, 90), (1, 0)),
-    "down": ((0, -90), (1, 2)),
+FACES: Mapping[str, tuple[float, float]] = {
+    "front": (0, 0),
+    "right": (90, 0),
+    "back": (180, 0),
+    "left": (-90, 0),
+    "up": (0, 90),
+    "down": (0, -90),
 }
-"""Where each face of a cube looks (yaw, pitch), and where it is in a cross (column, row): the faces
-above and below the front one continue it."""
+"""Where each face of a cube looks: yaw, pitch."""
 
 INNER, OUTER = 0.0, 1.0
 _ENDS = {"inner": INNER, "outer": OUTER}
@@ -82,7 +81,6 @@ class ViewOptions:
             rig ``equirectangular``.
         size: (width, height) of the picture or of each face of a cube, pixels.
         hfov_deg, vfov_deg, focal, fit, rotate_deg: as for :func:`build_view`.
-        layout: of a cube: six ``files``, or one ``cross``.
 
     Numbers of any kind are kept as Python has them, and ``fit`` as a share.
 
@@ -98,7 +96,6 @@ class ViewOptions:
     focal: float | None = None
     fit: Share | None = None
     rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    layout: str | None = None
 
     def __post_init__(self) -> None:
         kind = self.kind or KINDS[0]
@@ -115,10 +112,8 @@ class ViewOptions:
                 raise UsageError(
                     f"the faces of a cube have 90° each: leave out {asked[0]}, or choose --size"
                 )
-            if self.size and self.layout != "cross" and self.size[0] != self.size[1]:
+            if self.size and self.size[0] != self.size[1]:
                 raise UsageError("a cube's faces are square: give --size as NxN")
-        elif self.layout is not None:
-            raise UsageError("--layout is for --view cube")
         if asked == ["--hfov", "--vfov"] and self.size is not None:
             asked.append("--size")
         if len(asked) > 1 and asked != ["--hfov", "--vfov"]:
@@ -152,7 +147,7 @@ class ViewOptions:
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
-        return tuple(FACES) if self.kind == "cube" and self.layout != "cross" else ("",)
+        return tuple(FACES) if self.kind == "cube" else ("",)
 
 
 def _shows(kind: str, axis: int, angle_deg: float) -> bool:

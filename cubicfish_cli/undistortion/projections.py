@@ -14,27 +14,22 @@ middle in focal lengths:
 The epipolar ones are those of the same name on their sides. Where x points from one camera to
 another, all that a row shows lies in one plane through both: their rows agree beyond 180° too.
 
-The six faces of a cube about the camera, as six pictures or as one cross.
+The six faces of a cube about the camera are six pictures.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.angles import columns, unit_rays
-from cubicfish_cli.errors import ViewError
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.options import FACES, is_numbers
+from cubicfish_cli.undistortion.options import FACES
 from cubicfish_cli.undistortion.view import (
     CentralView,
     Rotation,
-    View,
     rotation_from_angles,
     rotation_vector,
 )
@@ -213,7 +208,7 @@ def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, Per
     """The faces of a cube turned by ``rotation``: flat views of 90°, ``side`` pixels square."""
     turn = PerspectiveView(size=(1, 1), focal=1.0, rotation=rotation).camera_from_view
     views = {}
-    for name, ((yaw, pitch), _) in FACES.items():
+    for name, (yaw, pitch) in FACES.items():
         face = PerspectiveView(
             size=(side, side),
             focal=side / 2,
@@ -222,65 +217,3 @@ def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, Per
         whole = rotation_vector(turn @ face.camera_from_view)
         views[name] = PerspectiveView(size=face.size, focal=face.focal, rotation=whole)
     return views
-
-
-@dataclass(frozen=True, kw_only=True)
-class CrossView(View):
-    """A cube unfolded into one picture: up, a row of left, front, right and back, and down.
-
-    Attributes:
-        rotation: of the front face, as for other views.
-
-    The size must be 4 to 3; the five corners between the faces stay empty.
-    """
-
-    kind: ClassVar[str] = "cross"
-
-    rotation: Rotation = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        width, height = self.size
-        if width % 4 or width * 3 != height * 4:
-            raise ViewError(
-                f"a cube's cross is four faces wide and three high, which {width}x{height} is "
-                f"not: choose {4 * (-(-width // 4))}x{3 * (-(-width // 4))}"
-            )
-        if not is_numbers(self.rotation, 3):
-            raise ViewError("a view's rotation must be three finite numbers")
-
-    @property
-    def side(self) -> int:
-        """Side of a face, pixels."""
-        return self.size[0] // 4
-
-    def placed_faces(self) -> Iterator[tuple[tuple[int, int], PerspectiveView]]:
-        """Each face with the pixel (column, row) of its top-left corner."""
-        for name, face in face_views(self.side, self.rotation).items():
-            column, row = FACES[name][1]
-            yield (column * self.side, row * self.side), face
-
-    def rays(self, pixel: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) -> camera-frame rays (..., 3), NaN between the faces."""
-        pixel = np.asarray(pixel, float)
-        rays = np.full((*pixel.shape[:-1], 3), np.nan)
-        for corner, face in self.placed_faces():
-            own = pixel - corner
-            inside = ((own >= -0.5) & (own < self.side - 0.5)).all(axis=-1)
-            rays[inside] = face.rays(own[inside])
-        return rays
-
-    def pixels(self, rays: npt.ArrayLike) -> FloatArray:
-        """Camera-frame rays (..., 3) -> pixels (..., 2)."""
-        rays = np.asarray(rays, float)
-        pixel = np.full((*rays.shape[:-1], 2), np.nan)
-        for corner, face in self.placed_faces():
-            own = face.pixels(rays)
-            with np.errstate(invalid="ignore"):
-                inside = ((own >= -0.5) & (own <= self.side - 0.5)).all(axis=-1)
-            pixel[inside] = own[inside] + corner
-        return pixel
-
-    def describe(self) -> str:
-        """What it is, and the faces' side."""
-        return f"cube as a cross, faces of {self.side} px"

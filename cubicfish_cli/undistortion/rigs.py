@@ -31,7 +31,6 @@ from cubicfish_cli.undistortion.fit import seen_field_deg, sees
 from cubicfish_cli.undistortion.images import PLAIN, Rendering, remap_picture
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.projections import (
-    CrossView,
     EpipolarCylindricalView,
     EpipolarEquirectangularView,
     PerspectiveView,
@@ -77,7 +76,7 @@ class BodyCamera:
 
     def view(self, view: View) -> View:
         """A view of the body's frame, of far things, as one of the camera's."""
-        if isinstance(view, CentralView | CrossView):
+        if isinstance(view, CentralView):
             turn = self.rotation @ matrix_of_rotation(np.array(view.rotation))
             return replace(view, rotation=rotation_vector(turn))
         raise ViewError(f"a {view.kind} view cannot be made of several cameras")

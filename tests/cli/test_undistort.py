@@ -133,7 +133,6 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
         (["undistort", PHOTO, "out.png", "--rotate", "1,2,3,4"], 2, "yaw,pitch,roll"),
         (["undistort", PHOTO, "out.png", "--rotate", "nan"], 2, "yaw,pitch,roll"),
         (["undistort", PHOTO, "out.png", "--border", "redd"], 2, "#RRGGBB"),
-        (["undistort", PHOTO, "out.png", "--layout", "cross"], 2, "--view cube"),
         (["undistort", PHOTO, "out.png", "--view", "cube", "--fov", "90"], 2, "leave out --hfov"),
         (["undistort", PHOTO, "out.png", "--view", "cube", "--size", "9x8"], 2, "NxN"),
         (["undistort", PHOTO, "out.png", "--crop", "9x9+952+0"], 1, "does not lie within"),
@@ -345,7 +344,7 @@ def test_what_the_camera_saw_is_told_from_what_the_view_spans(
     assert run("undistort", PHOTO, tmp_path / "f.png", "-m", model).stderr == ""
 
 
-def test_a_cube_is_six_pictures_or_a_cross(run: Run, model: Path, tmp_path: Path) -> None:
+def test_a_cube_is_six_pictures(run: Run, model: Path, tmp_path: Path) -> None:
     args = ["undistort", PHOTO, tmp_path / "o.png", "-m", model, "--view", "cube"]
     run(*args, "--size", "40x40", "--mask", tmp_path / "m.png", "--camera", tmp_path / "k")
     faces = ("front", "right", "back", "left", "up", "down")
@@ -355,10 +354,6 @@ def test_a_cube_is_six_pictures_or_a_cross(run: Run, model: Path, tmp_path: Path
         assert (tmp_path / f"k_{face}.view.yaml").exists()
     assert picture(tmp_path / "m_front.png").all()
     assert not picture(tmp_path / "m_back.png").any()
-    run(*args, "--layout", "cross", "--size", "160x120")
-    np.testing.assert_array_equal(
-        picture(tmp_path / "o.png")[40:80, 40:80], picture(tmp_path / "o_front.png")
-    )
 
 
 def test_rescaled_and_cropped_photos_show_the_same(run: Run, model: Path, tmp_path: Path) -> None:
@@ -484,6 +479,6 @@ def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path:
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.mp4"]
     cube = ["--view", "cube"]
     said = run("undistort", tmp_path / "a.mp4", "o.mp4", "-m", model, *cube, code=2).stderr
-    assert "--layout cross" in said
+    assert "a video becomes one video" in said
     said = run("undistort", tmp_path / "a.mp4", PHOTO, tmp_path / "out", *args, code=2).stderr
     assert "photos and videos together" in said

@@ -272,7 +272,6 @@ def test_pictures_that_cannot_be_are_refused(
         ({"kind": "cubes"}, "did you mean 'cube'"),
         ({"focal": 100, "fit": 0.5}, "--focal and --fit say the same thing twice"),
         ({"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less than 180"),
-        ({"layout": "cross"}, "--layout is for --view cube"),
     ],
 )
 def test_views_that_cannot_be_are_refused(asked: dict[str, Any], said: str) -> None:

@@ -19,6 +19,7 @@ from cubicfish_cli.undistortion.map_formats import (
     map_contents,
     map_paths,
     stmap,
+    write_exr,
 )
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveView
@@ -84,7 +85,7 @@ def test_y_of_an_stmap_grows_upwards():
 def test_an_exr_that_cannot_be_written_is_said_to_be_so(tmp_path):
     pytest.importorskip("OpenEXR")
     with pytest.raises(OSError, match=r"^No such file or directory$"):
-        written(tmp_path / "none" / "m.exr")
+        write_exr(tmp_path / "none" / "m.exr", MAP)
 
 
 def test_without_openexr_the_extra_is_named(tmp_path, monkeypatch):

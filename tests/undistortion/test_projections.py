@@ -18,7 +18,6 @@ from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.options import FACES, WIDEST, ViewOptions
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import (
-    CrossView,
     CylindricalView,
     EquidistantView,
     EquirectangularView,
@@ -128,7 +127,6 @@ def views():
                 for rotation in ((0.0, 0.0, 0.0), TURNED):
                     view = partial(make.with_field, field, (101, 75), rotation)
                     yield pytest.param(view, id=f"{kind}-{field}-{rotation != (0, 0, 0)}")
-    yield pytest.param(partial(CrossView, size=(96, 72), rotation=TURNED), id="cross")
     axes = np.array(rotation_matrix(TURNED))
     for origin in ((-20.0, -15.0, 60.0), (5.0, -50.0, 25.0)):
         yield pytest.param(
@@ -217,26 +215,6 @@ def test_a_turned_cube_turns_all_its_faces():
     for name, face in face_views(8).items():
         matrix = rotation_matrix(TURNED) @ face.camera_from_view
         np.testing.assert_allclose(turned[name].camera_from_view, matrix, atol=1e-12)
-
-
-def test_the_cross_shows_each_face_in_its_place():
-    view = CrossView(size=(32, 24))
-    made = build_map(CAMERA, view)
-    for name, (_, (column, row)) in FACES.items():
-        part = build_map(CAMERA, face_views(8)[name])
-        place = np.s_[8 * row : 8 * row + 8, 8 * column : 8 * column + 8]
-        np.testing.assert_array_equal(made.map_x[place], part.map_x)
-        np.testing.assert_array_equal(made.valid[place], part.valid)
-    assert made.valid[8:16, 8:16].all()
-    assert not made.valid[:8, :8].any()
-    ray = view.rays([11.5, 4.0])
-    np.testing.assert_allclose(view.pixels(ray), [11.5, 4.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("size", [(32, 32), (30, 24), (33, 25)])
-def test_a_cross_is_four_by_three(size):
-    with pytest.raises(ViewError, match="four faces wide and three high"):
-        CrossView(size=size)
 
 
 PLANE = {
