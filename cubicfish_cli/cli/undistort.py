@@ -15,12 +15,11 @@ from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import SchedulerOptions, call, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
 from cubicfish_cli.cli.view_options import (
-    EncodingOptions,
     MaskOptions,
     RenderingOptions,
     SceneOptions,
+    crf_option,
     crop_option,
-    encoding_options,
     mask_options,
     rendering_options,
     say_what_is_unseen,
@@ -56,7 +55,7 @@ class Asked:
     scene: SceneOptions = scene_options
     crop: Crop | None = crop_option
     pixels: RenderingOptions = rendering_options
-    encoding: EncodingOptions = encoding_options
+    crf: int | None = crf_option
     mask: MaskOptions = mask_options
     virtual_camera: Path | None = option(
         "--camera FILE",

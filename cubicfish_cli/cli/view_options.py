@@ -230,18 +230,6 @@ class MaskOptions:
 mask_options = bundle(MaskOptions)
 
 
-@record
-class EncodingOptions:
-    """What the user asked of a video."""
-
-    codec: str | None = option(
-        "--codec NAME",
-        "Of videos, as FFmpeg calls it: libx265, libvpx-vp9, ffv1. [default: libx264]",
-    )
-    crf: int | None = option(
-        "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
-    )
-    preset: str | None = option("--preset NAME", "Of the video encoder, such as fast or slow.")
-
-
-encoding_options = bundle(EncodingOptions)
+crf_option = option(
+    "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
+)

@@ -52,7 +52,7 @@ from cubicfish_cli.undistortion.maps import (
     parse_crop,
 )
 from cubicfish_cli.undistortion.options import ViewOptions
-from cubicfish_cli.undistortion.video import DEFAULT_CRF, Encoding, undistort_video, video_size
+from cubicfish_cli.undistortion.video import DEFAULT_CRF, undistort_video, video_size
 from cubicfish_cli.undistortion.view import View
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
@@ -188,9 +188,7 @@ def undistort_files(
     interpolation: Interpolation = "linear",
     border: tuple[float, float, float] = (0.0, 0.0, 0.0),
     quality: int | None = None,
-    codec: str | None = None,
     crf: int | None = None,
-    preset: str | None = None,
     mask: StrPath | None = None,
     mask_limit: float | None = None,
     virtual_camera: StrPath | None = None,
@@ -213,9 +211,7 @@ def undistort_files(
         interpolation: how pixels are blended.
         border: (red, green, blue) of what the camera does not see, 0 to 1.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
-        codec: of videos, as FFmpeg calls it; by default libx264.
         crf: of videos: lower is better and larger; by default 18.
-        preset: of the video encoder, such as ``fast``.
         mask: also writes where the results may be trusted: 255, and 0 elsewhere.
         mask_limit: there only where the camera's own uncertainty is at most so many pixels.
         virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
@@ -263,8 +259,7 @@ def undistort_files(
     extras = write_files(files, overwrite=run.overwrite)
     if plan.videos:
         crf = DEFAULT_CRF if crf is None else crf
-        encoding = Encoding(codec=codec, crf=crf, preset=preset)
-        made = plan.became(_videos(plan, views, rendering, encoding, run))
+        made = plan.became(_videos(plan, views, rendering, crf, run))
     else:
         made = plan.became(_photos(plan, views, rendering, run))
     done = next((job for job in plan.jobs if job.name in made.written), None)
@@ -475,7 +470,7 @@ def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> dict[s
 
 
 def _videos(
-    plan: _Plan, views: Views, rendering: Rendering, encoding: Encoding, run: Run
+    plan: _Plan, views: Views, rendering: Rendering, crf: int, run: Run
 ) -> dict[str, CubicfishError]:
     """One video after the other: what could not be done, and why."""
     failures = {}
@@ -486,7 +481,7 @@ def _videos(
                 job.outputs[0],
                 partial(_first_map, views, job.source),
                 rendering,
-                encoding,
+                crf=crf,
                 overwrite=run.overwrite,
                 progress=run.listener.counting(job.name),
             )

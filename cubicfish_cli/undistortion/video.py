@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     import av
 
 DEFAULT_CRF = 18
+# What a kind of file takes, where it is not H.264.
+_CODECS = {".webm": "libvpx-vp9"}
 
 # Frames between one thread and the next: enough to even out their pace.
 _QUEUE = 4
-# Codecs whose colour samples lie in the middle of their columns; those of all others lie on the
-# first, unless a video says otherwise, which hardly any does.
+# Codecs whose colour samples lie in the middle of their columns; those of all others, and so those
+# that are written, lie on the first, unless a video says otherwise, which hardly any does.
 _CENTRED = frozenset(["mjpeg"])
 
 # Pixel format -> bits, and columns and rows of brightness for one sample of colour
@@ -57,22 +59,6 @@ _PLANAR: dict[str, tuple[int, int, int]] = {
     "yuv422p12le": (12, 2, 1),
     "yuv444p12le": (12, 1, 1),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Encoding:
-    """How a video is encoded.
-
-    Attributes:
-        codec: as FFmpeg calls it; None for H.264, or VP9 in .webm.
-        crf: constant rate factor; lower is better and larger.
-        preset: of the encoder's speed, such as ``fast``; None for its own default.
-
-    """
-
-    codec: str | None = None
-    crf: int = DEFAULT_CRF
-    preset: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,8 +92,8 @@ def undistort_video(
     destination: Path,
     make_map: Callable[[tuple[int, int]], UndistortMap],
     rendering: Rendering = PLAIN,
-    encoding: Encoding | None = None,
     *,
+    crf: int = DEFAULT_CRF,
     overwrite: bool,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> VideoResult:
@@ -120,7 +106,7 @@ def undistort_video(
         destination: where the result goes; its suffix says what kind of file.
         make_map: frames' (width, height) -> the map for them.
         rendering: how pixels are made.
-        encoding: codec and quality.
+        crf: constant rate factor of the encoder; lower is better and larger.
         overwrite: whether ``destination`` may be replaced.
         progress: called with the number of frames done and of all (0 when unknown).
 
@@ -131,15 +117,14 @@ def undistort_video(
             hold the codec or the audio, or the extra ``video`` is not installed.
 
     """
-    encoding = encoding or Encoding()
     with whole_file(destination, overwrite=overwrite) as temporary, opened(source) as film:
         container, stream = film
         with naming(source):
             undistort_map = make_map((stream.width, stream.height))
-        writer = _Writer(temporary, destination, container, stream, undistort_map, encoding)
+        writer = _Writer(temporary, destination, container, stream, undistort_map, crf)
         with closing(writer):
-            codecs = (stream.codec_context.name, writer.codec)
-            remapper = _PlaneRemapper(undistort_map, rendering, writer.pixel_format, codecs)
+            codec = stream.codec_context.name
+            remapper = _PlaneRemapper(undistort_map, rendering, writer.pixel_format, codec)
             return _pipeline(source, container, stream, remapper, writer, progress)
 
 
@@ -201,18 +186,13 @@ class _Writer:
         source: Any,
         stream: Any,
         undistort_map: UndistortMap,
-        encoding: Encoding,
+        crf: int,
     ) -> None:
         self._av = library()
         self._destination = destination
-        codec = encoding.codec or (
-            "libvpx-vp9" if destination.suffix.lower() == ".webm" else "libx264"
-        )
-        self.codec = codec
+        self.codec = codec = _CODECS.get(destination.suffix.lower(), "libx264")
         with self._errors():
-            known = {"crf": str(encoding.crf)}
-            if encoding.preset:
-                known["preset"] = encoding.preset
+            known = {"crf": str(crf)}
             if codec == "libvpx-vp9":
                 known |= {"b": "0", "row-mt": "1"}
             self._container = self._av.open(str(temporary), "w")
@@ -244,21 +224,11 @@ class _Writer:
         self._container.metadata.update(source.metadata)
 
     def _pixel_format(self, wanted: str) -> str:
-        formats = [format_.name for format_ in self._stream.codec_context.codec.video_formats or []]
-        usable = [name for name in formats if name in _PLANAR]
-        if wanted in usable:
-            return wanted
-        deep = "10" in wanted or "12" in wanted
-        for name in ("yuv420p10le", "yuv420p") if deep else ("yuv420p", "yuv422p", "yuv444p"):
-            if name in usable:
-                return name
-        if usable:
-            return usable[0]
-        self._container.close()
-        raise OutputError(
-            f"{shown(self._destination)}: the codec {self.codec} takes no planar video: "
-            "choose another --codec, such as libx264"
-        )
+        """The source's own where the encoder takes it, or what is nearest."""
+        usable = {one.name for one in self._stream.codec_context.codec.video_formats or []}
+        deep = ["yuv420p10le"] if "10" in wanted or "12" in wanted else []
+        known = [wanted] if wanted in _PLANAR else []
+        return next((name for name in [*known, *deep] if name in usable), "yuv420p")
 
     def write(self, item: Any) -> None:
         """Encode a frame, or copy a packet of audio."""
@@ -293,7 +263,7 @@ class _Writer:
             path, what = self._destination, getattr(problem, "strerror", None) or problem
             raise OutputError(
                 f"{shown(path)}: a {path.suffix} file cannot be written with codec {self.codec} "
-                f"and this audio ({what}): choose another --codec, or .mkv, which takes all"
+                f"and this audio ({what}): name a .mkv, which takes all"
             ) from problem
 
 
@@ -305,9 +275,9 @@ class _PlaneRemapper:
         undistort_map: UndistortMap,
         rendering: Rendering,
         pixel_format: str,
-        codecs: tuple[str, str],
+        codec: str,
     ) -> None:
-        """Prepare for frames of a codec that are to be encoded by another."""
+        """Prepare for frames of a codec."""
         bits, across, down = _PLANAR[pixel_format]
         self._format, self._size = pixel_format, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
@@ -317,13 +287,7 @@ class _PlaneRemapper:
         self._wide = rendering.interpolation in ("cubic", "lanczos")
         self._maps = [(undistort_map.map_x, undistort_map.map_y)]
         if across:
-            chroma = _chroma_maps(
-                undistort_map,
-                across,
-                down,
-                source_centred=codecs[0] in _CENTRED,
-                result_centred=codecs[1] in _CENTRED,
-            )
+            chroma = _chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
             self._maps += [chroma, chroma]
         self._values: tuple[int, ...] | None = None
 
@@ -359,30 +323,21 @@ class _PlaneRemapper:
 
 
 def _chroma_maps(
-    undistort_map: UndistortMap,
-    across: int,
-    down: int,
-    *,
-    source_centred: bool,
-    result_centred: bool,
+    undistort_map: UndistortMap, across: int, down: int, *, centred: bool
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """The map for colour samples, each of which stands for ``across`` x ``down`` pixels.
 
-    A sample lies in the middle of its rows and on its first column, or when it is ``centred``
-    in the middle of its columns too. Its source is the mean of the sources of the pixels
-    around it.
+    A sample lies in the middle of its rows and on its first column, or where those of the source
+    are ``centred`` in the middle of its columns there. Its source is the mean of the sources of
+    the pixels around it.
     """
-    columns = range(across) if result_centred else range(1)
-    parts = [(row, column) for row in range(down) for column in columns]
 
     def mean(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-        return np.asarray(
-            np.mean([values[row::down, column::across] for row, column in parts], axis=0)
-        )
+        return np.asarray(np.mean([values[row::down, ::across] for row in range(down)], axis=0))
 
     photo_width, photo_height = undistort_map.image_size
     limit_x, limit_y = -(-photo_width // across) - 1, -(-photo_height // down) - 1
-    shift_x = (across - 1) / 2 if source_centred else 0.0
+    shift_x = (across - 1) / 2 if centred else 0.0
     x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, limit_x)
     y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, limit_y)
     outside = mean(undistort_map.valid) < 1
