@@ -26,7 +26,7 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 \b
 .npz  map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
       cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR) renders the picture
-.exr  STMap: x and y (upwards) in R and G, 0 to 1 across the frame, 32-bit float
+.exr  STMap: x and y (upwards) in R and G, 0 to 1 across the frame, 32 bits
 .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
 .pgm  the pair that ffmpeg's remap filter takes; the command is printed
 
