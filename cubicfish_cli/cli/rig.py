@@ -54,7 +54,6 @@ class Asked:
         FILE,
         multiple=True,
     )
-    by_order: bool = option("--by-order", "The first photos of all cameras are one shot.")
     shots: Path | None = option(
         "--shots FILE",
         "Which photos are of one shot: a CSV file with the columns shot,camera,image, or "

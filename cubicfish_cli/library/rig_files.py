@@ -80,7 +80,6 @@ def calibrate_rig_files(
     *,
     names: Sequence[str] | None = None,
     lenses: Mapping[str, CameraFile | StrPath] | None = None,
-    by_order: bool = False,
     shots: StrPath | None = None,
     tolerance: float | None = None,
     most: int = MOST,
@@ -99,7 +98,6 @@ def calibrate_rig_files(
         folder: where rig.yaml goes, and each camera's camera.yaml in a folder of its name.
         names: of cameras without; by default those of their folders or files.
         lenses: by name, cameras that are calibrated already, or their files.
-        by_order: the first photos of all cameras are one shot.
         shots: a table that says which photos are of one shot, or when each was taken.
         tolerance: how far apart photos of a shot may be, seconds; by default 5 ms, and half a frame
             of films.
@@ -122,17 +120,13 @@ def calibrate_rig_files(
     inputs = paths_of(cameras)
     if len(inputs) < 2:
         raise UsageError("name two cameras or more: a folder of photos each, or a corners.csv")
-    if by_order and shots is not None:
-        raise UsageError("--shots lists the shots: leave --by-order out")
-    if by_order and tolerance is not None:
-        raise UsageError("--tolerance matches by time: leave --by-order out")
     source.check()
     called = _names(inputs, names)
     films = films_among(inputs)
-    if films and (len(films) < len(inputs) or by_order or shots is not None):
+    if films and (len(films) < len(inputs) or shots is not None):
         raise UsageError(
             f"{quoted(str(films[0]))} is a film: films are matched by time, and with films alone"
-            " (without --by-order and --shots); of some calibrated cameras say --lens"
+            " (without --shots); of some calibrated cameras say --lens"
             if len(films) == len(inputs)
             else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
             "each camera, or take its frames with 'cubicfish frames'"
@@ -163,7 +157,7 @@ def calibrate_rig_files(
     moving = None
     if frames is not None:
         moving = {name: frames.moving(name, one.pairs, listener) for name, one in loaded.items()}
-    matched, by = _matching(by_order, shots, tolerance, frames)
+    matched, by = _matching(shots, tolerance, frames)
     one = loaded[called[0]]
     rig = calibrate_rig(
         {name: own.given for name, own in loaded.items()},
@@ -298,14 +292,14 @@ def _loaded(
 
 
 def _matching(
-    by_order: bool, shots: StrPath | None, tolerance: float | None, frames: RigFrames | None
+    shots: StrPath | None, tolerance: float | None, frames: RigFrames | None
 ) -> tuple[dict[str, Any], str]:
     """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
     wanted: dict[str, Any] = {"tolerance": TOLERANCE if tolerance is None else tolerance}
     if frames is not None:
         return {**wanted, "shots": frames.shots}, "films"
     if shots is None:
-        by = "order" if by_order else "name" if tolerance is None else "time"
+        by = "name" if tolerance is None else "time"
         return {**wanted, "shots": by}, by
     rows, times = load_shots(Path(shots))
     if rows is not None and tolerance is not None:

@@ -25,7 +25,6 @@ from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
 from cubicfish_cli.fitting.rig.shots import (
     Shots,
     shots_by_name,
-    shots_by_order,
     shots_by_time,
     shots_of_table,
 )
@@ -43,7 +42,7 @@ from cubicfish_cli.target import Target, target_text
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted
 
-Matching = Literal["name", "order", "time"]
+Matching = Literal["name", "time"]
 TOLERANCE = 5e-3
 """How far apart photos of one time may be, seconds."""
 _NO_ERRORS: Mapping[str, Any] = {
@@ -80,8 +79,7 @@ def calibrate_rig(
             The first camera's frame is the rig's.
         target: the calibration target; pairs need none.
         shots: which photos are of one shot: those of the same ``name`` (without folder and
-            ending), those at the same place in ``order``, those of one ``time``, or rows (shot,
-            camera, photo).
+            ending), those of one ``time``, or rows (shot, camera, photo).
         tolerance: how far apart photos of one time may be, seconds.
         times: by camera and photo, seconds on one clock; by default as photos' names say.
         moving: by camera, how its corners move: clocks that differ are then fitted too.
@@ -169,8 +167,6 @@ def _matched(
 ) -> Shots:
     if shots == "name":
         return shots_by_name(names, photos)
-    if shots == "order":
-        return shots_by_order(names, photos)
     if shots == "time":
         return shots_by_time(
             names,
@@ -182,7 +178,7 @@ def _matched(
             tolerance,
         )
     if isinstance(shots, str):
-        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'order', 'time', or rows")
+        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
     return shots_of_table(names, photos, shots)
 
 

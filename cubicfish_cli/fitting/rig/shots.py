@@ -55,26 +55,9 @@ def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Sh
     if not _shared(stems):
         raise FitError(
             f"no photo of {cameras[0]} is called as one of another camera, so no two cameras share "
-            "a shot: call the photos of a shot alike, or use --by-order, or list them with --shots"
+            "a shot: call the photos of a shot alike, or list them with --shots"
         )
     return _shots(photos, stems)
-
-
-def shots_by_order(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Shots:
-    """The first photos of all cameras are a shot, and so on.
-
-    Raises:
-        FitError: the cameras have different numbers of photos.
-
-    """
-    counts = [len(names) for names in photos]
-    if len(set(counts)) > 1:
-        told = ", ".join(f"{camera} {n}" for camera, n in zip(cameras, counts, strict=True))
-        raise FitError(
-            f"the cameras have different numbers of photos ({told}): matched by order they must "
-            "have as many each; call the photos of a shot alike, or list them with --shots"
-        )
-    return _shots(photos, [[f"{number:04d}" for number in range(1, counts[0] + 1)]] * len(photos))
 
 
 def shots_by_time(

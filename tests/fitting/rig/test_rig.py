@@ -22,7 +22,6 @@ from cubicfish_cli.fitting.rig.evaluate import evaluate_rig
 from cubicfish_cli.fitting.rig.shots import (
     Shots,
     shots_by_name,
-    shots_by_order,
     shots_by_time,
     shots_of_table,
 )
@@ -536,8 +535,6 @@ def test_names_that_tell_no_shot_are_refused() -> None:
         shots_by_name(NAMES, [["x1.png", "x2.png"], ["y3.png", "y4.png"]])
     with pytest.raises(FitError, match="would be of one shot"):
         shots_by_name(NAMES, [["a/1.png", "b/1.png"], ["1.png", "2.png"]])
-    with pytest.raises(FitError, match=r"different numbers of photos \(left 1, right 2\)"):
-        shots_by_order(NAMES, [["1.png"], ["1.png", "2.png"]])
 
 
 def test_photos_of_one_time_are_one_shot() -> None:
