@@ -24,7 +24,7 @@ from cubicfish_cli.films.measure import motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, opened
 from cubicfish_cli.photos import shown
 
-_VERSION = 3
+_VERSION = 4
 # A film that claims more frames than this share beyond what came out of it was cut short.
 _SHORT = 0.95
 # One frame is kept of so many, or where they come more slowly than the film says, of those in so
@@ -46,7 +46,6 @@ class Measured:
         lost: how many frames could not be decoded, between those that could.
         kept: frames (by index) that were kept -> their files, see :mod:`~.frame_files`.
         turned_deg: how far players are told to turn the film.
-        interlaced: whether frames are two half pictures of different times.
         problem: one line where the film ends before its end.
 
     """
@@ -59,7 +58,6 @@ class Measured:
     lost: int = 0
     kept: dict[int, Path] = field(default_factory=dict)
     turned_deg: int = 0
-    interlaced: bool = False
     problem: str | None = None
 
     def __len__(self) -> int:
@@ -159,11 +157,7 @@ class _Scan:
                 f"{shown(film.path)} claims {film.frames} frames and has {len(measured)}: its end "
                 "is missing"
             )
-        self._append(
-            "# end "
-            + json.dumps([measured.turned_deg, measured.interlaced, measured.problem])
-            + "\n"
-        )
+        self._append("# end " + json.dumps([measured.turned_deg, measured.problem]) + "\n")
         return measured
 
     def _resumed(self) -> bool:
@@ -180,9 +174,8 @@ class _Scan:
             for row in rows:
                 self._take(row)
             if done:
-                turned, interlaced, problem = json.loads(lines[-1].removeprefix("# end "))
+                turned, problem = json.loads(lines[-1].removeprefix("# end "))
                 self.measured.turned_deg = int(turned)
-                self.measured.interlaced = bool(interlaced)
                 self.measured.problem = problem
                 return True
             write_text(self._table, "".join([lines[0], *rows]), overwrite=True)
@@ -234,7 +227,6 @@ class _Scan:
                     measured.turned_deg = measured.turned_deg or int(
                         getattr(frame, "rotation", 0) or 0
                     )
-                    measured.interlaced = measured.interlaced or bool(frame.interlaced_frame)
                     grey = brightness(frame)
                     small, sharp = small_picture(grey), sharpness(grey)
                     if not entered:

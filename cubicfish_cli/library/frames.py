@@ -54,8 +54,8 @@ class ChosenFrames:
         frames: how many frames the films have.
         looked_at: in how many of them corners were looked for.
         films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
-            told), interlaced, damaged (how many frames are damaged or lost), and the problem with
-            it in one line or None.
+            told), damaged (how many frames are damaged or lost), and the problem with it in one
+            line or None.
 
     """
 
@@ -283,8 +283,6 @@ def tell_of_film(measured: Measured, listener: Listener) -> None:
         listener.tell(Event.FILM_DAMAGED, film=name, damaged=measured.spoilt, frames=frames)
     if measured.turned_deg:
         listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)
-    if measured.interlaced:
-        listener.tell(Event.FILM_INTERLACED, film=name)
 
 
 def _photo(frame: Candidate) -> Photo:
@@ -319,7 +317,6 @@ def _record(measured: Measured) -> dict[str, Any]:
         "image_size": film.size,
         "seconds": measured.time[-1],
         "turned_deg": measured.turned_deg,
-        "interlaced": measured.interlaced,
         "damaged": measured.spoilt,
         "problem": measured.problem,
     }

@@ -146,7 +146,6 @@ class Event(StrEnum):
     FILM_ENDS = "film_ends"
     FILM_DAMAGED = "film_damaged"
     FILM_TURNED = "film_turned"
-    FILM_INTERLACED = "film_interlaced"
     FRAMES_KEPT = "frames_kept"
     FRAMES_CHOSEN = "frames_chosen"
     MOMENTS = "moments"

@@ -200,14 +200,6 @@ def test_a_note_to_turn_the_film_is_told_and_not_followed(
         assert cv2.imread(str(path)).shape == (SIZE[1], SIZE[0], 3)
 
 
-def test_an_interlaced_film_is_named(run: Run, tmp_path: Path) -> None:
-    frames = [photo for photo in photos()[:2] for _ in range(2)]
-    film = write_film(tmp_path / "tv.mkv", frames, options={"x264-params": "tff=1:interlaced=1"})
-    said = run("frames", film, "-o", tmp_path / "p", "-j", 1, "--json")
-    assert "tv.mkv is interlaced" in said.stderr
-    assert json.loads(said.stdout)["films"][0]["interlaced"] is True
-
-
 def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path: Path) -> None:
     frames = [photo for photo in photos()[:4] for _ in range(4)]
     film = write_film(tmp_path / "cut.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
