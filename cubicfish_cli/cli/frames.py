@@ -45,8 +45,7 @@ def command(given: Asked) -> None:
     """Choose the frames of each FILM that a camera is best calibrated from.
 
     They are sharp, still, and each shows something that the others do not: corners in another
-    part of the picture, or a board from another side. A run that was interrupted goes on where it
-    ended.
+    part of the picture, or a board from another side.
     """
     from cubicfish_cli.library.frames import choose_frames
 

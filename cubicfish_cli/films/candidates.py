@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.films.choose import Scale, Seen
-from cubicfish_cli.films.frame_files import brightness, load_frame
-from cubicfish_cli.films.measure import Grey, motion, small_picture
+from cubicfish_cli.films.measure import motion, small_picture
 from cubicfish_cli.films.scan import Measured, still_px
 from cubicfish_cli.films.source import Film
 from cubicfish_cli.frame_names import frame_name
+from cubicfish_cli.photos import Photo
 
 # So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
 # so many.
@@ -35,26 +34,15 @@ class Candidate:
 
     Attributes:
         film, index: the film's number, and the frame's place in it.
-        name: what its picture is called.
-        path: its file, see :mod:`cubicfish_cli.films.frame_files`.
+        photo: its picture, until the choice is made.
         seen: what was measured of it.
 
     """
 
     film: int
     index: int
-    name: str
-    path: Path
+    photo: Photo
     seen: Seen
-
-    def read_grey(self) -> Grey:
-        """Its brightness (H, W).
-
-        Raises:
-            PhotoError: its file is there no longer.
-
-        """
-        return brightness(load_frame(self.path))
 
 
 def kept_of(films: Sequence[Film], most: int) -> int:
@@ -83,11 +71,8 @@ def candidates(measured: Sequence[Measured]) -> list[Candidate]:
                 motion=film.motion[index],
                 damaged=bool(film.damaged[index]),
             )
-            every.append(
-                Candidate(
-                    film=number, index=index, name=f"{name}.png", path=film.kept[index], seen=seen
-                )
-            )
+            photo = Photo(name=f"{name}.png", path=film.kept[index])
+            every.append(Candidate(film=number, index=index, photo=photo, seen=seen))
     return every
 
 
@@ -107,7 +92,7 @@ def passed_over(
         if why[at] is not None:
             continue
         good = [other for other in good if other[0] >= at - _COMPARED]
-        small = small_picture(frame.read_grey())
+        small = small_picture(frame.photo.read_grey())
         same = [other for other, before in good if motion(before, small, size[0]) < still]
         quality = scale.quality(frame.seen)
         worse = [other for other in same if scale.quality(frames[other].seen) < quality]

@@ -42,14 +42,12 @@ class Decoded:
         frame: as PyAV has it; its pts grows from frame to frame.
         damaged: whether parts of it are made up.
         lost: how many frames before it could not be decoded.
-        entered_by: where a film can be entered to get it again; None where it cannot be.
 
     """
 
     frame: Any
     damaged: bool = False
     lost: int = 0
-    entered_by: int | None = None
 
 
 def frames(source: Path, container: Any, stream: Any) -> Iterator[Decoded]:
@@ -68,7 +66,7 @@ def frames(source: Path, container: Any, stream: Any) -> Iterator[Decoded]:
     size, count = (stream.width, stream.height), 0
     if isinstance(container, Recording):
         for frame in _recorded(source, container, size):
-            yield Decoded(frame=frame, entered_by=frame.pts)
+            yield Decoded(frame=frame)
         return
     decoder = _Decoder(container, stream)
     held: list[Decoded] = []
@@ -186,11 +184,8 @@ class _Decoder:
                     made = self._after_error(packet)
                 for frame in made:
                     damaged = self._damage.of(frame) or failed
-                    own = self._times.set(frame)
-                    entered_by = frame.pts if own else None
-                    yield Decoded(
-                        frame=frame, damaged=damaged, lost=self._lost, entered_by=entered_by
-                    )
+                    self._times.set(frame)
+                    yield Decoded(frame=frame, damaged=damaged, lost=self._lost)
                     self._lost = 0
         except av.FFmpegError as problem:
             raise PhotoError(
@@ -303,14 +298,14 @@ class Times:
         if self._of_packets:
             self._of_packets.popleft()
 
-    def set(self, frame: Any) -> bool:
-        """Give a frame its time, where there is one; whether it is what the film says itself."""
+    def set(self, frame: Any) -> None:
+        """Give a frame its time, where there is one."""
         own, last = frame.pts, self._last
         if self._of_packets is not None:
             own = self._of_packets.popleft() if self._of_packets else None
         if own is None:
             if self._step is None:
-                return False
+                return
             pts = 0 if last is None else last + self._step
         elif last is None or last < own <= last + self._ahead:
             pts = own
@@ -320,4 +315,3 @@ class Times:
                 self._shift = last + (self._step or 1) - own
             pts = max(own + self._shift, last + 1)
         frame.pts = self._last = pts
-        return pts == own

@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.files import whole_file
 from cubicfish_cli.films.decoding import frames
 from cubicfish_cli.films.frame_files import write_frame
 from cubicfish_cli.films.recordings import is_recording
@@ -141,8 +140,7 @@ def take_out(
     with opened(film.path) as (container, stream):
         for index, decoded in enumerate(frames(film.path, container, stream)):
             if index in paths:
-                with whole_file(paths[index], overwrite=True) as temporary:
-                    write_frame(temporary, decoded.frame)
+                write_frame(paths[index], decoded.frame)
             progress(index, last + 1)
             if index >= last:
                 return

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -22,7 +23,6 @@ from cubicfish_cli import __version__
 from cubicfish_cli.files import whole_files, write_text
 from cubicfish_cli.films.candidates import Candidate
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.frame_files import load_frame, write_frame
 from cubicfish_cli.films.scan import Measured
 from cubicfish_cli.films.source import Film
 from cubicfish_cli.photos import data_uri, read_picture, shown, thumbnail
@@ -93,13 +93,13 @@ def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwri
 
     """
     frames = [chosen.frames[at] for at in chosen.numbers]
-    paths = [folder / name for name in (TABLE, SHEET, *(frame.name for frame in frames))]
+    paths = [folder / name for name in (TABLE, SHEET, *(frame.photo.name for frame in frames))]
     old = [folder / name for name in photos_of_table(paths[0])] if overwrite else []
     obsolete = [path for path in old if path not in paths]
     with whole_files(paths, overwrite=overwrite, obsolete=obsolete) as (table, page, *pictures):
         _write_table(table, of, chosen)
         for picture, frame in zip(pictures, frames, strict=True):
-            write_frame(picture, load_frame(frame.path))
+            shutil.copyfile(frame.photo.path, picture)
         write_text(page, _sheet(chosen, pictures), overwrite=False)
 
 
@@ -116,7 +116,7 @@ def _write_table(path: Path, of: Mapping[str, Any], chosen: Chosen) -> None:
                 corners, gain, why_not, photo = "", "", PASSED_OVER, ""
                 if at is not None:
                     why_not = chosen.why_not[at]
-                    photo = "" if why_not else chosen.frames[at].name
+                    photo = "" if why_not else chosen.frames[at].photo.name
                     if at in chosen.looked_at:
                         corners, value = str(chosen.seen[at].corners), float(chosen.gain[at])
                         gain = f"{value:.3f}" if math.isfinite(value) else ""

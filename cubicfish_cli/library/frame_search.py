@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -108,8 +107,7 @@ def found_in(
 
 
 def both_looks(
-    pictures: Sequence[Any],
-    photo: Callable[[Any], Photo],
+    photos: Sequence[Photo],
     size: tuple[int, int],
     what: str,
     run: Run,
@@ -119,8 +117,7 @@ def both_looks(
     """What :meth:`Search.look` takes: a glance at some of the pictures, and a close look at them.
 
     Args:
-        pictures: all of one size.
-        photo: a picture -> the file that is looked at closely.
+        photos: all of one size.
         size: (width, height) of each.
         what: they are, in the plural.
         run: how the work is done.
@@ -130,11 +127,12 @@ def both_looks(
 
     def glanced(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
         work = replace(run, jobs=glances).work(f"Glancing at {what}")
-        return found_at_a_glance([pictures[at] for at in numbers], targets, size, work)
+        return found_at_a_glance([photos[at] for at in numbers], targets, size, work)
 
     def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some = [photo(pictures[at]) for at in numbers]
-        return found_in(some, targets, run.work("Finding boards"), run.cache)
+        return found_in(
+            [photos[at] for at in numbers], targets, run.work("Finding boards"), run.cache
+        )
 
     return glanced, closely
 

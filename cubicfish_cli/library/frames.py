@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.files import refuse_existing, whole_file
+from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.films import MOST
-from cubicfish_cli.films.candidates import REPEATED, Candidate, candidates, kept_of, passed_over
+from cubicfish_cli.films.candidates import REPEATED, candidates, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.frame_files import load_frame, write_frame
 from cubicfish_cli.films.measure import sharpness
-from cubicfish_cli.films.scan import Measured, scan
-from cubicfish_cli.films.source import open_films
+from cubicfish_cli.films.scan import Measured, room_for_frames, scan
+from cubicfish_cli.films.source import Film, open_films
 from cubicfish_cli.films.written import (
     SHEET,
     TABLE,
@@ -36,7 +34,6 @@ from cubicfish_cli.photos import Photo, expanded, photo_size, shown
 from cubicfish_cli.target import Target, target_text
 from cubicfish_cli.words.codes import Event
 
-_UNFINISHED = ".unfinished"
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
 # anything.
 _ROUND = 24
@@ -89,8 +86,7 @@ def choose_frames(
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
     They are written as PNG, with their time in the name, beside frames.csv and a contact sheet, or
-    nothing is. What was measured by a run that was broken off lies in a hidden folder in ``folder``
-    and is not done again.
+    nothing is.
 
     Args:
         films: films of one camera, all of one size: files, recordings with their topic, or globs.
@@ -112,26 +108,54 @@ def choose_frames(
     opened = open_films(_expanded(films))
     for name in (TABLE, SHEET):
         refuse_existing(folder / name, overwrite=overwrite)
-    unfinished = folder / _UNFINISHED
-    every, measured = kept_of(opened, most), []
-    for film in opened:
+    with room_for_frames(folder) as room:
+        measured = _scanned(opened, room, most, listener)
+        chosen = _chosen(measured, targets, most, run)
+        of = depends_on(opened, most, _fingerprint(targets))
+        listener.progress("Writing frames")
+        write_chosen(folder, of, chosen, overwrite=overwrite)
+    return ChosenFrames(
+        photos=tuple(folder / chosen.frames[at].photo.name for at in chosen.numbers),
+        table=folder / TABLE,
+        sheet=folder / SHEET,
+        frames=sum(map(len, measured)),
+        looked_at=len(chosen.looked_at),
+        films=tuple(_record(one) for one in measured),
+    )
+
+
+def _scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -> list[Measured]:
+    """All frames of films, measured, and those kept that may be chosen."""
+    every, measured = kept_of(films, most), []
+    for film in films:
         reading = listener.counting(f"Reading {film.path.name}")
-        measured.append(scan(film, unfinished / film.label, every, reading))
+        measured.append(scan(film, reading, folder=room / film.label, every=every))
         tell_of_film(measured[-1], listener)
-    frames = candidates(measured)
-    why = passed_over(frames, opened[0].size, listener.counting("Comparing frames"))
+    return measured
+
+
+def _chosen(
+    measured: Sequence[Measured], targets: Sequence[Target] | None, most: int, run: Run
+) -> Chosen:
+    """Look at frames that were kept, and choose.
+
+    Raises:
+        DetectionError: no frame shows the target.
+
+    """
+    frames, size = candidates(measured), measured[0].film.size
+    why = passed_over(frames, size, run.listener.counting("Comparing frames"))
     search = Search(
-        names=[frame.name for frame in frames],
+        names=[frame.photo.name for frame in frames],
         seen=[frame.seen for frame in frames],
-        size=opened[0].size,
+        size=size,
         most=most,
         targets=targets,
         at_once=_ROUND,
     )
-    looks = both_looks(frames, _photo, search.size, "frames", run)
     try:
         search.look(
-            looks,
+            both_looks([frame.photo for frame in frames], size, "frames", run),
             [at for at, word in enumerate(why) if word is None],
             [at for at, word in enumerate(why) if word not in (None, REPEATED)],
         )
@@ -144,7 +168,7 @@ def choose_frames(
             f"{len(looked_at)} frame{'s' * (len(looked_at) != 1)} from all over: is a board in "
             "view, whole squares of it, sharp and not covered?"
         )
-    chosen = Chosen(
+    return Chosen(
         measured=measured,
         frames=frames,
         looked_at=looked_at,
@@ -154,18 +178,6 @@ def choose_frames(
             search.choice.why_not[at] if at in looked_at else (why[at] or _ENOUGH)
             for at in range(len(frames))
         ],
-    )
-    of = depends_on(opened, most, _fingerprint(targets))
-    listener.progress("Writing frames")
-    write_chosen(folder, of, chosen, overwrite=overwrite)
-    shutil.rmtree(unfinished, ignore_errors=True)
-    return ChosenFrames(
-        photos=tuple(folder / frames[at].name for at in chosen.numbers),
-        table=folder / TABLE,
-        sheet=folder / SHEET,
-        frames=sum(map(len, measured)),
-        looked_at=len(looked_at),
-        films=tuple(_record(one) for one in measured),
     )
 
 
@@ -225,7 +237,7 @@ def choose_photos(
         targets=_targets(target),
         at_once=len(usual),
     )
-    looks = both_looks(usual, lambda one: one, size, "photos", run, glances=run.jobs)
+    looks = both_looks(usual, size, "photos", run, glances=run.jobs)
     search.look(looks, range(len(usual)), ())
     return [usual[at] for at in sorted(search.choice.order)]
 
@@ -283,15 +295,6 @@ def tell_of_film(measured: Measured, listener: Listener) -> None:
         listener.tell(Event.FILM_DAMAGED, film=name, damaged=measured.spoilt, frames=frames)
     if measured.turned_deg:
         listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)
-
-
-def _photo(frame: Candidate) -> Photo:
-    """A frame as a photo, in a file: what is found in that can be kept."""
-    path = frame.path.with_suffix(".png")
-    if not path.is_file():
-        with whole_file(path, overwrite=True) as temporary:
-            write_frame(temporary, load_frame(frame.path))
-    return Photo(name=frame.name, path=path)
 
 
 def _size(photo: Photo) -> tuple[int, int] | None:

@@ -14,6 +14,7 @@ from cubicfish_cli.errors import CorrespondenceError, UsageError
 from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording, label_of
+from cubicfish_cli.films.scan import room_for_frames
 from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration
 from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
@@ -137,26 +138,28 @@ def calibrate_rig_files(
     own_files = [place / name / "camera.yaml" for name in called]
     refuse_existing(place / "rig.yaml", *pages, *own_files, overwrite=run.overwrite)
     known = _known(lenses or {}, called)
-    frames = None
-    if films:
-        frames = rig_frames(
-            dict(zip(called, inputs, strict=True)),
-            place / "frames",
-            source.load(),
-            run,
-            most=most,
-            tolerance=tolerance,
-        )
-    loaded = {}
-    for name, path in zip(called, inputs, strict=True):
-        listener.tell(Event.CAMERA, name=name, path=path)
-        sources = [path] if frames is None else frames.photos[name]
-        loaded[name], camera = _loaded(sources, source, run)
-        if camera is not None:
-            known.setdefault(name, camera)
-    moving = None
-    if frames is not None:
-        moving = {name: frames.moving(name, one.pairs, listener) for name, one in loaded.items()}
+    frames, loaded, moving = None, {}, None
+    with room_for_frames(place / "frames") as room:
+        if films:
+            frames = rig_frames(
+                dict(zip(called, inputs, strict=True)),
+                place / "frames",
+                room,
+                source.load(),
+                run,
+                most=most,
+                tolerance=tolerance,
+            )
+        for name, path in zip(called, inputs, strict=True):
+            listener.tell(Event.CAMERA, name=name, path=path)
+            sources = [path] if frames is None else frames.photos[name]
+            loaded[name], camera = _loaded(sources, source, run)
+            if camera is not None:
+                known.setdefault(name, camera)
+        if frames is not None:
+            moving = {
+                name: frames.moving(name, own.pairs, listener) for name, own in loaded.items()
+            }
     matched, by = _matching(shots, tolerance, frames)
     one = loaded[called[0]]
     rig = calibrate_rig(
@@ -176,7 +179,6 @@ def calibrate_rig_files(
     written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
     if frames is not None:
         frames.tell_clocks({one.name: one.late_s for one in rig.cameras}, listener)
-        frames.done()
     record = rig_record(rig)
     for page in pages:
         write_rig_page(written[0], page, run)

@@ -32,9 +32,6 @@ _Beside = tuple[Path | None, float]
 
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
-_UNFINISHED = ".unfinished"
-# Frames are kept of a pass in stretches of so many: where that is broken off, it goes on there.
-_STRETCH = 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +45,6 @@ class RigFrames:
         beside: of each camera and picture's name, the film's frames before and after it, and
             seconds to them.
         ahead: of each camera, by how much its clock was found to be ahead of the first's, seconds.
-        folder: what is only kept until all is done.
 
     """
 
@@ -57,7 +53,6 @@ class RigFrames:
     late: Mapping[str, Mapping[str, float]]
     beside: Mapping[str, Mapping[str, tuple[_Beside, _Beside]]]
     ahead: Mapping[str, float]
-    folder: Path
 
     def tell_clocks(self, late: Mapping[str, float | None], listener: Listener) -> None:
         """Tell how far clocks differ in all, by when films move and by the fit.
@@ -90,14 +85,11 @@ class RigFrames:
             parts.append(replace(moving, late=late))
         return Moving.joined(parts)
 
-    def done(self) -> None:
-        """Remove what is no longer needed."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
 
 def rig_frames(
     films: Mapping[str, Path],
     folder: Path,
+    room: Path,
     targets: Sequence[Target],
     run: Run,
     *,
@@ -109,6 +101,7 @@ def rig_frames(
     Args:
         films: of each camera by name.
         folder: where frames go, in a folder for each camera, and shots.csv.
+        room: a folder for frames that are needed until it is known how corners move.
         targets: the calibration target, or what it may be.
         run: how the work is done.
         most: how many moments are chosen at most.
@@ -120,12 +113,11 @@ def rig_frames(
     """
     table = folder / "shots.csv"
     refuse_existing(table, overwrite=run.overwrite)
-    unfinished = folder / _UNFINISHED
     measured = []
-    for name, path in films.items():
+    for path in films.values():
         (film,) = open_films([path])
         progress = run.listener.counting(f"Reading {film.path.name}")
-        measured.append(scan(film, unfinished / name, _STRETCH, progress))
+        measured.append(scan(film, progress))
         tell_of_film(measured[-1], run.listener)
     names = list(films)
     told, ahead = _clocks(names, measured, run.listener)
@@ -133,7 +125,7 @@ def rig_frames(
     found = _moments(names, measured, apart, _LOOKED_AT * most, tolerance)
     run.listener.tell(Event.MOMENTS, moments=len(found.time))
     taken = {
-        name: _taken(one, found, column, unfinished / f"{name} frames", run.listener)
+        name: _taken(one, found, column, room / name, run.listener)
         for column, (name, one) in enumerate(zip(names, measured, strict=True))
     }
     chosen = _chosen(names, measured, found, taken, targets, most, run)
@@ -184,7 +176,6 @@ def _taken(
     measured: Measured, found: Moments, column: int, folder: Path, listener: Listener
 ) -> dict[int, Path]:
     """Take the moments' frames out of a film, and their neighbours: by index, their pictures."""
-    folder.mkdir(parents=True, exist_ok=True)
     wanted = {
         index + step
         for index in found.frame[:, column].tolist()
@@ -283,7 +274,6 @@ def _written(
         late=late,
         beside=beside,
         ahead=dict.fromkeys(names, 0.0),
-        folder=folder / _UNFINISHED,
     )
 
 

@@ -16,7 +16,6 @@ from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_s
 from running import Run
 
 from cubicfish_cli.cli.options import keys_of
-from cubicfish_cli.films import scan
 from cubicfish_cli.films.written import PASSED_OVER
 from cubicfish_cli.library import frame_search
 
@@ -112,49 +111,22 @@ def test_frames_are_not_replaced_unasked(run: Run, short: Path, tmp_path: Path) 
     assert set(left) - {"mine.png"} < set(before)
 
 
-@pytest.mark.parametrize("stop_at", [3, 30, 55])
-def test_what_was_measured_is_not_measured_again(
-    run: Run, film: Path, target: Path, tmp_path: Path, monkeypatch, stop_at: int
-) -> None:
-    whole, broken = tmp_path / "whole", tmp_path / "broken"
-    run("frames", film, "-o", whole, "--target", target, "--most", 5, "-j", 1)
-    measured = []
-    plain = scan.sharpness
-
-    def counted(grey: np.ndarray) -> float:
-        measured.append(1)
-        if stop_at and len(measured) == stop_at:
-            raise KeyboardInterrupt
-        return plain(grey)
-
-    monkeypatch.setattr(scan, "sharpness", counted)
-    run("frames", film, "-o", broken, "--target", target, "--most", 5, "-j", 1, code=130)
-    assert [path.name for path in broken.iterdir()] == [".unfinished"]
-    table = broken / ".unfinished" / "lens a" / "measured.csv"
-    with table.open("a") as file:
-        file.write("17,1.7,0.5")  # as a killed run leaves it
-    done, stop_at = len(measured), 0
-    measured.clear()
-    run("frames", film, "-o", broken, "--target", target, "--most", 5, "-j", 1)
-    if done > 20:  # a film can be entered at every twentieth frame
-        assert len(measured) <= 56 - done + 25
-    for path in whole.iterdir():
-        if path.suffix != ".html":
-            assert (broken / path.name).read_bytes() == path.read_bytes()
-    assert {path.name for path in broken.iterdir()} == {path.name for path in whole.iterdir()}
-
-
-def test_a_search_that_was_interrupted_does_not_read_the_film_again(
+def test_of_a_run_that_was_interrupted_nothing_is_left(
     run: Run, short: Path, tmp_path: Path, monkeypatch
 ) -> None:
     def stop(*_: object, **__: object) -> None:
+        assert list((tmp_path / "p" / ".unfinished" / "short").glob("*.png"))
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         patch.setattr(frame_search, "found_at_a_glance", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
-    monkeypatch.setattr(scan, "frames", stop)
+    assert not list((tmp_path / "p").iterdir())
+    killed = tmp_path / "p" / ".unfinished" / "short" / "7.png"
+    killed.parent.mkdir(parents=True)
+    killed.write_bytes(b"of a run that was killed")
     run("frames", short, "-o", tmp_path / "p", "-j", 1)
+    assert not killed.parent.parent.exists()
     assert len(list((tmp_path / "p").glob("*.png"))) == 3
 
 

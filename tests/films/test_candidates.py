@@ -1,4 +1,4 @@
-"""Which frames are looked at, and how they are kept until then."""
+"""Which frames are looked at, and how bright their pixels are."""
 
 from pathlib import Path
 
@@ -10,11 +10,11 @@ pytest.importorskip("av")
 import av
 from filming import SIZE, photos
 
-from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.films.candidates import REPEATED, Candidate, kept_of, passed_over
 from cubicfish_cli.films.choose import Seen
-from cubicfish_cli.films.frame_files import brightness, load_frame, save_frame
+from cubicfish_cli.films.frame_files import brightness, write_frame
 from cubicfish_cli.films.source import Film
+from cubicfish_cli.photos import Photo
 
 
 @pytest.mark.slow
@@ -24,10 +24,10 @@ def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> N
     sharp = [0.5, 0.6, 0.6, 0.6, 0.2, 0.5]
     frames = []
     for number, (picture, value) in enumerate(zip(pictures, sharp, strict=True)):
-        path = tmp_path / f"{number}.frame"
-        save_frame(path, av.VideoFrame.from_ndarray(picture, format="gray"))
+        photo = Photo(name=str(number), path=tmp_path / f"{number}.png")
+        write_frame(photo.path, av.VideoFrame.from_ndarray(picture, format="gray"))
         seen = Seen(patches=(), sharpness=value)
-        frames.append(Candidate(film=0, index=number, name=str(number), path=path, seen=seen))
+        frames.append(Candidate(film=0, index=number, photo=photo, seen=seen))
     assert passed_over(frames, SIZE) == [REPEATED, None, None, None, "blurred", REPEATED]
 
 
@@ -51,32 +51,17 @@ def test_a_long_film_has_frames_kept_more_often(frames: int, rate: float, every:
         *(("yuyv422", np.uint8), ("pal8", np.uint8)),
     ],
 )
-def test_a_kept_frame_is_the_frame(kind: str, dtype: type, tmp_path: Path) -> None:
+def test_brightness_is_as_it_is_stored(kind: str, dtype: type) -> None:
     """Of a width that decoders pad."""
     random = np.random.default_rng(3)
     frame = av.VideoFrame(202, 66, kind)
     for plane in frame.planes:
         # Small, so that 10 bits stay 10 bits.
         plane.update(random.integers(0, 3, plane.buffer_size, np.uint8).tobytes())
-    frame.color_range = 2
-    save_frame(tmp_path / "x.frame", frame)
-    again = load_frame(tmp_path / "x.frame")
-    assert np.array_equal(again.to_ndarray(format="bgr24"), frame.to_ndarray(format="bgr24"))
-    grey = brightness(again)
+    grey = brightness(frame)
     assert (grey.shape, grey.dtype) == ((66, 202), dtype)
     if kind not in ("pal8", "bgr24", "yuyv422"):
-        assert np.array_equal(grey, brightness(frame))
-        assert again.color_range == 2
-
-
-def test_a_kept_frame_that_is_damaged_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "film" / "x.frame"
-    path.parent.mkdir()
-    save_frame(path, av.VideoFrame(64, 48, "yuv420p"))
-    for data in (path.read_bytes()[:900], b"{}\n", b"no frame", None):
-        if data is None:
-            path.unlink()
-        else:
-            path.write_bytes(data)
-        with pytest.raises(PhotoError, match="cannot be read again"):
-            load_frame(path)
+        stored = np.frombuffer(frame.planes[0], dtype).reshape(66, -1)
+        assert np.array_equal(grey, stored[:, :202])
+    else:
+        assert np.array_equal(grey, frame.to_ndarray(format="gray"))

@@ -15,7 +15,6 @@ import av
 from filming import RATE, write_film
 
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.films import scan as scanning
 from cubicfish_cli.films.candidates import candidates
 from cubicfish_cli.films.decoding import Decoded, Times, decode, frames
 from cubicfish_cli.films.scan import Measured, scan
@@ -157,7 +156,6 @@ def test_frames_of_an_avi_file_are_in_the_order_of_their_times(tmp_path, codec):
     path = film_of(tmp_path / "film.avi", codec, bf=2)
     found = decoded(path)
     assert seconds(path, found) == pytest.approx(np.arange(COUNT) / RATE)
-    assert all(one.entered_by is not None for one in found)
 
 
 @pytest.mark.parametrize(("suffix", "codec"), [("ts", "libx264"), ("mpg", "mpeg2video")])
@@ -167,8 +165,6 @@ def test_the_times_of_joined_streams_go_on(tmp_path, suffix, codec):
     found = decoded(path)
     assert seconds(path, found) == pytest.approx(np.arange(2 * COUNT) / RATE)
     assert not any(one.damaged or one.lost for one in found)
-    # To enter the film at a time of the second part would lead to the first one.
-    assert [one.entered_by is None for one in found] == [False] * COUNT + [True] * COUNT
     with opened(path) as (container, stream):
         every = [frame.pts for frame in decode(path, container, stream)]
     assert [one.frame.pts for one in found] == every
@@ -210,14 +206,14 @@ def test_a_film_that_changes_its_size_is_refused_there(tmp_path, read):
     ):
         made.extend(read(path, container, stream))
     film = open_films([path])[0]
-    measured = scan(film, tmp_path / "kept", 5)
+    measured = scan(film)
     assert len(measured) == COUNT
     assert measured.problem is not None
 
 
 def measured_of(path: Path, folder: Path, every: int = 5) -> Measured:
     (film,) = open_films([path])
-    return scan(film, folder, every)
+    return scan(film, folder=folder, every=every)
 
 
 def test_damaged_frames_are_kept_only_where_no_neighbour_is_whole(tmp_path):
@@ -230,8 +226,6 @@ def test_damaged_frames_are_kept_only_where_no_neighbour_is_whole(tmp_path):
     kept = {one.index: one.seen.damaged for one in candidates([measured])}
     assert [index // 5 for index in kept] == list(range(8))
     assert [index // 5 for index, damaged in kept.items() if damaged] == [6]
-    again = measured_of(path, tmp_path / "kept")  # from what was written
-    assert (again.damaged, again.lost) == (measured.damaged, measured.lost)
     found = moments([measured, measured], [0.0, 0.0], 8, None)
     assert sum(measured.damaged[index] for index in found.frame[:, 0]) == 1
 
@@ -242,34 +236,7 @@ def test_frames_are_kept_of_every_while_of_a_film_whose_rate_varies(tmp_path):
     path = write_film(tmp_path / "slow.mkv", pictures(), times_ms=times)
     (film,) = open_films([path])
     assert film.frames > 10 * COUNT
-    kept = sorted(scan(film, tmp_path / "slow", 20).kept)
+    kept = sorted(scan(film, folder=tmp_path / "slow", every=20).kept)
     assert [index // 4 for index in kept] == list(range(COUNT // 4))
     steady = film_of(tmp_path / "steady.mkv")
     assert len(measured_of(steady, tmp_path / "steady", 20).kept) == COUNT // 20
-
-
-@pytest.mark.parametrize("joined", [False, True])
-def test_a_scan_that_was_broken_off_ends_as_a_whole_one(tmp_path, monkeypatch, joined):
-    """Also where times begin anew in it, by which it cannot be entered."""
-    path = film_of(tmp_path / "film.ts")
-    spoil(path, GROUP)
-    if joined:
-        path.write_bytes(2 * path.read_bytes())
-    whole = measured_of(path, tmp_path / "whole")
-    stop_at = len(whole) - 3
-    plain, count = scanning.sharpness, 0
-
-    def counted(grey: np.ndarray) -> float:
-        nonlocal count
-        count += 1
-        if count == stop_at:
-            raise KeyboardInterrupt
-        return plain(grey)
-
-    monkeypatch.setattr(scanning, "sharpness", counted)
-    with pytest.raises(KeyboardInterrupt):
-        measured_of(path, tmp_path / "broken")
-    again = measured_of(path, tmp_path / "broken")
-    for name in ("time", "sharpness", "motion", "damaged", "lost"):
-        assert getattr(again, name) == getattr(whole, name), name
-    assert sum(whole.damaged) > 0

@@ -19,8 +19,6 @@ from rosbags.typesys import Stores, get_typestore
 from cubicfish_cli.cli.main import cli
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.films.recordings import Recording, file_and_topic, is_recording
-from cubicfish_cli.films.scan import scan
-from cubicfish_cli.films.source import open_films
 
 RGB = np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)
 GREY = RGB[:, :, 1]
@@ -204,25 +202,3 @@ def test_frames_are_chosen_from_a_topic(tmp_path: Path) -> None:
     pictures = sorted(path.name for path in output.glob("*.png"))
     assert 3 <= len(pictures) <= 5
     assert all(name.startswith("run_cam0_image_raw_compressed_0") for name in pictures)
-
-
-def test_a_scan_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
-    with Bag(tmp_path, "ros1") as bag:
-        for count, photo in enumerate(np.repeat(photos(3), 4, axis=0)):
-            bag.raw("/cam", 10**9 + count * 10**8, photo, "mono8")
-    film = open_films([bag.path])[0]
-    whole = scan(film, tmp_path / "whole", 3)
-
-    class Stop(Exception):
-        pass
-
-    def stop(done: int, total: int) -> None:
-        if done == 8:
-            raise Stop
-
-    with pytest.raises(Stop):
-        scan(film, tmp_path / "part", 3, stop)
-    again = scan(film, tmp_path / "part", 3)
-    assert again.time == whole.time
-    assert again.sharpness == pytest.approx(whole.sharpness)
-    assert sorted(again.kept) == sorted(whole.kept)
