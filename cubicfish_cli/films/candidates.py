@@ -69,7 +69,6 @@ def candidates(measured: Sequence[Measured]) -> list[Candidate]:
                 patches=(),
                 sharpness=film.sharpness[index],
                 motion=film.motion[index],
-                damaged=bool(film.damaged[index]),
             )
             photo = Photo(name=f"{name}.png", path=film.kept[index])
             every.append(Candidate(film=number, index=index, photo=photo, seen=seen))
@@ -81,7 +80,7 @@ def passed_over(
     size: tuple[int, int],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[str | None]:
-    """Why each frame is not looked at: damaged, blurred, moving or a copy; None where it is."""
+    """Why each frame is not looked at: blurred, moving or a copy; None where it is."""
     still = still_px(size)
     scale = Scale.of([frame.seen for frame in frames], still)
     why: list[str | None] = []

@@ -67,14 +67,12 @@ class Seen:
         patches: what it shows.
         sharpness: how sharp it is, in any measure.
         motion: how far it moved, pixels.
-        damaged: whether parts of it are made up.
 
     """
 
     patches: tuple[Patch, ...]
     sharpness: float
     motion: float = 0.0
-    damaged: bool = False
 
     @property
     def corners(self) -> int:
@@ -323,7 +321,6 @@ class Scale:
     @classmethod
     def of(cls, pictures: Sequence[Seen], still_px: float) -> Scale:
         """Of pictures, ``still_px`` as in :func:`choose`."""
-        pictures = [one for one in pictures if not one.damaged] or pictures
         return cls(
             sharp=float(np.quantile([one.sharpness for one in pictures], 0.75)),
             still=max(still_px, float(np.quantile([one.motion for one in pictures], 0.25))),
@@ -331,8 +328,6 @@ class Scale:
 
     def spoilt(self, picture: Seen) -> str | None:
         """Why a picture is clearly worse than the others; None where it is not."""
-        if picture.damaged:
-            return "damaged"
         if picture.sharpness < _BLURRED * self.sharp:
             return "blurred"
         return "moving" if picture.motion > _MOVING * self.still else None

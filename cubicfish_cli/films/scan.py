@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.films.decoding import Decoded, frames
+from cubicfish_cli.films.decoding import frames
 from cubicfish_cli.films.frame_files import brightness, write_frame
 from cubicfish_cli.films.measure import motion, sharpness, small_picture
 from cubicfish_cli.films.source import Film, opened
 from cubicfish_cli.photos import shown
 
-# A film that claims more frames than this share beyond what came out of it was cut short.
-_SHORT = 0.95
+# A film lacks frames where it has less than this share of those that it announces.
+_WHOLE = 0.95
 # One frame is kept of so many, or where they come more slowly than the film says, of those in so
 # many times the time that they should take.
 _SLOWER = 1.5
@@ -38,8 +38,7 @@ class Measured:
         time: seconds from its beginning, of each frame.
         sharpness: see :mod:`cubicfish_cli.films.measure`.
         motion: to the nearer of both neighbours, pixels.
-        damaged: whether parts of each frame are made up by the decoder.
-        lost: how many frames could not be decoded, between those that could.
+        lost: how many frames could not be decoded.
         kept: frames (by index) that were kept -> their pictures.
         turned_deg: how far players are told to turn the film.
         problem: one line where the film ends before its end.
@@ -50,7 +49,6 @@ class Measured:
     time: array[float] = field(default_factory=lambda: array("d"))
     sharpness: array[float] = field(default_factory=lambda: array("f"))
     motion: array[float] = field(default_factory=lambda: array("f"))
-    damaged: array[int] = field(default_factory=lambda: array("b"))
     lost: int = 0
     kept: dict[int, Path] = field(default_factory=dict)
     turned_deg: int = 0
@@ -61,9 +59,11 @@ class Measured:
         return len(self.time)
 
     @property
-    def spoilt(self) -> int:
-        """How many frames are damaged or lost."""
-        return sum(self.damaged) + self.lost
+    def missing(self) -> int:
+        """How many frames the film announces, or has, that could not be decoded."""
+        announced = self.film.frames if self.film.counted else 0
+        short = announced - len(self) if len(self) < _WHOLE * announced else 0
+        return max(short, self.lost)
 
 
 @contextmanager
@@ -98,8 +98,12 @@ def scan(
 
     """
     measured = Measured(film=film)
+
+    def lost() -> None:
+        measured.lost += 1
+
     with opened(film.path) as (container, stream):
-        decoded = frames(film.path, container, stream)
+        decoded = frames(film.path, container, stream, lost)
         begin = int(stream.start_time or 0)
         every_frame = _measured_frames(measured, decoded, begin, stream.time_base, progress)
         for index, frame in _best_of_stretches(measured, every_frame, every):
@@ -107,22 +111,13 @@ def scan(
                 measured.kept[index] = folder / f"{index}.png"
                 write_frame(measured.kept[index], frame)
     if not len(measured):
-        raise PhotoError(measured.problem or f"{shown(film.path)} holds no frames: copy it again")
-    if (
-        measured.problem is None
-        and film.counted
-        and (len(measured) + measured.lost < _SHORT * film.frames)
-    ):
-        measured.problem = (
-            f"{shown(film.path)} claims {film.frames} frames and has {len(measured)}: its end "
-            "is missing"
-        )
+        raise PhotoError(f"{shown(film.path)} holds no frame that can be decoded: copy it again")
     return measured
 
 
 def _measured_frames(
     measured: Measured,
-    decoded: Iterable[Decoded],
+    decoded: Iterable[Any],
     begin: int,
     time_base: Any,
     progress: Callable[[int, int], None],
@@ -130,8 +125,7 @@ def _measured_frames(
     """Each frame's index and picture, once it and both of its neighbours are measured."""
     film, small, last = measured.film, None, None
     try:
-        for one in decoded:
-            frame = one.frame
+        for frame in decoded:
             if frame.pts is None:
                 raise PhotoError(
                     f"{shown(film.path)} does not say when its frames are: convert it with ffmpeg"
@@ -148,8 +142,6 @@ def _measured_frames(
             measured.time.append(float((frame.pts - begin) * time_base))
             measured.sharpness.append(sharpness(grey))
             measured.motion.append(moved or 0.0)
-            measured.damaged.append(int(one.damaged))
-            measured.lost += one.lost
             last = frame
             progress(len(measured), max(film.frames, len(measured)) if film.frames else 0)
     except PhotoError as problem:
@@ -171,8 +163,7 @@ def _best_of_stretches(
         if best is not None and (late or index - first >= every):
             yield best[1:]
             first, best = index, None
-        good = quality(measured.sharpness[index], measured.motion[index], film.size)
-        score = (not measured.damaged[index], good)
+        score = quality(measured.sharpness[index], measured.motion[index], film.size)
         if best is None or score > best[0]:
             best = (score, index, frame)
     if best is not None:

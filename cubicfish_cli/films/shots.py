@@ -107,7 +107,6 @@ def _goodness(measured: Measured) -> FloatArray:
             for sharp, moved in zip(measured.sharpness, measured.motion, strict=True)
         ]
     )
-    own[np.asarray(measured.damaged, bool)] = 0.0
     usual = float(np.median(own[own > 0])) if (own > 0).any() else 1.0
     return np.asarray(np.minimum(np.log(np.maximum(own / usual, 1e-3)), 1.0))
 
@@ -138,9 +137,9 @@ def take_out(
     """
     last = max(paths, default=-1)
     with opened(film.path) as (container, stream):
-        for index, decoded in enumerate(frames(film.path, container, stream)):
+        for index, frame in enumerate(frames(film.path, container, stream)):
             if index in paths:
-                write_frame(paths[index], decoded.frame)
+                write_frame(paths[index], frame)
             progress(index, last + 1)
             if index >= last:
                 return

@@ -51,8 +51,8 @@ class ChosenFrames:
         frames: how many frames the films have.
         looked_at: in how many of them corners were looked for.
         films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
-            told), damaged (how many frames are damaged or lost), and the problem with it in one
-            line or None.
+            told), missing (how many frames it announces, or has, that could not be decoded), and
+            the problem with it in one line or None.
 
     """
 
@@ -290,9 +290,9 @@ def tell_of_film(measured: Measured, listener: Listener) -> None:
     name = shown(measured.film.path)
     if measured.problem is not None:
         listener.tell(Event.FILM_ENDS, problem=measured.problem)
-    if measured.spoilt:
-        frames = len(measured) + measured.lost
-        listener.tell(Event.FILM_DAMAGED, film=name, damaged=measured.spoilt, frames=frames)
+    elif measured.missing:
+        frames, missing = len(measured), measured.missing
+        listener.tell(Event.FILM_DAMAGED, film=name, frames=frames, of=frames + missing)
     if measured.turned_deg:
         listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)
 
@@ -320,6 +320,6 @@ def _record(measured: Measured) -> dict[str, Any]:
         "image_size": film.size,
         "seconds": measured.time[-1],
         "turned_deg": measured.turned_deg,
-        "damaged": measured.spoilt,
+        "missing": measured.missing,
         "problem": measured.problem,
     }

@@ -213,7 +213,6 @@ def _chosen(
                 patches=patches.get(photo.name, ()),
                 sharpness=film.sharpness[index],
                 motion=film.motion[index],
-                damaged=bool(film.damaged[index]),
             )
     sizes = [one.film.size for one in measured]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])

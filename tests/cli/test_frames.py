@@ -183,7 +183,9 @@ def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path:
     assert 4 <= len(rows(tmp_path / "p")) < 16
 
 
-def test_damaged_frames_are_told_and_passed_over(run: Run, target: Path, tmp_path: Path) -> None:
+def test_frames_that_cannot_be_decoded_are_told_and_passed_over(
+    run: Run, target: Path, tmp_path: Path
+) -> None:
     frames = [photo for photo in photos()[:4] for _ in range(5)]
     film = write_film(tmp_path / "bad.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
     with av.open(str(film)) as container:
@@ -195,11 +197,10 @@ def test_damaged_frames_are_told_and_passed_over(run: Run, target: Path, tmp_pat
     film.write_bytes(data)
     said = run("frames", film, "-o", tmp_path / "p", "-t", target, "-j", 1, "--json")
     (record,) = json.loads(said.stdout)["films"]
-    assert record["damaged"] == 5
-    assert said.stderr.count("bad.avi: 5 frames of 20 are damaged") == 1
-    table = rows(tmp_path / "p")
-    assert {number // 5 for number, row in enumerate(table) if row["photo"]} == {0, 2, 3}
-    assert "damaged" in {row["chosen"] for row in table[5:10]}
+    assert record["missing"] == 5
+    assert said.stderr.count("bad.avi is damaged or cut short: 15 of its 20 frames") == 1
+    seconds = [float(row["time"]) for row in rows(tmp_path / "p")]
+    assert [round(RATE * one) for one in seconds] == [*range(5), *range(10, 20)]
 
 
 def test_what_cannot_be_used_is_one_line(

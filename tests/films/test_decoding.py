@@ -1,4 +1,4 @@
-"""Frames of films: which are damaged, and that their times grow."""
+"""Frames of films: that their times grow, and what is said where some are missing."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -15,17 +15,14 @@ import av
 from filming import RATE, write_film
 
 from cubicfish_cli.errors import PhotoError
-from cubicfish_cli.films.candidates import candidates
-from cubicfish_cli.films.decoding import Decoded, Times, decode, frames
+from cubicfish_cli.films.decoding import Times, decode, frames
 from cubicfish_cli.films.scan import Measured, scan
-from cubicfish_cli.films.shots import moments
 from cubicfish_cli.films.source import open_films, opened
 
 SIZE = (128, 96)
 COUNT, GROUP = 40, 20  # frames, and every how many of them one stands by itself
 # Grey levels, in the mean: more than a codec loses, less than a frame differs from its neighbour.
 CODEC_LOSES = 4.0
-HEVC = f"keyint={GROUP}:min-keyint={GROUP}:scenecut=0:bframes=0:log-level=none"
 
 
 def pictures(size: tuple[int, int] = SIZE) -> list[np.ndarray]:
@@ -51,36 +48,23 @@ def packet_of(path: Path, number: int) -> tuple[int, int]:
         return packets[number].pos, packets[number].size
 
 
-def spoil(path: Path, packet: int, share: float = 1.0) -> Path:
-    """Write zeros over the last two thirds of a packet, or a share of them."""
+def spoil(path: Path, packet: int) -> None:
+    """Write zeros over the last two thirds of a packet."""
     at, length = packet_of(path, packet)
     data = bytearray(path.read_bytes())
-    begin, end = at + length // 3, at + length // 3 + round(share * (length - length // 3))
-    data[begin:end] = bytes(end - begin)
+    data[at + length // 3 : at + length] = bytes(length - length // 3)
     path.write_bytes(data)
-    return path
 
 
-def decoded(path: Path) -> list[Decoded]:
+def decoded(path: Path) -> list[av.VideoFrame]:
     with opened(path) as (container, stream):
         return list(frames(path, container, stream))
 
 
-def seconds(path: Path, found: list[Decoded]) -> list[float]:
+def seconds(path: Path, found: list[av.VideoFrame]) -> list[float]:
     with opened(path) as (_, stream):
         begin = int(stream.start_time or 0)
-        return [float((one.frame.pts - begin) * stream.time_base) for one in found]
-
-
-def off(found: list[Decoded]) -> np.ndarray:
-    """How far each frame is from the picture of its time, grey levels."""
-    whole = [one.frame.to_ndarray(format="gray").astype(int) for one in found]
-    return np.array(
-        [
-            min(np.abs(grey - picture).mean() for picture in pictures()[max(0, n - 2) : n + 3])
-            for n, grey in enumerate(whole)
-        ]
-    )
+        return [float((one.pts - begin) * stream.time_base) for one in found]
 
 
 @pytest.mark.parametrize(
@@ -93,49 +77,35 @@ def off(found: list[Decoded]) -> np.ndarray:
         ("old.avi", "mpeg4", {"bf": 2, "b": 4_000_000}),
     ],
 )
-def test_damaged_frames_are_told_from_whole_ones(tmp_path, name, codec, options):
-    whole = film_of(tmp_path / name, codec, **options)
-    assert not any(one.damaged or one.lost for one in decoded(whole))
-    found = decoded(spoil(whole, GROUP))
-    damaged = np.array([one.damaged for one in found])
-    wrong = off(found) > CODEC_LOSES
-    assert len(found) + sum(one.lost for one in found) == COUNT
-    assert wrong.any()
-    assert damaged[wrong].all()
-    assert not damaged[: GROUP - 3].any()  # those between may be drawn upon it
-    if codec == "mjpeg":
-        assert damaged.sum() == 1
+def test_a_whole_film_lacks_nothing(tmp_path, name, codec, options):
+    measured = measured_of(film_of(tmp_path / name, codec, **options), tmp_path / "kept")
+    assert (len(measured), measured.missing, measured.problem) == (COUNT, 0, None)
 
 
-def test_frames_drawn_upon_a_later_damaged_one_are_damaged(tmp_path):
-    found = decoded(spoil(film_of(tmp_path / "old.avi", "mpeg4", bf=2, b=4_000_000), 4))
-    wrong = np.flatnonzero(off(found) > CODEC_LOSES)
-    assert {4, 5, 6} <= set(wrong.tolist())  # the packet is that of frame 6
-    damaged = np.array([one.damaged for one in found])
-    assert damaged[wrong].all()
-    assert not damaged[:4].any()
+def test_frames_that_cannot_be_decoded_are_left_out_and_counted(tmp_path):
+    path = film_of(tmp_path / "film.avi", "mjpeg", b=4_000_000)
+    for number in (3, 4, 30):
+        spoil(path, number)
+    measured = measured_of(path, tmp_path / "kept")
+    assert (len(measured), measured.missing, measured.problem) == (COUNT - 3, 3, None)
+    # The others are the pictures of their times.
+    numbers = [number for number in range(COUNT) if number not in (3, 4, 30)]
+    assert measured.time.tolist() == pytest.approx([number / RATE for number in numbers])
+    for number, frame in zip(numbers, decoded(path), strict=True):
+        off = frame.to_ndarray(format="gray").astype(int) - pictures()[number]
+        assert np.abs(off).mean() < CODEC_LOSES
 
 
-def test_after_damage_frames_are_whole_again_from_the_next_whole_picture(tmp_path):
+def test_a_film_that_lacks_announced_frames_says_how_many(tmp_path):
+    """Of a packet in the middle; what follows stands on it, so that decoders pass it over."""
     path = film_of(tmp_path / "film.mp4", bf=0)
-    found = decoded(spoil(path, 5))
-    damaged = [one.damaged for one in found]
-    assert not any(damaged[:5])
-    assert any(damaged)
-    assert all(one or n >= GROUP for n, one in enumerate(damaged[6:GROUP], 6))
-    assert not any(damaged[GROUP:])
-
-
-def test_zeros_that_a_decoder_takes_for_a_picture_are_damage(tmp_path):
-    """HEVC's decoder says nothing of them."""
-    try:
-        path = film_of(tmp_path / "film.mp4", "libx265", **{"x265-params": HEVC})
-    except av.FFmpegError:
-        pytest.skip("no encoder for HEVC")
-    found = decoded(spoil(path, GROUP, 0.5))
-    wrong = off(found) > CODEC_LOSES
-    assert wrong.any()
-    assert np.array([one.damaged for one in found])[wrong].all()
+    at, length = packet_of(path, GROUP)
+    data = bytearray(path.read_bytes())
+    data[at : at + length] = bytes(length)
+    path.write_bytes(data)
+    measured = measured_of(path, tmp_path / "kept")
+    assert measured.missing > 0
+    assert len(measured) >= GROUP
 
 
 def test_a_film_of_which_nothing_can_be_decoded_is_refused(tmp_path):
@@ -146,8 +116,8 @@ def test_a_film_of_which_nothing_can_be_decoded_is_refused(tmp_path):
     for at, length in places:
         data[at : at + length] = bytes(length)
     path.write_bytes(data)
-    with pytest.raises(PhotoError, match="is damaged from its first frame on"):
-        decoded(path)
+    with pytest.raises(PhotoError, match="holds no frame that can be decoded"):
+        measured_of(path, tmp_path / "kept")
 
 
 @pytest.mark.parametrize("codec", ["libx264", "mpeg4"])
@@ -164,10 +134,9 @@ def test_the_times_of_joined_streams_go_on(tmp_path, suffix, codec):
     path.write_bytes(2 * path.read_bytes())
     found = decoded(path)
     assert seconds(path, found) == pytest.approx(np.arange(2 * COUNT) / RATE)
-    assert not any(one.damaged or one.lost for one in found)
     with opened(path) as (container, stream):
         every = [frame.pts for frame in decode(path, container, stream)]
-    assert [one.frame.pts for one in found] == every
+    assert [one.pts for one in found] == every
 
 
 def given(*times: int | None) -> list[int]:
@@ -214,20 +183,6 @@ def test_a_film_that_changes_its_size_is_refused_there(tmp_path, read):
 def measured_of(path: Path, folder: Path, every: int = 5) -> Measured:
     (film,) = open_films([path])
     return scan(film, folder=folder, every=every)
-
-
-def test_damaged_frames_are_kept_only_where_no_neighbour_is_whole(tmp_path):
-    path = film_of(tmp_path / "film.avi", "mjpeg", b=4_000_000)
-    for number in (3, 4, 30, 31, 32, 33, 34):
-        spoil(path, number)
-    measured = measured_of(path, tmp_path / "kept")
-    assert np.flatnonzero(measured.damaged).tolist() == [3, 4, 30, 31, 32, 33, 34]
-    assert (measured.spoilt, len(measured)) == (7, COUNT)
-    kept = {one.index: one.seen.damaged for one in candidates([measured])}
-    assert [index // 5 for index in kept] == list(range(8))
-    assert [index // 5 for index, damaged in kept.items() if damaged] == [6]
-    found = moments([measured, measured], [0.0, 0.0], 8, None)
-    assert sum(measured.damaged[index] for index in found.frame[:, 0]) == 1
 
 
 def test_frames_are_kept_of_every_while_of_a_film_whose_rate_varies(tmp_path):
