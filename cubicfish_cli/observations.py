@@ -23,10 +23,20 @@ from cubicfish_cli.wording import did_you_mean, quoted
 MAX_SIDE = 100_000
 MAX_COORDINATE = 1e9
 _REFUSAL = Refusal(error=CorrespondenceError)
-_OF_A_ROW = ("image", "board", "column", "row", "pixel", "weight", "world", "certain")
+_OF_A_ROW = (
+    "image",
+    "board",
+    "column",
+    "row",
+    "pixel",
+    "weight",
+    "world",
+    "certain",
+    "tells_error",
+)
 # Stand for as many rows as there are, where nothing is said of weights, world or certainty.
 _UNSAID: FloatArray = np.empty(0)
-_ALL_CERTAIN: BoolArray = np.ones(0, bool)
+_ALL: BoolArray = np.ones(0, bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +62,9 @@ class Observations:
         certain: (N,) whether it is surely this corner; by default all are. Where too little of a
             board was seen, its corners may be others of the same plane, some squares further on:
             as good for a lens, but they do not measure the target.
+        tells_error: (N,) whether a fit can tell its error; by default of all. Where each corner of
+            a target has an offset of its own, one that may be another has a point to itself,
+            which goes where it was seen.
         target: the target that the world points are of; None where they are of none.
 
     """
@@ -66,7 +79,8 @@ class Observations:
     pixel: FloatArray
     weight: FloatArray = field(default_factory=lambda: _UNSAID)
     world: FloatArray = field(default_factory=lambda: _UNSAID)
-    certain: BoolArray = field(default_factory=lambda: _ALL_CERTAIN)
+    certain: BoolArray = field(default_factory=lambda: _ALL)
+    tells_error: BoolArray = field(default_factory=lambda: _ALL)
     target: Target | None = None
 
     def __post_init__(self) -> None:
@@ -76,8 +90,10 @@ class Observations:
             object.__setattr__(self, "weight", np.ones(rows))
         if self.world is _UNSAID:
             object.__setattr__(self, "world", np.full((*rows, 3), np.nan))
-        if np.shape(self.certain)[:1] != rows and np.all(self.certain):
-            object.__setattr__(self, "certain", np.ones(rows, bool))
+        for name in ("certain", "tells_error"):
+            said = getattr(self, name)
+            if np.shape(said)[:1] != rows and np.all(said):
+                object.__setattr__(self, name, np.ones(rows, bool))
 
     @property
     def uncertain_images(self) -> tuple[str, ...]:

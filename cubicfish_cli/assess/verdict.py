@@ -206,8 +206,10 @@ def photo_verdicts(
             own += _reason(Severity.BAD, Code.STANDS_OUT, times=error / typical)
         elif error > most:
             own += _reason(Severity.BAD, Code.LARGE_ERRORS, "photo")
+        corners = Numbers(record).corners
+        own += _reason(Severity.NOTE if math.isnan(error) and corners > 0 else None, Code.NO_ERROR)
         own += _reason(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
-        few = not Numbers(record).corners >= _FEW_CORNERS_IN_PHOTO
+        few = not corners >= _FEW_CORNERS_IN_PHOTO
         own += _reason(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         told.append(tuple(own))
     return told

@@ -76,7 +76,11 @@ def fit_of_few(fit: TargetFit, photos: IntArray) -> TargetFit:
     )
     adjusted = fit.cubic.fit
     adjusted = replace(
-        adjusted, poses=adjusted.poses[photos], residual=adjusted.residual[own], sums=None
+        adjusted,
+        poses=adjusted.poses[photos],
+        residual=adjusted.residual[own],
+        pairs=reference.pairs,
+        sums=None,
     )
     cubic = replace(fit.cubic, fit=adjusted)
     return replace(fit, reference=reference, cubic=cubic)

@@ -97,9 +97,9 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
         # A few of each group tell whether there are two lenses, all of them which photos are whose.
         if len(few) < len(own.photos):
             part = fit_of_few(fit, own.photos[few])
-            if _followed(part, rms_px(part.cubic.residual)) is None:
+            if _followed(part, rms_px(part.cubic.errors)) is None:
                 continue
-        found = _followed(fit, rms_px(evidence.fit.cubic.residual))
+        found = _followed(fit, rms_px(evidence.fit.cubic.errors))
         if found is not None:
             return [found]
     return []
@@ -142,7 +142,7 @@ class _Apart:
     @property
     def px(self) -> float:
         """RMS, pixels."""
-        return rms_px(self.fit.cubic.residual)
+        return rms_px(self.fit.cubic.errors)
 
     def towards(self, split: TwoLenses, longest: float) -> tuple[_Apart, bool]:
         """With scale and shift as a split has them, as far as is safe; whether all the way."""

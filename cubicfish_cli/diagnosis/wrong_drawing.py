@@ -169,7 +169,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
 def _of_refined(drawn: TargetFit, refined: TargetFit, drawing: Drawing) -> list[Finding]:
     """What is wrong with the drawing, where the target is free to be otherwise."""
     target, real = drawing.target, refined.refined_target(drawing)
-    before, after = rms_px(drawn.cubic.residual), rms_px(refined.cubic.residual)
+    before, after = rms_px(drawn.cubic.errors), rms_px(refined.cubic.errors)
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:
         return []
     measured = {}

@@ -66,6 +66,11 @@ class Adjustment(Generic[L]):
     sums: NormalSums | None
 
     @property
+    def errors(self) -> FloatArray:
+        """(K, 2) residuals of the pairs whose error the fit can tell."""
+        return self.residual[self.pairs.tells_error]
+
+    @property
     def state(self) -> State[L]:
         """Where it stopped."""
         return State(self.lens, self.poses, self.world)
@@ -88,7 +93,7 @@ class Adjustment(Generic[L]):
             self.lens,
             self.poses,
             pairs,
-            huber_px=limit(self.residual),
+            huber_px=limit(self.errors),
             world=self.world if world is None else world,
             relative_decrease=relative_decrease,
             damping=damping,

@@ -245,7 +245,7 @@ def bend(
         terms: how many of its coefficients are free.
         poses: camera_from_world of each photo under it.
         pairs: the corners.
-        residual: (N, 2) of the radial lens, pixels.
+        residual: (K, 2) of the radial lens, of those pairs that tell its errors, pixels.
         spread: expected asymmetry, see :class:`BentFit`.
         near: the bend of much the same lens, which is this one's too: P's own nearest lens
             follows from any that is near.

@@ -199,7 +199,7 @@ def _assessed(
     climbed, scale = fitted.climbed, fitted.scale
     fit, drawing, held_out = climbed.fit, climbed.drawing, climbed.held_out
     cubic, reference = fit.cubic, fit.reference
-    used = drawing.pairs.with_world(reference.pairs.world * scale)
+    used = drawing.pairs_at(fit.level).with_world(reference.pairs.world * scale)
     refined = fit.refined_target(drawing)
     camera = CubicCamera(
         image_size=pairs.image_size,
@@ -218,7 +218,8 @@ def _assessed(
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_record(spread, camera, blind_angle(points))
-    rim = reach(camera, points, cubic.residual, spread.sigma_px)
+    told = np.where(used.tells_error[:, None], cubic.residual, np.nan)
+    rim = reach(camera, points, told, spread.sigma_px)
     camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
     dropped = fitted.dropped
     findings: Sequence[Finding] = ()
@@ -241,8 +242,8 @@ def _assessed(
         poses=poses,
         pairs=used,
         residual=cubic.residual,
-        errors=error_statistics(cubic.residual),
-        companion_rms_px=rms_px(reference.residual),
+        errors=error_statistics(cubic.errors, len(used.pixel)),
+        companion_rms_px=rms_px(reference.errors),
         held_out=held_out.get(fit.level),
         held_out_by_level={level: error.rms_px for level, error in held_out.items() if error},
         rank=_rank(reference, cubic),

@@ -134,6 +134,10 @@ class Calibration(Calibrated):
             "dropped_corners": [corner.as_record() for corner in self.dropped],
             "unfit_images": {photo: why.line for photo, why in self.unfit.items()},
             "per_image": photo_records(
-                self.pairs.images, self.pairs.image, self.residual, self.poses
+                self.pairs.images,
+                self.pairs.image,
+                self.residual,
+                self.poses,
+                self.pairs.tells_error,
             ),
         }

@@ -117,6 +117,11 @@ class CubicResult:
         """(N, 2) projection less pixel, pixels."""
         return self.fit.residual
 
+    @property
+    def errors(self) -> FloatArray:
+        """(K, 2) of the pairs whose error the fit can tell."""
+        return self.fit.errors
+
 
 def fit_cubic(
     reference: RadialReference,
@@ -146,7 +151,7 @@ def fit_cubic(
             lens,
             poses,
             reference.pairs,
-            huber_px=huber_px(start.residual) if start else wide_px(reference.residual),
+            huber_px=huber_px(start.errors) if start else wide_px(reference.errors),
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
@@ -224,7 +229,7 @@ def _starts(
 def held(fit: CubicResult, reference: RadialReference, hold: Hold) -> CubicFit:
     """The P of a fit, held otherwise."""
     lens = fit.lens.held_to(reference.bent(hold.spread)[0], hold.weight)
-    return _with_pupil(lens, reference, hold, fit.residual)
+    return _with_pupil(lens, reference, hold, fit.errors)
 
 
 def start_lens(
@@ -262,7 +267,7 @@ def start_lens(
         coefficients=lens.coefficients[2],
         denominator_weight=_denominator_weight(reference),
     )
-    return _with_pupil(replace(lens, ray_prior=prior), reference, hold, reference.residual)
+    return _with_pupil(replace(lens, ray_prior=prior), reference, hold, reference.errors)
 
 
 def _with_pupil(
@@ -281,5 +286,5 @@ def _with_pupil(
 
 def _denominator_weight(reference: RadialReference) -> float:
     """So that 16 independent relative changes of P3Φ by its spread count one noise each."""
-    sigma = max(noise_px(reference.residual), 1e-3)
+    sigma = max(noise_px(reference.errors), 1e-3)
     return sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / _PRIOR_RAYS)

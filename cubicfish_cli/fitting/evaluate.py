@@ -50,7 +50,11 @@ class Evaluation:
             "outside_field": self.outside,
             "unplaced": list(self.unplaced),
             "per_image": photo_records(
-                self.pairs.images, self.pairs.image, self.residual, self.poses
+                self.pairs.images,
+                self.pairs.image,
+                self.residual,
+                self.poses,
+                self.pairs.tells_error,
             ),
         }
 

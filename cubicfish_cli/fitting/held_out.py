@@ -40,7 +40,8 @@ class HeldOut:
 
     Attributes:
         square: (N,) squared error of the cubic camera at each pair, pixels²; NaN where the camera
-            that did not see the pair's photo does not see the pair either.
+            that did not see the pair's photo does not see the pair either, and where the pair does
+            not tell its error.
         radial_square: (N,) the same of the radial reference, on the same folds.
         image: (N,) photo of each pair.
         folds: into how many parts the photos were split.
@@ -90,16 +91,21 @@ class HeldOut:
         The geometric mean of that of all corners and of that of the typical photo: one photo on
         which one fit fails counts, but does not decide.
         """
-        photos = np.log(self.photos_px / other.photos_px)
+        mine, theirs = self.beside(other), other.beside(self)
+        photos = np.log(mine.photos_px / theirs.photos_px)
         typical = np.nanmean(photos) if np.isfinite(photos).any() else np.inf
-        return float(np.exp((typical + np.log(self.rms_px / other.rms_px)) / 2))
+        return float(np.exp((typical + np.log(mine.rms_px / theirs.rms_px)) / 2))
+
+    def beside(self, other: HeldOut) -> HeldOut:
+        """The error where the other one is known too: what only one of them tells compares none."""
+        return replace(self, square=np.where(np.isnan(other.square), np.nan, self.square))
 
     def doubt(self, other: HeldOut) -> float:
         """How likely it is that the other fit predicts other photos better, 0 to 1.
 
         Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
-        photos = np.log(self.photos_px / other.photos_px)
+        photos = np.log(self.beside(other).photos_px / other.beside(self).photos_px)
         return likely_positive(
             photos[np.isfinite(photos)],
             float(np.log(self.times(other))),
@@ -131,12 +137,13 @@ def held_out_error(
         return None
     pairs, cubic = fit.reference.pairs, fit.cubic.fit
     of_cubic, of_radial = np.full((2, len(pairs.image)), np.nan)
-    leaving = Leaving(cubic, pairs, huber_px(cubic.residual), parts)
+    leaving = Leaving(cubic, pairs, huber_px(cubic.errors), parts)
     for done, (test, step) in enumerate(zip(parts, leaving.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
         rows = np.flatnonzero(np.isin(pairs.image, test))
         of_cubic[rows], of_radial[rows] = _fold(fit, test, cubic.state.moved(*step))
+    of_cubic[~pairs.tells_error] = of_radial[~pairs.tells_error] = np.nan
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 
 
@@ -149,7 +156,7 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
-    limit, own = huber_px(fit.cubic.residual), np.flatnonzero(~out)
+    limit, own = huber_px(fit.cubic.errors), np.flatnonzero(~out)
     try:
         trained = _trained(near, training, train, own, limit)
     except FitError:  # the first-order step was too long: start where the fit ended
@@ -158,7 +165,7 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
         fit.reference.lens,
         fit.reference.poses[train],
         training.with_world(trained.world.points),
-        huber_px=wide_px(fit.reference.residual),
+        huber_px=wide_px(fit.reference.errors),
         relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
         trust_last=True,

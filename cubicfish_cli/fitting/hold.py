@@ -76,7 +76,7 @@ def choose_hold(
     start = fit_cubic(
         reference, _hold(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
     )
-    leaving = Leaving(start.fit, reference.pairs, huber_px(start.residual), groups)
+    leaving = Leaving(start.fit, reference.pairs, huber_px(start.errors), groups)
     squares = _squares(leaving, start.lens, reference, places)
     chosen, rival = _likeliest(squares)
     # A hold that was made firmer stays so.
@@ -123,7 +123,7 @@ def _squares(
         to_another = lens.held_to(reference.bent(SPREADS[spread])[0])
         priors.append(to_another.priors(np.array(weights)))
     photos = leaving.residuals(np.concatenate(priors))
-    squares = {photo: np.square(residual).sum(axis=(0, 1)) for photo, residual in photos}
+    squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     of_places = np.array([squares[photo] for photo in range(len(squares))]).T
     return dict(zip(places, of_places, strict=True))
 

@@ -73,7 +73,7 @@ class Leaving:
             priors: (H, L + 1, L + 1) the Gram matrix of each.
 
         Yields:
-            The photo, and (n, 2, H) pixels.
+            The photo, and (n, 2, H) pixels; NaN of pairs that do not tell their error.
 
         """
         own = self._fit.lens.prior()
@@ -170,4 +170,6 @@ class _Seen:
             )
             basis = basis[:, size > _RANK * size[:1]]
             flat = flat - basis @ (basis.T @ flat)
-            yield pose, np.asarray(flat.reshape(left[own].shape) / weight)
+            after = np.asarray(flat.reshape(left[own].shape) / weight)
+            after[~self.pairs.tells_error[own]] = np.nan
+            yield pose, after

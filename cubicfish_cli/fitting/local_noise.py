@@ -49,7 +49,7 @@ def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
         return 0.0
     right, _ = neighbours(pairs)
     middle = np.flatnonzero(right >= 0)
-    middle = middle[right[right[middle]] >= 0]
+    middle = middle[(right[right[middle]] >= 0) & pairs.tells_error[middle]]
     if len(middle) < 20:
         return 0.0
     last = right[right[middle]]
@@ -61,7 +61,7 @@ def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
 def times_noise(pairs: Observations, residual: FloatArray) -> float | None:
     """How many times the corners' own noise residuals (N, 2) are; None where it is not known."""
     noise = local_noise_px(pairs, residual)
-    return noise_px(residual) / noise if noise else None
+    return noise_px(residual[pairs.tells_error]) / noise if noise else None
 
 
 def within_noise(pairs: Observations, residual: FloatArray) -> bool:

@@ -23,28 +23,31 @@ def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
 
     Empirical Bayes: photos' log variances are drawn to their mean, by as much as the scatter that
     so few independent errors leave is larger than what photos truly differ by. Photos that
-    differ by no more than this scatter weigh the same.
+    differ by no more than this scatter weigh the same, as much as a photo that tells no error does.
 
     Args:
         pairs: the pairs, with the weights that they came with.
         residual: (N, 2) projection less pixel, pixels, every photo's pose fitted.
 
     """
-    photos = len(pairs.images)
-    count = np.bincount(pairs.image, minlength=photos)
-    free = np.maximum(2 * count - _POSE, 1)
-    told = residual * np.sqrt(pairs.weight)[:, None]
-    noise = noise_by_photo(pairs.image, told, photos)
-    if photos < _FEWEST_PHOTOS or not noise.all():
+    photos, own = len(pairs.images), pairs.tells_error
+    of_photo = np.bincount(pairs.image, minlength=photos)
+    count = np.bincount(pairs.image[own], minlength=photos)
+    told = residual[own] * np.sqrt(pairs.weight[own])[:, None]
+    noise, known = noise_by_photo(pairs.image[own], told, photos), count > 0
+    if known.sum() < _FEWEST_PHOTOS or not noise[known].all():
         return np.ones(photos)
+    count, noise = count[known], noise[known]
+    free = np.maximum(2 * count - _POSE, 1)
     variance = np.log(np.square(noise) * 2 * count / free)
     scatter = 2 * ALIKE / free
     apart = max(float(np.var(variance, ddof=1) - scatter.mean()), 0.0)
     if not apart:
         return np.ones(photos)
     mean = np.average(variance, weights=1 / (apart + scatter))
-    weight = np.exp((mean - variance) * apart / (apart + scatter))
-    return np.asarray(weight * count.sum() / (weight @ count))
+    weight = np.ones(photos)
+    weight[known] = np.exp((mean - variance) * apart / (apart + scatter))
+    return np.asarray(weight * of_photo.sum() / (weight @ of_photo))
 
 
 def weighed(pairs: Observations, residual: FloatArray) -> Observations:

@@ -30,6 +30,7 @@ from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.uncertainty import Uncertainty, camera_uncertainty
 from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
 # More clusters than that say little more, and each costs a linear system.
@@ -147,8 +148,8 @@ def photo_spread(
 
     """
     count = len(result.lens.parameters)
-    limit = huber_px(result.residual)
-    leaving = Leaving(result.fit, reference.pairs, limit, _clusters(places, reference.pairs.images))
+    limit, clusters = huber_px(result.errors), _clusters(places, reference.pairs)
+    leaving = Leaving(result.fit, reference.pairs, limit, clusters)
     prior = result.lens.ray_prior
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
@@ -174,8 +175,12 @@ def _step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(by_lens.reshape(len(change), -1), change, rcond=None)[0])
 
 
-def _clusters(places: IntArray, images: Sequence[str]) -> list[IntArray]:
-    clusters = min(int(places.max()) + 1, MOST_CLUSTERS)
+def _clusters(places: IntArray, pairs: Observations) -> list[IntArray]:
+    """Photos of which some corner tells its error, those from one place together."""
+    telling = np.unique(pairs.image[pairs.tells_error])
+    _, place = np.unique(places[telling], return_inverse=True)
+    clusters = min(int(place.max(initial=-1)) + 1, MOST_CLUSTERS)
     if clusters < 2:
         return []
-    return dealt_out(places, images, clusters)
+    images = [pairs.images[photo] for photo in telling]
+    return [telling[part] for part in dealt_out(place, images, clusters)]

@@ -131,7 +131,9 @@ class PointCalibration(CameraRecord):
     def _photos(self) -> list[dict[str, Any]]:
         names = self.pairs.images
         if self.poses is not None:
-            return photo_records(names, self.pairs.image, self.residual, self.poses)
+            return photo_records(
+                names, self.pairs.image, self.residual, self.poses, self.pairs.tells_error
+            )
         return [{"image": names[0], **self.errors.as_record()}]
 
 

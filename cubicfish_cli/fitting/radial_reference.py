@@ -89,6 +89,11 @@ class RadialReference:
     bends: dict[float, Bend] = field(default_factory=dict, repr=False)
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
 
+    @property
+    def errors(self) -> FloatArray:
+        """(K, 2) residuals of the pairs whose error a fit can tell."""
+        return self.residual[self.pairs.tells_error]
+
     def followed(self, world: FloatArray) -> RadialReference:
         """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
         follower = replace(self, pairs=self.pairs.with_world(world))
@@ -100,7 +105,7 @@ class RadialReference:
         if spread not in self._bent:
             near = self.bends.get(spread)
             bent, poses = self._bent[spread] = bend(
-                self.camera, self.terms, self.poses, self.pairs, self.residual, spread, near
+                self.camera, self.terms, self.poses, self.pairs, self.errors, spread, near
             )
             if near is None:
                 self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
@@ -124,7 +129,7 @@ class RadialReference:
         """
         angle = angle_from_axis(self.poses.apply(self.pairs.image, self.pairs.world))
         length = np.hypot(self.residual[:, 0], self.residual[:, 1])
-        good = angle[length <= gross_px(self.residual)]
+        good = angle[length <= gross_px(self.errors)]
         return float(good.min()), float(good.max())
 
 
@@ -215,7 +220,7 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
         reference.lens,
         poses,
         pairs,
-        huber_px=wide_px(reference.residual),
+        huber_px=wide_px(reference.errors),
         relative_decrease=_NEAR_DECREASE,
         damping=WARM_DAMPING,
         trust_last=True,

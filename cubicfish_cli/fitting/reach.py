@@ -72,7 +72,7 @@ def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: 
     Args:
         camera: the camera.
         points: (N, 3) the corners of the fit in its frame.
-        residual: (N, 2) their errors, pixels.
+        residual: (N, 2) their errors, pixels; NaN where one cannot be told.
         sigma: uncertainty of the pixels of unit rays (M, 3) -> (M,), pixels.
 
     """
@@ -140,6 +140,8 @@ def _errors(
     angle: FloatArray, residual: FloatArray
 ) -> tuple[float | None, float | None, float | None]:
     """RMS at the rim and in the middle, and from which angle on the rim is."""
+    told = np.isfinite(residual[:, 0])
+    angle, residual = angle[told], residual[told]
     count = max(_FEWEST_AT_THE_RIM, round(_RIM_SHARE * len(angle)))
     if len(angle) < 3 * count:
         return None, None, None

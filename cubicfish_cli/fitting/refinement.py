@@ -60,6 +60,16 @@ class Drawing:
     scale: float
     renamed: Mapping[str, Symmetry] = field(default_factory=dict)
 
+    def pairs_at(self, level: Level) -> Observations:
+        """The pairs of a fit at a level of the target, which says what tells its error.
+
+        Of a target of which no corner is certain, each tells what its own point leaves of it.
+        """
+        certain = self.pairs.certain
+        if level != "points" or not certain.any():
+            return self.pairs
+        return replace(self.pairs, tells_error=certain)
+
     def of(self, pairs: Observations) -> Drawing:
         """The same target for some of the pairs."""
         return replace(self, pairs=pairs)
@@ -127,9 +137,9 @@ def refine_object(
     if drawing.target is None:
         raise ValueError("pairs without a target have no boards to refine")
     spread = FIRST_SPREAD if level == "points" else None
-    free = free_world(drawing, noise=noise_px(fit.cubic.residual), offset_spread=spread)
+    free = free_world(drawing, noise=noise_px(fit.cubic.errors), offset_spread=spread)
     free = free.started(fit.cubic.fit.world)
-    pairs = replace(drawing.pairs, weight=fit.reference.pairs.weight)
+    pairs = replace(drawing.pairs_at(level), weight=fit.reference.pairs.weight)
     adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, pairs, free)
     adjusted, spread = settled_spread(adjusted, pairs, spread)
     return _joint(fit, drawing, level, adjusted, spread, groups)
@@ -181,7 +191,7 @@ def settled_spread(
     """
     for _ in range(_SPREAD_ROUNDS):
         world, before = fit.world, spread
-        noise = noise_px(fit.residual)
+        noise = noise_px(fit.errors)
         shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
         if spread is not None:
             spread = _offset_spread(fit, noise) or spread
@@ -233,9 +243,9 @@ def _joint(
 ) -> TargetFit:
     """With the target near its place: the reference anew, how P is held, then all at once."""
     world = adjusted.world
-    pairs = weighed(drawing.pairs, adjusted.residual).with_world(world.points)
+    pairs = weighed(drawing.pairs_at(level), adjusted.residual).with_world(world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
-    world = world.with_noise(noise_px(adjusted.residual), spread)
+    world = world.with_noise(noise_px(adjusted.errors), spread)
     near = replace(fit.cubic, fit=replace(adjusted, world=world))
     cubic = choose_hold(reference, groups, world=world, start=near)
     return TargetFit(

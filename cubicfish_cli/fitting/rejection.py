@@ -111,7 +111,7 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
 
     """
     near = around(pairs)
-    own = np.flatnonzero((near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS)
+    own = np.flatnonzero(((near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS) & pairs.tells_error)
     found = np.zeros(len(residual), bool)
     if not own.size:
         return found

@@ -12,9 +12,10 @@ from scipy.special import stdtr
 from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.observations import MAX_COORDINATE
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 _FEWEST_TO_COMPARE = 2
+_LENGTHS = ("rms_px", "median_px", "p95_px", "max_px")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,15 +40,15 @@ class ErrorStatistics:
         return asdict(self)
 
 
-def error_statistics(residual: FloatArray) -> ErrorStatistics:
-    """Statistics of residuals (N, 2), N at least 1."""
+def error_statistics(residual: FloatArray, corners: int | None = None) -> ErrorStatistics:
+    """Statistics of residuals (N, 2), N at least 1; more corners may have been used."""
     length = np.hypot(residual[:, 0], residual[:, 1])
     return ErrorStatistics(
         rms_px=rms_px(residual),
         median_px=float(np.median(length)),
         p95_px=float(np.percentile(length, 95)),
         max_px=float(length.max()),
-        corners=len(length),
+        corners=len(length) if corners is None else corners,
     )
 
 
@@ -77,7 +78,11 @@ def likely_positive(
 
 
 def photo_records(
-    names: Sequence[str], image: IntArray, residual: FloatArray, poses: Poses
+    names: Sequence[str],
+    image: IntArray,
+    residual: FloatArray,
+    poses: Poses,
+    tells_error: BoolArray,
 ) -> list[dict[str, Any]]:
     """One plain record per photo: its errors and its camera_from_world.
 
@@ -86,13 +91,19 @@ def photo_records(
         image: (N,) photo of each residual.
         residual: (N, 2) pixels.
         poses: camera_from_world of each photo.
+        tells_error: (N,) which residuals are errors; where a photo has none its errors are None.
 
     """
     records = []
     vectors = poses.rotation_vector
     for photo, name in enumerate(names):
-        own = residual[image == photo]
-        errors = error_statistics(own).as_record() if len(own) else {"corners": 0}
+        own = image == photo
+        known, corners = residual[own & tells_error], int(own.sum())
+        errors: dict[str, Any] = {"corners": 0}
+        if len(known):
+            errors = error_statistics(known, corners).as_record()
+        elif corners:
+            errors = {**dict.fromkeys(_LENGTHS), "corners": corners}
         records.append(
             {
                 "image": name,

@@ -166,8 +166,10 @@ class Information:
 
 def corner_noise_px(fit: Adjustment[Any]) -> float:
     """Standard deviation of a corner's coordinate, as the residuals of a fit show it, pixels."""
-    residual, normal = fit.residual, fit.normal
-    unknowns = len(normal.shared) + 6 * len(normal.pose) + normal.corner.size // 3
+    residual, normal, own = fit.errors, fit.normal, fit.pairs.tells_error
+    poses = min(len(np.unique(fit.pairs.image[own])), len(normal.pose))
+    corners = 3 * len(np.unique(fit.world.corner[own])) if len(fit.world.corner) else 0
+    unknowns = len(normal.shared) + 6 * poses + corners
     # Offsets are held by their pull and count for less than a whole unknown each.
     freedom = max(residual.size - unknowns, residual.size // 2)
     return float(np.sqrt(np.sum(residual**2) / freedom))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -300,9 +299,9 @@ def _errors(
         for name in pairs.images
     ]
     known = np.array(placed, bool)[pairs.image] & ~_among(pairs, dropped)
-    # A corner that may be another one than it is named as had a place of its own in the fit.
-    apart = ~pairs.certain & (fit.get("refine_target") == "points")
-    used, _ = select(pairs, known & ~apart)
+    # A corner that may be another one than it is named as had a point of its own in the fit.
+    apart = fit.get("refine_target") == "points"
+    used, _ = select(pairs, known & pairs.certain if apart else known)
     if not len(used.pixel):
         return None, "no corner at hand is of a photo of this fit"
     points = used.world
@@ -325,10 +324,6 @@ def _errors(
     used, _ = select(used, kept)
     residual, points = residual[kept], points[kept]
     before, now = recorded_number(fit.get("rms_px")), rms_px(residual)
-    if apart.any():
-        whole = np.array([name not in pairs.uncertain_images for name in used.images])
-        before = _recorded_rms([by_name[name] for name in np.array(used.images)[whole]])
-        now = rms_px(residual[whole[used.image]]) if whole.any() else now
     if before is not None and abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
         return None, (
             f"the corners and the target at hand give an RMS of {now:.3f} px and the fit had "
@@ -344,13 +339,6 @@ def _errors(
         angle = np.rad2deg(angle_from_axis(points))
     cells = field_cells(camera, used.pixel)
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
-
-
-def _recorded_rms(photos: Sequence[PhotoFacts]) -> float | None:
-    """The RMS of some photos, of those that have one on record; None where none has."""
-    known = [(one.corners, one.rms_px) for one in photos if one.rms_px is not None]
-    corners = sum(count for count, _ in known)
-    return math.sqrt(sum(count * rms**2 for count, rms in known) / corners) if corners else None
 
 
 def _among(pairs: Observations, dropped: Sequence[DroppedFacts]) -> BoolArray:

@@ -94,6 +94,7 @@ class Code(StrEnum):
     NOISY = "noisy"
     BOARD_DROPPED = "board_dropped"
     STANDS_OUT = "stands_out"
+    NO_ERROR = "no_error"
     OUTLIERS = "outliers"
     # Of photos in which corners are looked for.
     CANNOT_BE_READ = "cannot_be_read"

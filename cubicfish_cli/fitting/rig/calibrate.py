@@ -264,7 +264,7 @@ def calibrate_rig(
         cameras=placed,
         shots=tuple(evidence.shots),
         poses=poses,
-        errors=error_statistics(fit.residual),
+        errors=error_statistics(fit.errors, len(fit.residual)),
         held_out_rms_px=held_out_px,
         pairs=tuple(camera_pairs(names, fit.lens, evidence.pairs, fit.residual)),
         per_shot=tuple(shot_records(evidence.shots, fit.lens, evidence.pairs, fit.residual, names)),
@@ -300,9 +300,10 @@ def _fitted(
     clocks = None
     if moving is not None:
         fit, pairs, clocks = _on_time(fit, pairs, moving)
+    pairs = replace(pairs, tells_error=drawing.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
-        world = free_world(drawing.of(pairs), noise=noise_px(fit.residual), offset_spread=spread)
+        world = free_world(drawing.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
         fit, spread = settled_spread(fit, pairs, spread)
     # Photos that are not quite of one moment, too, say less than others.
@@ -314,7 +315,7 @@ def _fitted(
             fit.lens.with_lenses([one.lens for one in singly]),
             fit.poses,
             pairs,
-            huber_px=huber_px(fit.residual),
+            huber_px=huber_px(fit.errors),
             world=fit.world,
             relative_decrease=rough,
         )
@@ -357,7 +358,7 @@ def _judged(
     """The cameras and the shots' poses in the target's units, and the held-out RMS."""
     fit, lens, clocks = evidence.fit, evidence.lens, evidence.clocks
     pairs = fit.pairs.with_world(fit.world.points)
-    scale, limit = evidence.scale, huber_px(fit.residual)
+    scale, limit, tells = evidence.scale, huber_px(fit.errors), pairs.tells_error
     covariance = place_covariances(
         fit,
         pairs,
@@ -384,8 +385,9 @@ def _judged(
     placed = []
     for number, (name, one) in enumerate(zip(evidence.names, singly, strict=True)):
         own, taken = camera_of == number, np.flatnonzero(lens.camera == number)
-        errors = error_statistics(fit.residual[own])
-        out = None if held_out is None else rms_px(held_out[own])
+        known = own & tells if (own & tells).any() else own
+        errors = error_statistics(fit.residual[known], int(own.sum()))
+        out = None if held_out is None else rms_px(held_out[known])
         record = {
             **one.record,
             **errors.as_record(),
@@ -397,6 +399,7 @@ def _judged(
                 np.searchsorted(taken, pairs.image[own]),
                 fit.residual[own],
                 views[taken],
+                tells[own],
             ),
         }
         placed.append(
@@ -409,14 +412,14 @@ def _judged(
                 translation=places.translation[number],
                 covariance=covariance[number],
                 errors=errors,
-                alone_rms_px=rms_px(alone_px[own]),
+                alone_rms_px=rms_px(alone_px[known]),
                 held_out_rms_px=out,
                 fit=record,
                 late_s=None if clocks is None else float(clocks.late[number]),
                 late_sigma_s=None if clocks is None else float(clocks.sigma[number]),
             )
         )
-    return tuple(placed), poses, None if held_out is None else rms_px(held_out)
+    return tuple(placed), poses, None if held_out is None else rms_px(held_out[tells])
 
 
 def _in_references_frames(

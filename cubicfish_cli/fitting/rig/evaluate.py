@@ -84,7 +84,7 @@ def camera_pairs(
     for a in range(len(names)):
         for b in range(a + 1, len(names)):
             both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
-            own = np.isin(shot, both) & ((camera == a) | (camera == b))
+            own = np.isin(shot, both) & ((camera == a) | (camera == b)) & pairs.tells_error
             found.append(
                 CameraPair(
                     first=names[a],
@@ -105,10 +105,11 @@ def shot_records(
 ) -> list[dict[str, Any]]:
     """A plain record per shot: its RMS in pixels, its corners and cameras."""
     shot = lens.shot[pairs.image]
+    told = [pairs.tells_error & (shot == number) for number in range(len(shots))]
     return [
         {
             "shot": name,
-            "rms_px": rms_px(residual[shot == number]),
+            "rms_px": rms_px(residual[told[number]]) if told[number].any() else None,
             "corners": int(np.sum(shot == number)),
             "cameras": [names[camera] for camera in lens.camera[lens.shot == number]],
         }
