@@ -4,8 +4,6 @@ from cubicfish_cli import Calibration as Calibration
 from cubicfish_cli import CameraFile as CameraFile
 from cubicfish_cli import ChosenFrames as ChosenFrames
 from cubicfish_cli import Comparison as Comparison
-from cubicfish_cli import Corners as Corners
-from cubicfish_cli import Correspondences as Correspondences
 from cubicfish_cli import CubicCamera as CubicCamera
 from cubicfish_cli import CubicfishError as CubicfishError
 from cubicfish_cli import Detection as Detection

@@ -28,7 +28,7 @@ __version__ = "0.1.0"
 # Where each public name is; __init__.pyi tells type checkers. Nothing at all is loaded by this
 # file: while it is, Ctrl-C would still end in a traceback.
 _PLACES = {
-    "observations": ("Corners", "Correspondences", "Observations"),
+    "observations": ("Observations",),
     "corner_files.observations_csv": ("load_corners", "save_corners"),
     "errors": ("CubicfishError",),
     "fitting.calibrate": ("Calibration",),

@@ -59,8 +59,6 @@ from cubicfish_cli.library.undistorting import undistort as undistort
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
 from cubicfish_cli.library.views import build_plane as build_plane
 from cubicfish_cli.listener import Listener as Listener
-from cubicfish_cli.observations import Corners as Corners
-from cubicfish_cli.observations import Correspondences as Correspondences
 from cubicfish_cli.observations import Observations as Observations
 from cubicfish_cli.photos import read_picture as read_picture
 from cubicfish_cli.rendering.options import FilmOptions as FilmOptions

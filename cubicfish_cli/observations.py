@@ -190,20 +190,6 @@ class Observations:
         return cls(**others, boards=(), board=board, column=column, row=row)
 
     @classmethod
-    def from_arrays(
-        cls, *arrays: Any, boards: Sequence[str] | None = None, **others: Any
-    ) -> Observations:
-        """Older name of :meth:`from_corners` where ``boards`` are given, else :meth:`from_points`.
-
-        Raises:
-            CorrespondenceError: as these do.
-
-        """
-        if boards is None:
-            return cls.from_points(*arrays, **others)
-        return cls.from_corners(*arrays, boards=boards, **others)
-
-    @classmethod
     def stacked(cls, parts: Sequence[Observations]) -> Observations:
         """The rows of all parts, one after the other, which list the same photos and boards."""
         rows: dict[str, Any] = {
@@ -326,11 +312,6 @@ class Observations:
         if (np.diff(own.image) < 0).any():
             raise CorrespondenceError("image must not decrease: sort the rows with by_photo()")
         return replace(own, world=world)
-
-
-# Older names, from when named corners and 2D-3D pairs were apart.
-Corners = Observations
-Correspondences = Observations
 
 
 def no_such_board(name: str, target: Target) -> str:

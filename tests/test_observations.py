@@ -1,6 +1,5 @@
 """What was seen in photos: rows chosen, sorted and joined, and world points of a target."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from observed import SIZE, TARGET, any_corners, assert_same
 
 from cubicfish_cli.errors import CorrespondenceError
-from cubicfish_cli.observations import Corners, Correspondences, Observations
+from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 
 BOARDS = TARGET.board_names
@@ -221,19 +220,6 @@ def test_points_without_names_have_no_target() -> None:
 def test_a_photo_that_is_not_there_is_named() -> None:
     with pytest.raises(CorrespondenceError, match=r"'b\.png' is not among these: .*a\.png"):
         one_corner().of("b.png")
-
-
-def test_the_older_names_are_this_record() -> None:
-    places, world, pixel = np.zeros((1, 3), int), np.ones((1, 3)), np.ones((1, 2))
-    named: Callable[..., Observations] = Corners.from_arrays
-    points: Callable[..., Observations] = Correspondences.from_arrays
-    assert Corners is Correspondences is Observations
-    expected = Observations.from_corners([places], [pixel], SIZE, boards=["floor"])
-    assert_same(named([places], [pixel], SIZE, boards=["floor"]), expected)
-    assert_same(named(places=[places], pixel=[pixel], image_size=SIZE, boards=["floor"]), expected)
-    expected = Observations.from_points([world], [pixel], SIZE, images=["a"])
-    assert_same(points([world], [pixel], SIZE, images=["a"]), expected)
-    assert_same(points(world=[world], pixel=[pixel], image_size=SIZE, images=["a"]), expected)
 
 
 def test_corners_know_their_world_points_once_their_target_is_known() -> None:

@@ -11,8 +11,6 @@ from cubicfish_cli import (
     Calibration,
     CameraFile,
     Comparison,
-    Corners,
-    Correspondences,
     CubicCamera,
     CubicfishError,
     Detection,
@@ -52,13 +50,12 @@ def fits(folder: Path, pictures: dict[str, npt.NDArray[np.uint8]]) -> Calibratio
     detect("photos/", target)
     detect([folder / "a.png", folder / "b.png"], target)
     detect([np.zeros((4, 4), np.uint8)], target, listener=Listener())
-    corners = assert_type(load_corners(folder / "corners.csv", target), Corners)
+    corners = assert_type(load_corners(folder / "corners.csv", target), Observations)
     points, pixel = [np.zeros((9, 3))], [np.zeros((9, 2), np.float32)]
     seen = Observations.from_corners(points, pixel, (4, 4), boards=["board"])
     assert_type(seen.of("photo_0").with_target(target).select(seen.certain), Observations)
-    assert_type(Observations.from_points(points, pixel, (4, 4)).world, Floats)
-    assert_type(Corners.from_arrays(points, pixel, (4, 4), boards=["board"]), Corners)
-    pairs = assert_type(Correspondences.from_arrays(points, pixel, (4, 4)), Correspondences)
+    pairs = assert_type(Observations.from_points(points, pixel, (4, 4)), Observations)
+    assert_type(pairs.world, Floats)
     try:
         calibration = assert_type(calibrate(pairs, hold_out=False), Calibration)
         calibration = calibrate(corners, target, refine_target="shape")
