@@ -12,12 +12,8 @@ from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.formats.registry import WRITABLE
 
-# Of no lens model, and so not among the registered formats.
-_MAPS = {
-    "maps": ".npz for cv2.remap; holds any lens",
-    "usd": ".usda and .exr in a folder; holds any lens",
-}
-FORMATS = {**WRITABLE, **_MAPS}
+# Maps are of no lens model, and so not among the registered formats.
+FORMATS = {**WRITABLE, "maps": ".npz for cv2.remap; holds any lens"}
 
 _HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 

@@ -1,4 +1,4 @@
-"""A camera, or a rig's cameras, as another tool's lens or as USD's tables, and how near that is."""
+"""A camera, or a rig's cameras, as another tool's lens, and how near that is."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.errors import CubicfishError, FitError, UsageError, ViewError
-from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_format import (
-    METRES,
     FlatPair,
     LensRig,
     PlacedLens,
-    Pose,
     Poses,
 )
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -32,15 +30,12 @@ from cubicfish_cli.formats.foreign import (
     WRITTEN,
 )
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, load_rig
-from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
 from cubicfish_cli.library.rig_pictures import rectify
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.choose import build_view
 from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.lens_tables import TableCamera, lens_tables, prim_name, usd_text
-from cubicfish_cli.undistortion.map_formats import require_exr, write_float_exr
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.wording import did_you_mean, quoted
 
@@ -100,7 +95,7 @@ def export_camera(
 
     Args:
         calibrated: a fit, or what :func:`load_camera` read.
-        to: the format: a name of ``cubicfish export --help``, but for ``maps`` and ``usd``.
+        to: the format: a name of ``cubicfish export --help``, but for ``maps``.
         max_error: how far the lens may be from the camera anywhere that corners reached, pixels.
         max_angle_deg: leaves out what is farther from the axis, so that the rest is met more
             nearly.
@@ -254,7 +249,7 @@ def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | N
         ways.append(f"leave the rim out with --max-angle {angle}")
     if error.max_px < float("inf"):
         ways.append(f"raise it to {_rounded_up(error.max_px)}")
-    others = "mrcal, maps or usd, which hold any lens"
+    others = "mrcal or maps, which hold any lens"
     nearest = _NEAREST.get(name.split("-")[0], name)
     if nearest != name:
         others = f"{nearest}, which comes nearer to most, or to {others}"
@@ -324,12 +319,8 @@ def export_files(
     if pair is not None:
         raise UsageError("--pair names two cameras of a rig: name the rig.yaml")
     goal = Path(output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
-    if to != "usd":
-        refuse_existing(goal, overwrite=run.overwrite)
+    refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(in_folder(path))
-    if to == "usd":
-        alone = ("camera", loaded.camera, (np.eye(3), np.zeros(3)))
-        return _export_usd(output, [alone], None, max_error, run)
     if to == "maps":
         if goal.suffix.lower() != ".npz":
             raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
@@ -359,15 +350,12 @@ def _export_rig(
     """Write all cameras of a rig, or two of them, with their places."""
     rig = load_rig(path)
     chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
-    if to == "usd":
-        placed = [(one.name, one.camera, (one.rotation, one.translation)) for one in chosen]
-        return _export_usd(output, placed, rig.units, max_error, run)
     holds_rigs = WRITTEN[to].rig if to in WRITTEN else None
     if holds_rigs is None:
         first = path.parent / rig.cameras[0].path
         raise UsageError(
             f"--to {to} holds one camera: name one of the rig's, such as {first}, or choose one of "
-            + ", ".join([*(name for name, made in WRITTEN.items() if made.rig), "usd"])
+            + ", ".join(name for name, made in WRITTEN.items() if made.rig)
         )
     run.listener.progress("Fitting the other lenses")
     goal = Path(output or holds_rigs[0])
@@ -394,71 +382,6 @@ def _export_rig(
         record={"files": written, "format": to, "cameras": records},
         lines=tuple(lines),
         warnings=tuple(warnings),
-    )
-
-
-def _export_usd(
-    output: StrPath | None,
-    cameras: Sequence[tuple[str, CubicCamera, Pose]],
-    units: str | None,
-    max_error: float,
-    run: Run,
-) -> ExportedFiles:
-    """Write cameras as tables, which hold any lens, into a folder: by name, with their places.
-
-    Raises:
-        FitError: more is lost; the text names the camera.
-        OutputError: a file exists and may not be replaced, or cannot be written.
-
-    """
-    folder = Path(output or "usd")
-    stage = folder / "rig.usda"
-    tables = {
-        name: [f"{prim_name(name)}_{way}.exr" for way in ("enter", "leave")] for name, *_ in cameras
-    }
-    paths = [folder / file for own in tables.values() for file in own]
-    refuse_existing(stage, *paths, overwrite=run.overwrite)
-    require_exr(paths[0])
-    files: dict[Path, Content] = {}
-    placed, records, lines = [], [], []
-    for name, camera, (rotation, translation) in cameras:
-        run.listener.progress(f"Making the tables of {name}")
-        made = lens_tables(camera)
-        if not made.max_px <= max_error:
-            raise FitError(
-                f"camera {name}: the tables miss it by up to {made.max_px:.2f} px between their "
-                f"entries, more than the {max_error:g} px of --max-error: raise it"
-            )
-        error = (
-            f"conversion error: RMS {made.rms_px:.4f} px, largest {made.max_px:.4f} px between "
-            f"pixels, up to {camera.max_angle_deg:.1f} degrees from the axis"
-        )
-        lines.append(f"{name}: {error}")
-        figures = {"rms_px": made.rms_px, "max_px": made.max_px}
-        records.append({"name": name, **figures, "max_angle_deg": camera.max_angle_deg})
-        enter, leave = tables[name]
-        placed.append(
-            TableCamera(
-                name=name,
-                image_size=camera.image_size,
-                rotation=rotation.T,
-                translation=-rotation.T @ translation,
-                enter=enter,
-                leave=leave,
-                note=[f"cubicfish {__version__}: the camera at every pixel", error],
-            )
-        )
-        flat = np.zeros(made.leave.shape[:2], np.float32)
-        leaving = (*np.moveaxis(made.leave, -1, 0), flat)
-        for file, channels in ((enter, np.moveaxis(made.enter, -1, 0)), (leave, leaving)):
-            planes = dict(zip("RGB", map(np.ascontiguousarray, channels), strict=True))
-            files[folder / file] = partial(write_float_exr, channels=planes)
-    files = {stage: usd_text(placed, METRES.get(units or "")), **files}
-    written = write_files(files, overwrite=run.overwrite)
-    return ExportedFiles(
-        files=written,
-        record={"files": written, "format": "usd", "cameras": records},
-        lines=tuple(lines),
     )
 
 

@@ -68,7 +68,7 @@ def test_the_commands_know_the_formats_that_there_are(run: Run):
         assert set(made.front_only) <= set(entry.written)
         assert made.rig is None or made.rig[0]
     for page, names in (
-        (run("export", "--help"), {*foreign.WRITTEN, "maps", "usd"}),
+        (run("export", "--help"), {*foreign.WRITTEN, "maps"}),
         (run("import", "--help"), set(READABLE)),
     ):
         assert {name for name in names if name in page.stdout} == names
@@ -236,7 +236,7 @@ def test_a_lens_that_is_not_near_enough_is_refused(run, calibrated, tmp_path):
     ).stderr  # fmt: skip
     assert "the lens of opencv misses the camera by up to" in said
     assert "more than the 0.01 px of --max-error: " in said
-    assert "or export to mrcal, maps or usd" in said
+    assert "or export to mrcal or maps" in said
     assert not path.exists()
     enough = said.partition("raise it to ")[2].split()[0]
     assert len(enough.replace(".", "").lstrip("0")) <= 2
