@@ -13,7 +13,7 @@ JSON of nerfstudio                     64 MB, 2 million values     500 MB    10
 COLMAP's cameras                       16 MB                       200 MB    10
 .cameramodel                           64 MB, 400,000 values       1 GB      15
 tables: corners, pairs, poses          100 MB, 16 million values   1.5 GB    20
-corners.vnl, tables of Kalibr          200 MB, 16 million values   2 GB      20
+corners.vnl                            200 MB, 16 million values   2 GB      20
 points, pixels                         100 MB                      1 GB      60
 photos, each of those under way        2 GB, 200 million pixels,   2.5 GB    15
                                        1.2 GB when decoded

@@ -39,7 +39,6 @@ class AprilGrid(Board):
     per_cell = 2
     # A tag's frame is not in the target file: other programs print one module.
     marker_borders = (2, 1)
-    numbering = "rows-from-bottom"
     designed_counts = (2, 6)
     designed_spacing = 0.3  # as Kalibr's own boards have it
 

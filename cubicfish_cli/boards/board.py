@@ -83,7 +83,6 @@ class Board(ABC):
             boards that are designed for a size of paper: fewer say little, more are small (of the
             class).
         designed_spacing: ``spacing`` of such boards (of the class).
-        numbering: how other programs number its corners, seen from the front.
         name: unique within the target.
         columns, rows: number of corners along x and along y (a list of points: their count, 1).
         square: side of a square, in the target's units (0 for points; the side of a tag).
@@ -107,7 +106,6 @@ class Board(ABC):
     marker_borders: ClassVar[tuple[int, ...]] = ()
     designed_counts: ClassVar[tuple[int, int]] = (4, 11)
     designed_spacing: ClassVar[float] = 0.0
-    numbering: ClassVar[Literal["rows", "rows-from-bottom"]] = "rows"
 
     name: str
     columns: int

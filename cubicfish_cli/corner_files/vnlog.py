@@ -23,15 +23,25 @@ target may be turned from photo to photo, but must not look mirrored.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from cubicfish_cli.corner_files.detections import Detections, read_text, rows_where
+from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.observations import (
+    Observations,
+    first_bad_weight,
+    first_outside_photo,
+    no_such_board,
+)
+from cubicfish_cli.reading import read_text
 from cubicfish_cli.tables import Table, csv_text, parse_table
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.target import Target
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.wording import quoted
 
 MAX_BYTES = 200_000_000
@@ -41,26 +51,134 @@ _OPTIONAL = ("level", "weight")
 _MAX_LEVEL = 12
 # A dash, or a number below 0; what only looks like one is refused as no number.
 _ABSENT = re.compile(r"-(?:[0-9.]+(?:[eE][-+]?[0-9]+)?)?").fullmatch
+# A camera sees boards from the front. Grids that run the wrong way round are refused when so many
+# of their cells do: single ones may lie across the rim of a fisheye's picture.
+_MIRRORED_SHARE = 0.5
 
 
-def read_vnlog(path: Path, *, corners: int) -> Detections:
-    """Read one ``corners.vnl``.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CornersOfVnlog:
+    """What files of corners hold.
 
-    Args:
-        path: the file.
-        corners: how many corners the board has; every photo has as many rows.
-
-    Raises:
-        CorrespondenceError: the file is not one, or a photo has another number of rows; one line
-            that names the file and the line.
+    Attributes:
+        corners: the corners.
+        left_out: how many corners the files themselves declare as not found.
+        empty: names of photos without any corner.
 
     """
+
+    corners: Observations
+    left_out: int
+    empty: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _File:
+    """The corners in one file.
+
+    Attributes:
+        images: names of the photos, in order.
+        image: (N,) index into ``images``.
+        number: (N,) the corner's number on its board, from 0.
+        pixel: (N, 2).
+        weight: (N,) relative weight of the corner's squared error.
+        left_out: how many corners the file itself declares as not found.
+
+    """
+
+    images: tuple[str, ...]
+    image: IntArray
+    number: IntArray
+    pixel: FloatArray
+    weight: FloatArray
+    left_out: int
+
+
+def read_vnlogs(
+    paths: Sequence[Path],
+    target: Target,
+    *,
+    image_size: tuple[int, int],
+    board: str | None = None,
+    only: str | None = None,
+) -> CornersOfVnlog:
+    """Read the corners of one camera.
+
+    Args:
+        paths: the files, of different photos.
+        target: the calibration target.
+        image_size: (width, height) of the photos, which no such file states.
+        board: the name of the board in the photos; may be left out of a target of one board.
+        only: a glob: only photos whose names match it.
+
+    Raises:
+        CorrespondenceError: a file cannot be read or does not fit the target or the others; one
+            line that names it and, where it is about one corner, the line.
+
+    """
+    index = _board_index(paths[0], target, board)
+    one = target.boards[index]
+    images: dict[str, int] = {}
+    places, parts = [], []
+    for path in paths:
+        found = _read_file(path, one, image_size, only)
+        for name in found.images:
+            if name in images:
+                raise CorrespondenceError(
+                    f"{path}: another file holds the corners of {quoted(name)} already: "
+                    "leave one of them out"
+                )
+            images[name] = len(images)
+        places.append(np.array([images[name] for name in found.images], np.intp)[found.image])
+        parts.append(found)
+    if not images:
+        raise CorrespondenceError(f"no photo in the files is called like {quoted(str(only))}")
+    image, number = np.concatenate(places), np.concatenate([part.number for part in parts])
+    if not len(image):
+        raise CorrespondenceError(f"{paths[0]}: no corner in it is declared as found")
+    used, names = np.unique(image), list(images)
+    row, column = np.divmod(number, one.columns)
+    boards = np.full(len(image), index, np.intp)
+    corners = Observations(
+        image_size=image_size,
+        images=tuple(names[i] for i in used.tolist()),
+        boards=target.board_names,
+        image=np.searchsorted(used, image).astype(np.intp),
+        board=boards,
+        column=column,
+        row=row,
+        pixel=np.concatenate([part.pixel for part in parts]),
+        weight=np.concatenate([part.weight for part in parts]),
+        world=target.world_points(boards, column, row),
+        target=target,
+    )
+    return CornersOfVnlog(
+        corners=corners,
+        left_out=sum(part.left_out for part in parts),
+        empty=tuple(name for name in names if name not in corners.images),
+    )
+
+
+def _board_index(path: Path, target: Target, name: str | None) -> int:
+    """Which of the target's boards the files are about."""
+    if name is None and len(target.boards) > 1:
+        shown = ", ".join(quoted(name) for name in target.board_names[:8])
+        raise CorrespondenceError(
+            f"{path}: it is about one board, and which of the target's ({shown}) is not known: "
+            "say so with --board NAME"
+        )
+    if name is not None and name not in target.board_names:
+        raise CorrespondenceError(no_such_board(name, target))
+    return 0 if name is None else target.board_names.index(name)
+
+
+def _read_file(path: Path, board: Board, size: tuple[int, int], only: str | None) -> _File:
     table = _table(path)
     images, image = table.codes("filename")
     _refuse_scattered(table, image)
     start = np.flatnonzero(np.diff(image, prepend=-1))
     count = np.diff(np.append(start, len(image)))
-    found = _found(table)
+    found, corners = _found(table), board.columns * board.rows
     empty = (count == 1) & ~found[start]
     wrong = np.flatnonzero((count != corners) & ~empty)
     if wrong.size:
@@ -70,26 +188,37 @@ def read_vnlog(path: Path, *, corners: int) -> Detections:
             f"{quoted(images[first])} has {count[first]} rows where the board has {corners} "
             "corners: does the target say how many there are?",
         )
-    number = np.arange(len(image)) - start[image]
-    left_out = int((~found & ~empty[image]).sum())
-    table = rows_where(table, found)
-    return Detections(
-        path=path,
-        lines=np.array(table.lines, np.intp),
-        images=images,
-        image=image[found],
-        labels=("",),
-        label=np.zeros(int(found.sum()), np.intp),
-        number=number[found].astype(np.intp),
-        pixel=np.stack([table.floats("x"), table.floats("y")], axis=-1),
-        weight=_weights(table),
-        left_out=left_out,
+    wanted = np.array([only is None or fnmatchcase(name, only) for name in images], bool)
+    found &= wanted[image]
+    number, place = np.arange(len(image)) - start[image], np.cumsum(wanted) - 1
+    table = _rows_where(table, found)
+    pixel, weight = np.stack([table.floats("x"), table.floats("y")], axis=-1), _weights(table)
+    outside = first_outside_photo(pixel, size)
+    if outside is not None:
+        table.refuse(outside[0], f"{outside[1]}: is the size right?")
+    bad = first_bad_weight(weight)
+    if bad is not None:
+        table.refuse(*bad)
+    image, number = image[found], number[found].astype(np.intp)
+    if _is_mirrored(board, image, number, pixel):
+        raise CorrespondenceError(
+            f"{path}: board {quoted(board.name)} is seen from behind if its corners are numbered "
+            "row by row from corner (0, 0): its axes in the target must be those of the detector"
+        )
+    rows, declared = count[wanted].sum(), (empty & wanted).sum()
+    return _File(
+        images=tuple(name for name, chosen in zip(images, wanted, strict=True) if chosen),
+        image=place[image].astype(np.intp),
+        number=number,
+        pixel=pixel,
+        weight=weight,
+        left_out=int(rows - declared - len(image)),
     )
 
 
 def _table(path: Path) -> Table:
     """The rows as a table whose lines are the file's own."""
-    text = read_text(path, max_bytes=MAX_BYTES)
+    text = read_text(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
     if text.count("\n") + text.count("\r") > MAX_LINES:
         raise CorrespondenceError(
             f"{path} has more than {MAX_LINES:,} lines: is it the right file?"
@@ -135,7 +264,7 @@ def _refuse_scattered(table: Table, image: IntArray) -> None:
         )
 
 
-def _found(table: Table) -> npt.NDArray[np.bool_]:
+def _found(table: Table) -> BoolArray:
     """Which rows are corners, as mrcal has it: no dash, no coordinate or level below 0."""
     cells = [table.columns[name] for name in table.columns if name != "filename"]
     return np.array([not any(map(_ABSENT, row)) for row in zip(*cells, strict=True)], bool)
@@ -156,3 +285,34 @@ def _weights(table: Table) -> FloatArray:
             "column weight",
         )
     return np.asarray(0.25**level)
+
+
+def _rows_where(table: Table, keep: BoolArray) -> Table:
+    """Some rows of a table."""
+    index = np.flatnonzero(keep).tolist()
+    return replace(
+        table,
+        columns={name: [column[i] for i in index] for name, column in table.columns.items()},
+        lines=[table.lines[i] for i in index],
+    )
+
+
+def _is_mirrored(board: Board, image: IntArray, number: IntArray, pixel: FloatArray) -> bool:
+    """Whether a board's grids run the wrong way round in the photos, as if seen from behind."""
+    if board.points is not None:
+        return False
+    row, column = np.divmod(number, board.columns)
+    # One more column and row than there are, so that a neighbour never wraps around.
+    stride = board.columns + 1
+    key = (image * (board.rows + 1) + row) * stride + column
+    right, below = (_find(key, key + step) for step in (1, stride))
+    cell = np.flatnonzero((right >= 0) & (below >= 0))
+    along, down = pixel[right[cell]] - pixel[cell], pixel[below[cell]] - pixel[cell]
+    area = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
+    return bool(cell.size and (area < 0).mean() > _MIRRORED_SHARE)
+
+
+def _find(keys: IntArray, wanted: IntArray) -> IntArray:
+    """Where each wanted key stands among sorted keys; -1 where it is not."""
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[place] == wanted, place, -1)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.corner_files.observations_csv import save_corners
-from cubicfish_cli.corner_files.read import CornerFormat, read_corner_files
+from cubicfish_cli.corner_files.vnlog import read_vnlogs
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.files import fingerprint, refuse_existing
 from cubicfish_cli.fitting.conversion.from_lens import (
@@ -232,23 +232,20 @@ def import_corner_files(
     target: Target | StrPath,
     table: StrPath = "corners.csv",
     *,
-    written_by: CornerFormat | None = None,
-    boards: Mapping[str, str] | None = None,
     image_size: tuple[int, int],
+    board: str | None = None,
     only: str | None = None,
     run: Run = RUN,
 ) -> ImportedCornerFiles:
     """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
 
     Args:
-        files: what the detector wrote.
+        files: mrcal's corners.vnl, as mrgingham writes it.
         target: the calibration target, or its file.
         table: where the corners go.
-        written_by: ``mrcal`` or ``kalibr``; by default told by the files' suffix.
-        boards: what the files call boards -> their names in the target; an empty name stands for
-            all in files that tell no boards apart.
         image_size: (width, height) of the photos in pixels, which such files do not state.
-        only: a pattern for the names of photos, such as ``cam0/*``.
+        board: the name of the target's board in the photos; not needed where there is one.
+        only: a pattern for the names of photos, such as ``left*``.
         run: how the work is done.
 
     Raises:
@@ -258,13 +255,8 @@ def import_corner_files(
     """
     goal = Path(table)
     refuse_existing(goal, overwrite=run.overwrite)
-    read = read_corner_files(
-        paths_of(files),
-        target_in(target),
-        kind=written_by,
-        boards=boards,
-        image_size=image_size,
-        only=only,
+    read = read_vnlogs(
+        paths_of(files), target_in(target), image_size=image_size, board=board, only=only
     )
     save_corners(goal, read.corners, overwrite=run.overwrite)
     return ImportedCornerFiles(

@@ -394,7 +394,7 @@ def test_corners_of_others_are_written_as_by_the_command(tmp_path: Path) -> None
         tmp_path / "c.vnl",
         target,
         tmp_path / "b.csv",
-        boards={"": "one"},
+        board="one",
         image_size=(960, 720),
     )
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()

@@ -78,7 +78,9 @@ COMMANDS = {
     "calibrate-pairs": ("calibrate", "--correspondences", "F.csv"),
     "calibrate-photo": ("calibrate", "F.png", "--target", TARGET),
     "detect": ("detect", "F.png", "--target", TARGET),
-    "corners-csv": ("corners", "F.csv", "--target", TARGET, "--size", "960x720"),
+    "corners-vnl": (
+        *("corners", "F.vnl", "--target", TARGET, "--size", "960x720", "--board", "floor"),
+    ),
     "evaluate": ("evaluate", CORNERS, "--target", TARGET, "-m", "F.yaml"),
     "compare": ("compare", "F.yaml", CAMERA),
     "advise": ("advise", "F.yaml"),

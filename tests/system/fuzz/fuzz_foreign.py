@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli.boards.checkerboard import Checkerboard
-from cubicfish_cli.corner_files.read import read_corner_files
+from cubicfish_cli.corner_files.vnlog import read_vnlogs
 from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.formats.ocamcalib import ocamcalib_text, read_ocamcalib
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
@@ -85,10 +85,5 @@ def vnlog_seeds() -> Sequence[bytes]:
     return ["\n".join(["# filename x y level", *rows, "b.png - - -"]).encode()]
 
 
-def detections_seeds() -> Sequence[bytes]:
-    rows = [f"123,cam0,{i},{20.5 + 9 * (i % 3)},{30 + 9 * (i // 3)},1" for i in range(6)]
-    return ["\n".join(["#timestamp [ns],cam,corner_id,x,y,weight", *rows]).encode()]
-
-
 def read_corners(path: Path) -> object:
-    return read_corner_files([path], TARGET, image_size=SIZE).corners
+    return read_vnlogs([path], TARGET, image_size=SIZE).corners

@@ -207,9 +207,6 @@ READERS = {
         read=lenses.look_through(None), seeds=lenses.all_seeds, suffix="", words=lenses.KEYS
     ),
     "corners.vnl": Reader(read=foreign.read_corners, seeds=foreign.vnlog_seeds, suffix=".vnl"),
-    "detections.csv": Reader(
-        read=foreign.read_corners, seeds=foreign.detections_seeds, suffix=".csv"
-    ),
 }
 
 _WORDS = """
