@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.advice.enough import FEWEST_PHOTOS, default_goal, seen_share, why_not_enough
-from cubicfish_cli.advice.field import Field, reach_of
-from cubicfish_cli.advice.gaps import Gaps, find_gaps, photo_distances
+from cubicfish_cli.advice.enough import FEWEST_PHOTOS, default_goal, why_not_enough
+from cubicfish_cli.advice.field import GRID, Field, reach_of
+from cubicfish_cli.advice.gaps import Gaps, find_gaps
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.advice.proposals import Proposal, proposed
 from cubicfish_cli.assess.uncertainty import FieldUncertainty, recorded_uncertainty
@@ -22,7 +22,6 @@ from cubicfish_cli.rendering.views import Distances, Viewpoint, sample_views
 from cubicfish_cli.target import Target
 from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.units import length_words
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
@@ -33,10 +32,6 @@ _NEARER, _FARTHER = 0.5, 2.0
 _VIEWS = 90
 # A fit again whose uncertainty differs by more than this factor is another one.
 _SAME = 30.0
-# Beyond a field that is at least so much of the inner circle there is no picture to speak of.
-_SEEN_WELL = 0.9
-# Most lenses that are called fisheyes show less than this to each side.
-_WIDE_DEG = 85.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,16 +46,14 @@ class Advice:
         noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
         goal_px: uncertainty that is wanted over the field.
         now: uncertainty; None where it cannot be worked out.
-        grid: (G, 2) pixels in the field, and ``sigma`` (G,) the uncertainty there, pixels.
-        sigma: see ``grid``.
+        sigma: (rows, columns) the uncertainty over the photo, pixels; NaN outside the field, or
+            where it cannot be worked out.
         gaps: what photos so far do not show.
         enough: whether no more photos are needed.
         reasons: why it is not enough.
         photos_needed: how many more photos, as proposed here, reach the goal; None where more than
             :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
         proposals: the next photos, in order.
-        distances: how near and far they may be: half as near as photos so far, and twice as far;
-            None where poses or the target are not known.
         notes: what cannot be said, or is to be kept in mind.
 
     """
@@ -72,14 +65,12 @@ class Advice:
     noise_px: float | None
     goal_px: float
     now: FieldUncertainty | None
-    grid: FloatArray
     sigma: FloatArray
     gaps: Gaps
     enough: bool
     reasons: tuple[Finding, ...]
     photos_needed: int | None
     proposals: tuple[Proposal, ...]
-    distances: Distances | None
     notes: tuple[Finding, ...]
 
     def as_record(self) -> dict[str, Any]:
@@ -95,12 +86,7 @@ class Advice:
             "now": self.now.as_record() if self.now else None,
             "coverage": self.gaps.cells.coverage,
             "empty": [part.as_record() for part in self.gaps.parts],
-            "tilts": list(self.gaps.tilts),
-            "distances": list(self.gaps.distances),
             "proposals": [proposal.as_record() for proposal in self.proposals],
-            "proposed_distances": [self.distances.near, self.distances.far]
-            if self.distances
-            else None,
             "notes": [note.line for note in self.notes],
             "remarks": [note.as_record() for note in self.notes],
         }
@@ -134,14 +120,14 @@ def advise(
     """
     goal = goal_px or default_goal(camera.image_size)
     poses = recorded_poses(fit, pairs.images)
-    gaps = find_gaps(camera, pairs, poses, target)
+    gaps = find_gaps(camera, pairs)
     notes: list[Finding] = []
     if poses is None:
         notes.append(Finding(code=Code.NO_POSES))
     knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
     own = camera if knowledge is None else knowledge.camera
     field = Field(camera=own, blind=gaps.cells.blind)
-    sigma = np.full(len(field.grid), np.nan)
+    sigma = np.full(GRID[::-1], np.nan)
     now = None
     noise = knowledge.information.noise_px if knowledge else None
     if knowledge is not None:
@@ -153,7 +139,6 @@ def advise(
         first = judged.reasons[0]
         said = {"against": first.why, "mend": first.do}
         reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
-    notes += _beyond(camera)
     if field.blind:
         figures = {"blind_deg": float(np.degrees(field.blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
@@ -175,25 +160,25 @@ def advise(
         noise_px=noise,
         goal_px=goal,
         now=now,
-        grid=field.grid,
         sigma=sigma,
         gaps=gaps,
         enough=not reasons,
         reasons=tuple(reasons),
         photos_needed=needed,
         proposals=found,
-        distances=within,
         notes=tuple(notes),
     )
 
 
 def distances_within(pairs: Observations, poses: Poses) -> Distances:
     """From how near to how far photos may be proposed, by what photos so far show."""
-    typical, nearest = photo_distances(pairs, poses)
+    away = np.linalg.norm(poses.apply(pairs.image, pairs.world), axis=-1)
+    # The middle of the corners would not do: inside a box it is where the camera is.
+    typical = [float(np.median(away[pairs.image == photo])) for photo in np.unique(pairs.image)]
     return Distances(
-        near=_NEARER * float(typical.min()),
-        far=_FARTHER * float(typical.max()),
-        nearest=_NEARER * float(nearest.min()),
+        near=_NEARER * min(typical),
+        far=_FARTHER * max(typical),
+        nearest=_NEARER * float(away.min()),
     )
 
 
@@ -210,18 +195,6 @@ def _as_recorded(
     noise_px = knowledge.information.noise_px * known.median_px / own.median_px
     scaled = replace(knowledge.information, noise_px=noise_px)
     return replace(knowledge, information=scaled), known
-
-
-def _beyond(camera: CubicCamera) -> list[Finding]:
-    """A reminder where the lens may well show more than the trusted field."""
-    if camera.max_angle_deg >= _WIDE_DEG and seen_share(camera) >= _SEEN_WELL:
-        return []
-    width, height = camera.image_size
-    x, y = camera.outline().T
-    inside = (x > 0.5) & (y > 0.5) & (x < width - 1.5) & (y < height - 1.5)
-    if inside.mean() < 0.05:
-        return []
-    return [Finding(code=Code.RIM_UNKNOWN, figures={"known_deg": camera.max_angle_deg})]
 
 
 def _views(
@@ -244,14 +217,5 @@ def _views(
     lens = reach_of(field.camera, blind=field.blind)
     views = sample_views(target, lens, field.camera.image_size, _VIEWS, seed=seed, within=within)
     if not views:
-        where = f", {distances_words(within, target.units)}" if within else ""
-        notes.append(Finding(code=Code.NO_VIEW, figures={"nearness": where}))
+        notes.append(Finding(code=Code.NO_VIEW))
     return views
-
-
-def distances_words(within: Distances, units: str) -> str:
-    """``8.0 cm to 60 cm away (...)``, with why."""
-    return (
-        f"{length_words(within.near, units)} to {length_words(within.far, units)} away (from half "
-        "the nearest to twice the farthest of the photos so far)"
-    )

@@ -70,7 +70,7 @@ def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Observations) ->
         pairs: the pairs that it was fitted to.
 
     """
-    gaps = find_gaps(camera, pairs, None, None)
+    gaps = find_gaps(camera, pairs)
     now = recorded_uncertainty(fit)
     goal = default_goal(camera.image_size)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)

@@ -16,8 +16,8 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.types import FloatArray
 
-GRID = (21, 15)
-"""Columns and rows over the photo of the uncertainty that pictures show."""
+GRID = (80, 60)
+"""Columns and rows over the photo of the uncertainty that the picture shows."""
 _BEYOND_DEG = 10.0
 
 
@@ -35,23 +35,22 @@ class Field:
     blind: float
 
     @cached_property
-    def grid(self) -> FloatArray:
-        """(G, 2) pixels over it, those that pictures show."""
-        width, height = self.camera.image_size
-        x, y = ((np.arange(n) + 0.5) / n for n in GRID)
-        pixel = np.stack(np.meshgrid(x * width - 0.5, y * height - 0.5), axis=-1).reshape(-1, 2)
-        seen = angle_from_axis(self.camera.unproject(pixel)) >= self.blind
-        return np.asarray(pixel[seen])
-
-    @cached_property
     def _rays(self) -> FloatArray:
         """(N, 3) rays over it, those that camera.yaml's figures are of."""
         rays = field_grid(self.camera, self.blind)[2].reshape(-1, 3)
         return np.asarray(rays[np.isfinite(rays[:, 0])])
 
     def sigma_px(self, known: Information) -> FloatArray:
-        """(G,) the uncertainty at each pixel of the grid."""
-        return known.uncertainty().sigma_px(self.camera.unproject(self.grid))
+        """(rows, columns) the uncertainty over the photo, NaN outside the field."""
+        x, y = (
+            (np.arange(n) + 0.5) / n * size - 0.5
+            for n, size in zip(GRID, self.camera.image_size, strict=True)
+        )
+        rays = self.camera.unproject(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        seen = angle_from_axis(rays) >= self.blind
+        sigma = np.full(len(rays), np.nan)
+        sigma[seen] = known.uncertainty().sigma_px(rays[seen])
+        return sigma.reshape(GRID[::-1])
 
     def summed(self, known: Information) -> FieldUncertainty:
         """The uncertainty over all of it."""
@@ -85,13 +84,3 @@ def reach_of(camera: CubicCamera, more_deg: float = 0.0, blind: float = 0.0) -> 
     """
     limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
     return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle), blind=blind)
-
-
-def rim_of(camera: CubicCamera, count: int = 180) -> FloatArray:
-    """(count, 2) the rim of what :func:`reach_of` sees, within the photo or not, pixels."""
-    limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG))
-    angle = min(limit, camera.radial.max_angle) - 1e-6
-    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    sine = np.sin(angle)
-    rays = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.full(count, np.cos(angle))], -1)
-    return camera.radial.project(rays)

@@ -1,11 +1,7 @@
-"""What photos so far do not show: parts of the picture, tilts and distances.
-
-Places in the picture and tilts in a photographer's words.
-"""
+"""Which parts of the picture photos so far leave empty, and a photographer's words for places."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,23 +9,15 @@ import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.fitting.findings import FieldCells, field_cells
-from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target
-from cubicfish_cli.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.units import length_words
+from cubicfish_cli.types import FloatArray, IntArray
 
-_BAND_DEG = 20.0
+# The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
+_MIDDLE_FIELD_DEG = 20.0
+_OUTER_RING = 0.4
 # A part counts as empty when so many of its squares hold no corner.
 _EMPTY_SHARE = 0.6
-_FACING_DEG, _TILTED_DEG = 20.0, 20.0
-_FEW_CORNERS = 6
-_TILT_SHARE = 0.06
-_FEW_FACES = 4
-# Distances that differ by less than this factor are one distance.
-_SPREAD = 1.5
-_WAYS = ("right", "down", "left", "up")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,193 +64,41 @@ class Gaps:
     Attributes:
         parts: empty parts of the field, the largest first.
         cells: the field in squares, and which hold corners.
-        tilts: what is missing of tilts, a line each; none where there is no target.
-        distances: what is missing of distances, likewise.
 
     """
 
     parts: tuple[Part, ...]
     cells: FieldCells
-    tilts: tuple[str, ...]
-    distances: tuple[str, ...]
 
 
-def find_gaps(
-    camera: CubicCamera, pairs: Observations, poses: Poses | None, target: Target | None
-) -> Gaps:
-    """Look for what is missing.
+def find_gaps(camera: CubicCamera, pairs: Observations) -> Gaps:
+    """Look for parts of the field without corners: of the middle, and of two rings around it.
 
     Args:
         camera: the camera.
         pairs: the corners that it was fitted to.
-        poses: camera_from_world of each of ``pairs.images``, in the target's units; None where
-            they are not known.
-        target: the calibration target; None for pairs that came without one.
 
     """
     cells = field_cells(camera, pairs.pixel)
-    of_target = None if poses is None or target is None else (pairs, poses, target)
-    return Gaps(
-        parts=tuple(_empty_parts(camera, cells)),
-        cells=cells,
-        tilts=tuple(_missing_tilts(*of_target)) if of_target else (),
-        distances=tuple(_missing_distances(*of_target)) if of_target else (),
-    )
-
-
-def _empty_parts(camera: CubicCamera, cells: FieldCells) -> list[Part]:
     row, column = np.nonzero(cells.field)
-    pixel = (np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5
-    rays = camera.unproject(pixel)
+    rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
     seen = np.isfinite(rays[:, 0])
-    row, column, rays = row[seen], column[seen], rays[seen]
-    if not len(rays):
-        return []
-    angle = np.degrees(np.arccos(np.clip(rays[:, 2], -1, 1)))
-    band = np.floor(angle / _BAND_DEG).astype(int)
-    # The middle has no sides.
-    side = np.where(band == 0, 8, side_of(rays[:, :2]))
-    gone = cells.empty[row, column]
-    bands = band.max() + 1
-    size = [np.arange(bands + 1), np.arange(10)]
-    all_, holes = (np.histogram2d(band[some], side[some], size)[0] for some in (slice(None), gone))
-    lost = (all_ > 0) & (holes >= _EMPTY_SHARE * all_)
-    for number in range(2, bands):
-        # Bands that no square's middle lies in are like those inside them.
-        lost[number] |= (all_[number] == 0) & lost[number - 1]
+    rays, gone = rays[seen], cells.empty[row, column][seen]
+    angle, side = np.degrees(angle_from_axis(rays)), side_of(rays[:, :2])
+    rim = max(camera.max_angle_deg, _MIDDLE_FIELD_DEG)
+    outer = rim - _OUTER_RING * (rim - _MIDDLE_FIELD_DEG)
     parts = []
-    if lost[0, 8]:
-        parts.append(_part(camera, (), 0, 1, holes[0, 8] / len(rays)))
-    for runs in _joined([_runs(lost[1:, side]) for side in range(8)]):
-        first, stop = min(run[1] for run in runs) + 1, max(run[2] for run in runs) + 1
-        sides = tuple(dict.fromkeys(run[0] for run in runs))
-        share = sum(holes[one + 1 : end + 1, side].sum() for side, one, end in runs) / len(rays)
-        parts.append(_part(camera, sides, first, stop, share))
-    parts.sort(key=lambda part: -part.share)
-    # Joined parts reach over what lies between them.
-    return [
-        part
-        for number, part in enumerate(parts)
-        if not any(_holds(larger, part) for larger in parts[:number])
-    ]
-
-
-def _holds(larger: Part, part: Part) -> bool:
-    within = larger.from_deg <= part.from_deg and part.to_deg <= larger.to_deg
-    return bool(part.sides) and within and set(part.sides) <= set(larger.sides)
-
-
-def _runs(lost: BoolArray) -> list[tuple[int, int]]:
-    """First and stop of each run of true values."""
-    edge = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
-    return [(int(first), int(stop)) for first, stop in edge.reshape(-1, 2)]
-
-
-def _joined(by_side: Sequence[Sequence[tuple[int, int]]]) -> list[list[tuple[int, int, int]]]:
-    """Runs of neighbouring sides that reach about as far in and out as one part of the picture.
-
-    Args:
-        by_side: first and stop of each side's runs of bands.
-
-    Returns:
-        For each part its runs: side, first and stop, clockwise.
-
-    """
-    groups: list[list[tuple[int, int, int]]] = []
-    for side, runs in enumerate(by_side):
-        for first, stop in runs:
-            run = (side, first, stop)
-            own = next((group for group in groups if _touch(group[-1], run)), None)
-            if own is None:
-                groups.append([run])
-            else:
-                own.append(run)
-    # Around the circle the last side is the first one's neighbour.
-    for group in groups[1:]:
-        if _touch(group[-1], groups[0][0]) and group[-1][0] == 7:
-            groups[0] = group + groups[0]
-            groups.remove(group)
-            break
-    return groups
-
-
-def _touch(one: tuple[int, int, int], other: tuple[int, int, int]) -> bool:
-    return (
-        (one[0] + 1) % 8 == other[0]
-        and abs(one[1] - other[1]) <= 1
-        and abs(one[2] - other[2]) <= 1
-        and max(one[1], other[1]) < min(one[2], other[2])
-    )
-
-
-def _part(camera: CubicCamera, sides: tuple[int, ...], first: int, stop: int, share: float) -> Part:
-    return Part(
-        sides=sides,
-        from_deg=first * _BAND_DEG,
-        to_deg=min(stop * _BAND_DEG, camera.max_angle_deg),
-        share=float(share),
-    )
-
-
-def _faces(pairs: Observations, poses: Poses, target: Target) -> tuple[FloatArray, FloatArray]:
-    """Where each board of each photo looks and is (F, 3) each, camera frame."""
-    key = pairs.image * len(target.boards) + pairs.board
-    keys, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
-    points = poses.apply(pairs.image, pairs.world)
-    middle = np.zeros((len(keys), 3))
-    np.add.at(middle, inverse.reshape(-1), points)
-    middle /= counts[:, None]
-    photo, board = np.divmod(keys, len(target.boards))
-    normal = -np.stack([one.axes[2] for one in target.boards])[board]
-    front = (poses.rotation[photo] @ normal[..., None])[..., 0]
-    printed = np.array([one.points is None for one in target.boards])[board]
-    kept = printed & (counts >= _FEW_CORNERS)
-    return front[kept], middle[kept]
-
-
-def _missing_tilts(pairs: Observations, poses: Poses, target: Target) -> list[str]:
-    front, middle = _faces(pairs, poses, target)
-    if len(front) < _FEW_FACES:
-        return []
-    angle, towards = slant(front, middle)
-    way = np.rint(azimuth(towards) / (np.pi / 2)).astype(int) % 4
-    tilted = angle > _TILTED_DEG
-    lines = []
-    least = max(1.0, _TILT_SHARE * len(front))
-    rare = [_WAYS[one] for one in range(4) if (tilted & (way == one)).sum() < least]
-    if rare:
-        lines.append(f"hardly any board has its face turned {listed(rare)} (by 20° or more)")
-    if (angle <= _FACING_DEG).sum() < 1 and len(target.boards) == 1:
-        lines.append("no photo shows the board facing the camera")
-    return lines
-
-
-def photo_distances(pairs: Observations, poses: Poses) -> tuple[FloatArray, FloatArray]:
-    """How far each photo was from its corners in the median, and from the nearest: (M,) each.
-
-    The middle of the corners would not do: inside a box it is where the camera is.
-    """
-    away = np.linalg.norm(poses.apply(pairs.image, pairs.world), axis=-1)
-    of_photo = np.split(
-        away[np.argsort(pairs.image, kind="stable")],
-        np.cumsum(np.bincount(pairs.image, minlength=len(poses)))[:-1],
-    )
-    known = [own for own in of_photo if len(own)]
-    return np.array([np.median(own) for own in known]), np.array([own.min() for own in known])
-
-
-def _missing_distances(pairs: Observations, poses: Poses, target: Target) -> list[str]:
-    if len(poses) < 2:
-        return []
-    distance, _ = photo_distances(pairs, poses)
-    near, far = float(distance.min()), float(distance.max())
-    if far > _SPREAD * near:
-        return []
-    units = target.units
-    return [
-        f"all photos are from {length_words(near, units)} to {length_words(far, units)} away: take "
-        f"one from {length_words(0.6 * near, units)} and one from {length_words(1.7 * far, units)}"
-    ]
+    for low, high in ((0.0, _MIDDLE_FIELD_DEG), (_MIDDLE_FIELD_DEG, outer), (outer, rim)):
+        ring = (angle >= low) & (angle < high)
+        ways = [ring] if not low else [ring & (side == way) for way in range(len(SIDES))]
+        lost = [
+            way for way, own in enumerate(ways) if own.any() and gone[own].mean() >= _EMPTY_SHARE
+        ]
+        if lost:
+            share = sum(gone[ways[way]].sum() for way in lost) / len(rays)
+            sides = tuple(lost) if low else ()
+            parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
+    return Gaps(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
 
 
 # Clockwise from the right, y down, an eighth of a turn each.

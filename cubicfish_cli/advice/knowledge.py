@@ -11,13 +11,12 @@ import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.records import recorded_number
-from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import CubicResult, Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
-from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import Information, information
@@ -42,95 +41,24 @@ class Knowledge:
 
     Attributes:
         camera: the camera of the fit, in the fit's own frame.
-        result: the fit.
         information: what its photos say.
-        pairs: its pairs, world points divided by ``scale``.
-        scale: the target's units in one unit of the pairs.
-        target: the calibration target as fitted, in the pairs' frame; None for pairs that came
-            without one.
-        offset_spread: of corners' own offsets, in the pairs' units; None where they have none.
-        origin: (3,) where the user's frame has the origin of the pairs'.
+        scale: the target's units in one unit of the fit.
 
     """
 
     camera: CubicCamera
-    result: CubicResult
     information: Information
-    pairs: Observations
     scale: float
-    target: Target | None
-    offset_spread: float | None
-    origin: FloatArray
 
     def points(self, view: Viewpoint) -> FloatArray:
         """(N, 3) visible corners of a view in the camera frame, as far as P is held there.
 
-        In the pairs' unit.
+        In the fit's unit.
         """
         points = view.seen.camera[view.seen.visible] / self.scale
         angle = angle_from_axis(points)
         held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
         return held
-
-    def with_views(self, views: Sequence[Viewpoint]) -> Information:
-        """What would be known with photos from these views, the target being free as it was.
-
-        The corners are taken to be found where the fit expects them, with the noise of the others.
-        """
-        result = self.result
-        fit = result.fit
-        pairs, poses = self.pairs, result.poses
-        for view in views:
-            pairs, poses = self._with_photo(pairs, poses, view)
-        world: World | None = None
-        if fit.world.free and self.target is not None:
-            world = World.drawn(
-                pairs,
-                self.target,
-                noise=fit.world.noise,
-                offset_spread=self.offset_spread,
-                scale=self.scale,
-            )
-        extended = adjust(
-            fit.lens,
-            poses,
-            pairs,
-            huber_px=huber_px(result.residual),
-            world=world,
-            max_iterations=0,
-        )
-        return information(replace(result, fit=extended), pairs, noise_px=self.information.noise_px)
-
-    def _with_photo(
-        self, pairs: Observations, poses: Poses, view: Viewpoint
-    ) -> tuple[Observations, Poses]:
-        seen, number = view.seen, len(pairs.images)
-        angle = angle_from_axis(seen.camera)
-        used = seen.visible & (angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG))
-        board, column, row = seen.board[used], seen.column[used], seen.row[used]
-        world = (
-            seen.world[used] - self.origin
-            if self.target is None
-            else self.target.world_points(board, column, row)
-        )
-        rotation = rotation_from_vector(np.asarray(view.pose[0], float)[None])
-        added = Poses(rotation=rotation, translation=np.asarray(view.pose[1], float)[None])
-        translation = added.of_world(-self.origin).translation / self.scale
-        poses = Poses.joined([poses, Poses(rotation=rotation, translation=translation)])
-        image = np.full(int(used.sum()), number)
-        shown = replace(
-            pairs,
-            images=(f"view {number}",),
-            image=np.zeros(len(image), np.intp),
-            world=world / self.scale,
-            pixel=self.result.lens.project(poses.apply(image, world / self.scale)),
-            weight=np.ones(len(image)),
-            board=board,
-            column=column,
-            row=row,
-            certain=np.ones(len(image), bool),
-        )
-        return Observations.joined([pairs, shown]), poses
 
 
 def recorded_poses(fit: Mapping[str, Any], images: Sequence[str]) -> Poses | None:
@@ -190,13 +118,8 @@ def know(
             radial=reference.camera,
             pupil_travel=result.lens.travel * scale,
         ),
-        result=result,
         information=information(result, reference.pairs),
-        pairs=pairs,
         scale=scale,
-        target=target,
-        offset_spread=spread,
-        origin=origin,
     )
 
 

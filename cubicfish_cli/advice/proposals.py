@@ -20,15 +20,11 @@ from cubicfish_cli.advice.gaps import place_words, tilt_words
 from cubicfish_cli.advice.knowledge import Knowledge
 from cubicfish_cli.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.fitting.findings import FieldCells
-from cubicfish_cli.fitting.uncertainty import Information
 from cubicfish_cli.rendering.views import Viewpoint
 from cubicfish_cli.types import BoolArray
-from cubicfish_cli.units import length_words
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""
-# A point of the grid belongs to a view when a corner is so near, as a share of the short side.
-_NEAR = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,18 +33,19 @@ class Proposal:
 
     Attributes:
         view: from where, and what would be seen.
-        words: that as an instruction.
         before, after: uncertainty over the field, with the proposals before this one.
-        here_before_px, here_after_px: median uncertainty where the target would be.
 
     """
 
     view: Viewpoint
-    words: str
     before: FieldUncertainty
     after: FieldUncertainty
-    here_before_px: float
-    here_after_px: float
+
+    @property
+    def words(self) -> str:
+        """Where the target should be, as an instruction."""
+        place = place_words(self.view.direction)
+        return f"the target {place}, {tilt_words(self.view.front, self.view.direction)}"
 
     @property
     def gain(self) -> float:
@@ -68,8 +65,6 @@ class Proposal:
             "distance": float(np.median(self.view.away)),
             "before": self.before.as_record(),
             "after": self.after.as_record(),
-            "here_before_px": self.here_before_px,
-            "here_after_px": self.here_after_px,
             "gain": self.gain,
         }
 
@@ -86,7 +81,7 @@ def proposed(
     added = [knowledge.information.of_photo(knowledge.points(view)) for view in views]
     filled = np.array([_filled(view, cells) for view in views])
     empty, squares = cells.empty, max(cells.field.sum(), 1)
-    chosen: list[Viewpoint] = []
+    chosen: list[Proposal] = []
     # The same photo twice would say little that is new of a real lens and a real target.
     taken = np.zeros(len(views), bool)
     state = knowledge.information
@@ -98,16 +93,16 @@ def proposed(
         fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
+        chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
         state, level = tried[best], sums[best]
         empty &= ~filled[best]
         taken[best] = True
-        chosen.append(views[best])
         covered = 1 - empty.sum() / squares >= ENOUGH_COVERAGE
         if needed is None and level.p95_px <= goal and covered:
             needed = len(chosen)
         if len(chosen) >= proposals and needed is not None:
             break
-    return _told(knowledge, chosen[:proposals], field), needed
+    return tuple(chosen[:proposals]), needed
 
 
 def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
@@ -123,31 +118,3 @@ def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
 def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     """How much of the uncertainty is left, on the whole and where it is worst."""
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
-
-
-def _told(knowledge: Knowledge, chosen: Sequence[Viewpoint], field: Field) -> tuple[Proposal, ...]:
-    """The chosen views in words, with what they bring, the target being as free as in the fit."""
-    units = knowledge.target.units if knowledge.target else ""
-    near = _NEAR * min(field.camera.image_size)
-    state: Information = knowledge.information
-    before, level = field.sigma_px(state), field.summed(state)
-    told = []
-    for number, view in enumerate(chosen, start=1):
-        state = knowledge.with_views(chosen[:number])
-        after, next_level = field.sigma_px(state), field.summed(state)
-        apart = np.linalg.norm(field.grid[:, None] - view.pixel, axis=-1).min(axis=1)
-        here = apart <= near if (apart <= near).any() else apart <= apart.min()
-        told.append(
-            Proposal(
-                view=view,
-                words=f"the target {place_words(view.direction)}, its corners about "
-                f"{length_words(float(np.median(view.away)), units)} away, "
-                f"{tilt_words(view.front, view.direction)}",
-                before=level,
-                after=next_level,
-                here_before_px=float(np.median(before[here])),
-                here_after_px=float(np.median(after[here])),
-            )
-        )
-        before, level = after, next_level
-    return tuple(told)

@@ -32,7 +32,9 @@ class Asked:
         options.FILE,
     )
     picture: Path | None = options.output_option(
-        "Also draw where the target should appear.", metavar="FILE.svg"
+        "Also draw where the target should appear: a picture (.svg, .png, .pdf). Needs pip install "
+        "'cubicfish[report]'.",
+        metavar="FILE",
     )
     poses: Path | None = option(
         "--poses FILE",
@@ -64,10 +66,9 @@ def command(given: Asked) -> None:
     """Say what the photos of a calibration leave open, and what to photograph next.
 
     Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
-    which parts of the picture are empty, which tilts and distances are missing and how many more
-    photos it takes, and proposes the three that would help most: where the target should be in
-    the picture, and how far that lowers the camera's uncertainty, worked out from the fit's own
-    equations. Says "enough" when it is.
+    which parts of the picture are empty and how many more photos it takes, and proposes the three
+    that would help most: where the target should be in the picture, and how far that lowers the
+    camera's uncertainty, worked out from the fit's own equations. Says "enough" when it is.
     """
     from cubicfish_cli.library.report_files import advise_files
 
@@ -102,7 +103,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
         result(_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
-            result(_take_these(advice))
+            result("Take these next; what each brings counts those before it:")
         for number, proposal in enumerate(advice.proposals, start=1):
             _print_proposal(number, proposal)
         if advice.proposals:
@@ -125,15 +126,6 @@ def _how_many(advice: Advice) -> str:
     return ""
 
 
-def _take_these(advice: Advice) -> str:
-    from cubicfish_cli.advice.advise import distances_words
-
-    where = ""
-    if advice.distances is not None and advice.target is not None:
-        where = f", {distances_words(advice.distances, advice.target.units)}"
-    return f"Take these next{where}; what each brings counts those before it:"
-
-
 def _print_gaps(advice: Advice) -> None:
     parts = advice.gaps.parts
     if parts:
@@ -143,16 +135,11 @@ def _print_gaps(advice: Advice) -> None:
         if len(parts) > _MOST_PARTS:
             result(f"  and {count(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()
-    for line in (*advice.gaps.tilts, *advice.gaps.distances):
-        result(f"Missing: {line}.")
-    if advice.gaps.tilts or advice.gaps.distances:
-        result()
 
 
 def _print_proposal(number: int, proposal: Proposal) -> None:
     result(f"  {number}  Put {proposal.words}.")
     result(
-        f"     Lowers the uncertainty there from {proposal.here_before_px:.3f} to "
-        f"{proposal.here_after_px:.3f} px, over the field from {proposal.before.median_px:.3f} to "
+        f"     Lowers the uncertainty over the field from {proposal.before.median_px:.3f} to "
         f"{proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians)."
     )

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.advice.advise import Advice, advise
-from cubicfish_cli.advice.picture import advice_svg
 from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
@@ -21,6 +20,7 @@ from cubicfish_cli.rendering.truth import pose_table_text
 from cubicfish_cli.report.from_files import facts_of_files
 
 PAGE = "report.html"
+_PICTURES = (".svg", ".png", ".pdf")
 # What to name, and how, where corners are lacking.
 _WHAT = {
     "--corners": "the corners with --corners, and the target with --target",
@@ -157,7 +157,7 @@ def advise_files(
         camera: its file, or the folder of that.
         corners: the corners.csv of the fit, where it is not beside the camera.
         target: the calibration target as drawn, where it is not at its recorded place.
-        picture: also draws where the target should appear, as SVG.
+        picture: also draws where the target should appear: .svg, .png or .pdf.
         poses: also writes the proposed poses.
         goal_px: the uncertainty wanted over the field; by default 0.2, more for large photos.
         seed: another one tries other poses.
@@ -169,8 +169,10 @@ def advise_files(
 
     """
     drawing, table, given, drawn = map(path_or_none, (picture, poses, corners, target))
-    if drawing is not None and drawing.suffix.lower() != ".svg":
-        raise OutputError(f"{drawing}: drawings are SVG: end the name in .svg")
+    if drawing is not None and drawing.suffix.lower() not in _PICTURES:
+        raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
+    if drawing is not None and extra.missing(extra.PRINTING):
+        raise CubicfishError(f"a picture needs matplotlib: {extra.INSTALL}")
     refuse_existing(*filter(None, (drawing, table)), overwrite=run.overwrite)
     path = in_folder(Path(camera))
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
@@ -192,7 +194,9 @@ def advise_files(
     )
     files: dict[Path, Content] = {}
     if drawing is not None:
-        files[drawing] = advice_svg(advice)
+        with extra.quiet():
+            from cubicfish_cli.advice.picture import advice_picture
+        files[drawing] = advice_picture(advice, drawing.suffix.lower())
     if table is not None:
         named = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
         files[table] = pose_table_text(named)

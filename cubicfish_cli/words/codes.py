@@ -82,7 +82,6 @@ class Code(StrEnum):
     FEW_PHOTOS = "few_photos"
     NOT_CERTAIN = "not_certain"
     NOT_TRUSTED = "not_trusted"
-    RIM_UNKNOWN = "rim_unknown"
     MIDDLE_UNSEEN = "middle_unseen"
     NO_POSES = "no_poses"
     NO_TARGET = "no_target"

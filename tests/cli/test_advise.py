@@ -40,7 +40,7 @@ def test_a_poor_calibration(run: Run, poor: Path, tmp_path: Path) -> None:
     assert "Not enough: " in said
     assert "No corners here:" in said
     assert "  1  Put the target " in said
-    assert "Lowers the uncertainty there from" in said
+    assert "Lowers the uncertainty over the field from" in said
     assert "  3  Put" in said
     assert f"wrote {svg}" in said
     ElementTree.parse(svg)
@@ -121,5 +121,8 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_pictures_are_svg(run: Run, calibrated: Path, tmp_path: Path) -> None:
-    assert "end the name in .svg" in run("advise", calibrated, "-o", "a.png", code=1).stderr
+def test_a_picture_is_of_a_known_kind(run: Run, calibrated: Path, tmp_path: Path) -> None:
+    said = run("advise", calibrated, "-o", tmp_path / "a.jpg", code=1).stderr
+    assert "end the name in .svg, .png, .pdf" in said
+    run("advise", calibrated, "-o", tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -169,7 +169,7 @@ def test_what_to_photograph_next_is_what_the_command_says(
     assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
     assert made.advice.enough is said["enough"] is False
     with pytest.raises(OutputError, match="drawings are SVG"):
-        advise_files(calibrated, picture=tmp_path / "a.png")
+        advise_files(calibrated, picture=tmp_path / "a.jpg")
 
 
 @pytest.mark.slow

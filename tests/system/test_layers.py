@@ -103,6 +103,7 @@ ALLOWED: dict[str, set[str]] = {
         "assess",
         "fitting",
         "rendering",
+        "printing",
     },
 }
 ALLOWED["report"] = {*ALLOWED}
