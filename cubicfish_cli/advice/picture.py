@@ -107,7 +107,7 @@ def _draw_map(axes: Axes, advice: Advice) -> None:
     axes.add_collection(empty)
     empty.set_clip_path(field)
     dots = advice.pixel[:: -(-len(advice.pixel) // _MOST_DOTS)]
-    axes.scatter(*dots.T, s=2, color="#333", alpha=0.5, zorder=2, rasterized=True)
+    axes.scatter(dots[:, 0], dots[:, 1], s=2, color="#333", alpha=0.5, zorder=2, rasterized=True)
     if advice.now is not None:
         words = (f"≤ {goal / 2:.2g}", f"≤ {goal:.2g}", f"≤ {2 * goal:.2g}", f"> {2 * goal:.2g} px")
         keys = [Patch(color=one, label=text) for one, text in zip(_COLOURS, words, strict=True)]

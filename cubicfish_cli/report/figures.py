@@ -2,56 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import io
+from base64 import b64encode
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.transforms import Transform, blended_transform_factory
-from scipy.special import xlogy
 
 from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.findings import FieldCells
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import ray_at
 from cubicfish_cli.printing.extra import drawing
-from cubicfish_cli.rendering.difference_picture import COLOURS
 from cubicfish_cli.report.facts import ErrorFacts, Facts
-from cubicfish_cli.report.svg import (
-    BLUE,
-    GREEN,
-    GRID,
-    INK,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    RED,
-    STYLE,
-    VARIABLES,
-    WIDTH,
-    Box,
-    add_axes,
-    areas,
-    dots,
-    new_figure,
-    rectangles,
-    strokes,
-    svg_text,
-)
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.units import round_down, round_up
 
+INK, MUTED = "#1d2329", "#57606a"
+BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"
+BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
+STYLE: dict[Any, Any] = {
+    # The same drawing has the same ids in every run.
+    "svg.hashsalt": "cubicfish",
+    "svg.fonttype": "none",
+    "font.size": 10,
+    "savefig.dpi": 150,
+    "axes.edgecolor": MUTED,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#dfe3e8",
+    "axes.axisbelow": True,
+}
+WIDTH = 5.0
+"""Of every figure, inches."""
 MOST_DOTS = 4000
 _MOST_STROKES = 1500
-_CELLS = 8  # along the shorter side, as coverage counts them
 _FINE_CELLS = 12
-BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
 _STEP_DEG = 5.0
 # 95 of 100 arrows are at most this share of the picture's longer side.
 _ARROW_SHARE = 0.04
@@ -59,19 +51,14 @@ _ARROW_SHARE = 0.04
 _HEAVY_TAIL = 0.001
 # Steps of angle whose RMS is this many times the typical one are called a worse rim.
 _WORSE_RIM = 3.0
-_BANDS = 5
-# Room for the labels of a y axis, also where small pages have larger letters.
-_LEFT = 60.0
-# Width of a letter there.
-_LETTER = 8.0
-_MOST_BANDS = 7
-# Points of a grid through which a smooth surface is laid.
-_FEWEST_POINTS, _MOST_POINTS = 6, 1000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """An entry of a legend: a mark of a kind (``dot``, ``line``, ``dash``, ``area``), its words."""
+    """An entry of a legend: a mark of a kind (``dot``, ``line``, ``dash``, ``area``), its words.
+
+    Legends are the page's: names that a user chose never enter a drawing.
+    """
 
     kind: str
     colour: str
@@ -85,46 +72,39 @@ class Drawn:
     Attributes:
         name: short, for ids.
         title: what it is.
-        svg: the drawing.
+        label: what it shows, for those who cannot see it.
+        image: the drawing, as a data URI.
         caption: what it tells.
         keys: its legend.
-        axes: what the page's script needs to tell values under the pointer; empty for none.
 
     """
 
     name: str
     title: str
-    svg: str
+    label: str
+    image: str
     caption: str
     keys: tuple[Key, ...] = ()
-    axes: str = ""
 
 
-def finished(figure: Figure, *, name: str, label: str, **more: Any) -> Drawn:
-    """A figure that is finished; ``label`` is for those who cannot see it, ``more`` as above."""
-    return Drawn(name=name, svg=svg_text(figure, name, label), **more)
+def new_figure(height: float = 3.3) -> Figure:
+    """An empty figure of the common width; heights are in inches."""
+    return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
-def key(kind: str, colour: str, text: str) -> Key:
-    """An entry of a legend, by a stand-in colour or by one that stays as it is."""
-    variable = VARIABLES.get(colour)
-    return Key(kind=kind, colour=f"var({variable})" if variable else colour, text=text)
-
-
-def readout(axes: Axes, x: str, y: str, digits: tuple[int, int] = (0, 0)) -> str:
-    """Where axes are in their drawing, and what they count: units behind x and y, and digits."""
-    figure = axes.figure
-    assert isinstance(figure, Figure)
-    at, height = axes.get_position(), figure.get_figheight() * 72
-    box = (WIDTH * at.x0, height * (1 - at.y1), WIDTH * at.width, height * at.height)
-    numbers = (*box, *axes.get_xlim(), *axes.get_ylim(), *digits)
-    return "|".join((" ".join(f"{float(number):.6g}" for number in numbers), x, y))
+def finished(figure: Figure, **more: Any) -> Drawn:
+    """A figure that is finished; ``more`` as above."""
+    data = io.BytesIO()
+    undated = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(data, format="svg", metadata=undated)
+    image = "data:image/svg+xml;base64," + b64encode(data.getvalue()).decode()
+    return Drawn(image=image, **more)
 
 
 def all_figures(facts: Facts) -> dict[str, Drawn]:
     """Every figure that these facts allow, by its name."""
     makers: list[Callable[[], Drawn | None]] = []
-    errors = facts.errors
+    errors, camera = facts.errors, facts.camera
     if errors is not None:
         makers += [
             lambda: coverage_figure(facts, errors),
@@ -133,9 +113,8 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
             lambda: angle_figure(errors),
             lambda: histogram_figure(errors),
         ]
-    camera = facts.camera
     if isinstance(camera, CubicCamera):
-        makers += [lambda: profile_figure(facts, camera), lambda: uncertainty_figure(facts, camera)]
+        makers += [lambda: profile_figure(camera), lambda: uncertainty_figure(facts, camera)]
     with drawing(STYLE):
         drawn = [make() for make in makers]
     return {figure.name: figure for figure in drawn if figure is not None}
@@ -153,40 +132,41 @@ def thinned(count: int, most: int, what: str) -> str:
     return f" {most:,} of {count:,} {what} are drawn." if count > most else ""
 
 
+def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.0) -> None:
+    """Discs at (N, 2), as one picture: thousands of them would make a large file."""
+    axes.scatter(
+        at[:, 0], at[:, 1], s=size**2, color=colour, alpha=alpha, linewidths=0, rasterized=True
+    )
+
+
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     """Where the corners are, and the cells of the field that hold none."""
-    figure, axes = _photo_axes(facts.camera.image_size)
-    pixel, pairs = errors.pairs.pixel, errors.pairs
-    outline = facts.outline
-    empty = _empty_cells(errors.cells)
-    areas(axes, empty, RED, 0.22)
+    figure, axes = _photo_axes(facts)
+    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
+    keys = [Key(kind="line", colour=INK, text="where the camera may be trusted")]
+    empty = int(cells.empty.sum())
+    if empty:
+        height, width = cells.empty.shape
+        reach = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
+        shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
+        axes.imshow(shade, extent=reach, interpolation="nearest", zorder=0.5)
+        _show_photo(axes, facts)
+        keys.append(Key(kind="area", colour=RED, text="no corner here"))
     shown = some(len(pixel), MOST_DOTS)
-    boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ()
-    keys = []
-    if boards:
-        for index, board in enumerate(boards):
-            own = shown[pairs.board[shown] == index]
-            dots(axes, pixel[own], BOARD_COLOURS[index], 2.0)
-            keys.append(key("dot", BOARD_COLOURS[index], board))
-    else:
-        dots(axes, pixel[shown], BLUE, 2.0)
-        keys.append(key("dot", BLUE, "corner"))
-    if len(outline) > 2:
-        strokes(axes, outline[None], INK, 0.9, closed=True)
-        keys.append(key("line", INK, "where the camera may be trusted"))
-    if len(empty):
-        keys.append(key("area", RED, "no corner here"))
+    boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ("corner",)
+    for index, (board, colour) in enumerate(zip(boards, BOARD_COLOURS, strict=False)):
+        own = shown[pairs.board[shown] == index] if len(boards) > 1 else shown
+        dots(axes, pixel[own], colour, 2.5)
+        keys.append(Key(kind="dot", colour=colour, text=board))
     share = facts.number("coverage")
     caption = "" if share is None else f"Corners cover {100 * share:.0f} % of the field."
-    if len(empty):
+    if empty:
         caption += " What a camera says of places without corners nobody has checked."
     return finished(
         figure,
         name="coverage",
-        axes=readout(axes, " px", " px"),
         title="Where the corners are",
-        label=f"{len(pixel)} corners over the photo, and {len(empty)} parts of the field without "
-        "any",
+        label=f"{len(pixel)} corners over the photo, and {empty} parts of the field without any",
         caption=(caption + thinned(len(pixel), MOST_DOTS, "corners")).strip(),
         keys=tuple(keys),
     )
@@ -200,33 +180,28 @@ def arrow_zoom(facts: Facts, errors: ErrorFacts) -> float:
 
 def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     """Residuals as arrows, magnified."""
-    width, height = facts.camera.image_size
     length = errors.length
-    typical = float(np.percentile(length, 95))
     zoom = arrow_zoom(facts, errors)
-    figure, axes = _photo_axes(facts.camera.image_size, foot=22)
+    figure, axes = _photo_axes(facts)
     shown = some(len(length), _MOST_STROKES)
     start = errors.pairs.pixel[shown]
     ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
-    strokes(axes, ends, BLUE, 0.7, 0.85)
-    dots(axes, start, INK, 1.3)
-    sample = round_down(0.16 * max(width, height) / zoom)
-    drawn = zoom * sample / width * axes.get_position().width
-    left = float(axes.get_position().x0)
-    y = 7 / (figure.get_figheight() * 72)
-    figure.add_artist(_line([left, left + drawn], [y, y]))
-    figure.text(left + drawn + 6 / WIDTH, y, f"{sample:g} px", va="center", color=INK)
+    axes.add_collection(LineCollection(list(ends), colors=BLUE, linewidths=0.8, rasterized=True))
+    dots(axes, start, INK, 1.5)
+    typical = float(np.percentile(length, 95))
     return finished(
         figure,
         name="vectors",
-        axes=readout(axes, " px", " px"),
         title="Errors as arrows",
         label=f"Reprojection errors as arrows, {zoom:g} times as long as they are; the 95th "
         f"percentile is {typical:.3f} px",
         caption=f"From each detected corner towards where the camera puts it, {zoom:g} times as "
         "long. Noise points every way; neighbours that point one way are an error of the camera, "
         "of the target or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
-        keys=(key("dot", INK, "detected corner"), key("line", BLUE, f"its error, {zoom:g} ×")),
+        keys=(
+            Key(kind="dot", colour=INK, text="detected corner"),
+            Key(kind="line", colour=BLUE, text=f"its error, {zoom:g} ×"),
+        ),
     )
 
 
@@ -234,34 +209,22 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     """RMS error in cells over the photo."""
     width, height = facts.camera.image_size
     cell = min(width, height) / _FINE_CELLS
-    columns, rows = -(-width // cell), -(-height // cell)
-    column, row = np.floor((errors.pairs.pixel + 0.5) / cell).astype(int).T
-    column, row = np.clip(column, 0, int(columns) - 1), np.clip(row, 0, int(rows) - 1)
-    place = row * int(columns) + column
-    count = np.bincount(place, minlength=int(columns * rows))
-    square = np.bincount(place, errors.length**2, minlength=int(columns * rows))
-    hit = np.flatnonzero(count)
-    value = np.sqrt(square[hit] / count[hit])
-    top = round_up(float(np.percentile(value, 95)))
-    colours = _band_colours(_BANDS)
-    band = np.clip((value / top * _BANDS).astype(int), 0, _BANDS - 1)
-    figure, axes = _photo_axes(facts.camera.image_size, foot=34)
-    y, x = np.divmod(hit, int(columns))
-    for index, colour in enumerate(colours):
-        own = band == index
-        areas(axes, rectangles(x[own] * cell - 0.5, y[own] * cell - 0.5, cell, cell), colour)
-    if len(facts.outline) > 2:
-        strokes(axes, facts.outline[None], INK, 0.9, closed=True)
-    edges = [f"{top * i / _BANDS:.3g}" for i in range(_BANDS + 1)]
-    edges[-1] += "+" * bool(value.max() > top)
-    _scale_bar(figure, colours, edges, "px RMS")
+    edges = [np.arange(-(-side // cell) + 1) * cell - 0.5 for side in (width, height)]
+    at = np.clip(errors.pairs.pixel, -0.5, [edges[0][-1], edges[1][-1]])
+    count = np.histogram2d(at[:, 0], at[:, 1], bins=edges)[0].T
+    square = np.histogram2d(at[:, 0], at[:, 1], bins=edges, weights=errors.length**2)[0].T
+    value = np.sqrt(square / np.where(count, count, np.nan))
+    top = round_up(float(np.nanpercentile(value, 95)))
+    figure, axes = _photo_axes(facts)
+    cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top)
+    beyond = "max" if np.nanmax(value) > top else "neither"
+    figure.colorbar(cells, location="bottom", label="px RMS", aspect=40, extend=beyond)
     return finished(
         figure,
         name="places",
-        axes=readout(axes, " px", " px"),
         title="Errors over the picture",
-        label=f"RMS error in {len(hit)} cells of the photo, from {value.min():.3f} to "
-        f"{value.max():.3f} px",
+        label=f"RMS error in {int((count > 0).sum())} cells of the photo, from "
+        f"{np.nanmin(value):.3f} to {np.nanmax(value):.3f} px",
         caption="RMS of the corners in each cell. A rim much worse than the middle means blur "
         "there, or a lens that the model does not follow.",
     )
@@ -275,27 +238,20 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
     bins = np.floor(angle / _STEP_DEG).astype(int)
     used = np.unique(bins)
     rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
-    number = np.array([int((bins == index).sum()) for index in used])
+    few = min(int((bins == index).sum()) for index in used)
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
-    figure = new_figure(240)
-    axes = add_axes(figure, Box(left=_LEFT, top=8, width=WIDTH - _LEFT - 10, height=194))
+    figure = new_figure()
+    axes = figure.add_subplot()
     axes.grid(True)
     shown = some(len(length), MOST_DOTS // 2)
-    inside = shown[length[shown] <= top]
-    dots(axes, np.stack([angle[inside], length[inside]], axis=-1), BLUE, 1.6, 0.6)
-    steps = np.stack([used, used + 1], axis=-1) * _STEP_DEG
-    strokes(axes, np.stack([steps, np.stack([rms, rms], axis=-1)], axis=-1), ORANGE, 2.4)
-    axes.set_xlim(0, float(_STEP_DEG * (used.max() + 1)))
-    axes.set_ylim(0, top)
-    axes.set_xlabel("angle from the axis, degrees")
-    axes.set_ylabel("error, px")
-    _beside_ticks(axes)
+    dots(axes, np.stack([angle, length], axis=-1)[shown], BLUE, 2.0, 0.6)
+    axes.hlines(rms, used * _STEP_DEG, (used + 1) * _STEP_DEG, colors=ORANGE, linewidth=2.4)
+    axes.set(xlim=(0, _STEP_DEG * (used.max() + 1)), ylim=(0, top))
+    axes.set(xlabel="angle from the axis, degrees", ylabel="error, px")
     beyond = int((length > top).sum())
-    few = int(number.min())
     return finished(
         figure,
         name="angle",
-        axes=readout(axes, "°", " px", (1, 3)),
         title="Errors by angle from the axis",
         label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
         f"steps of {_STEP_DEG:g} degrees",
@@ -304,8 +260,8 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
         + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
         + thinned(len(length), MOST_DOTS // 2, "corners"),
         keys=(
-            key("dot", BLUE, "a corner"),
-            key("line", ORANGE, f"RMS of {_STEP_DEG:g}° each"),
+            Key(kind="dot", colour=BLUE, text="a corner"),
+            Key(kind="line", colour=ORANGE, text=f"RMS of {_STEP_DEG:g}° each"),
         ),
     )
 
@@ -328,29 +284,22 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
     values = errors.residual.ravel()
     sigma = max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-9)
     reach = 4.0 * sigma
-    number, edges = np.histogram(values, bins=40, range=(-reach, reach))
-    counts = 100 * number / len(values)
-    step = float(edges[1] - edges[0])
-    x = np.linspace(-reach, reach, 121)
-    normal = 100 * step * np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
-    figure = new_figure(240)
-    axes = add_axes(figure, Box(left=_LEFT, top=8, width=WIDTH - _LEFT - 10, height=194))
+    figure = new_figure()
+    axes = figure.add_subplot()
     axes.grid(True, axis="y")
-    bars = np.concatenate([rectangles(edges[i : i + 1], np.zeros(1), 0.9 * step, float(share))
-                           for i, share in enumerate(counts)])  # fmt: skip
-    areas(axes, bars, BLUE, 0.8)
-    strokes(axes, np.stack([x, normal], axis=-1)[None], ORANGE, 2)
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(0, 1.08 * float(max(counts.max(), normal.max())))
-    axes.set_xlabel("error along x or y, px")
-    axes.set_ylabel("share, %")
-    _beside_ticks(axes)
+    share = np.full(len(values), 100 / len(values))
+    _, edges, _ = axes.hist(
+        values, bins=40, range=(-reach, reach), weights=share, rwidth=0.9, color=BLUE, alpha=0.8
+    )
+    x = np.linspace(-reach, reach, 121)
+    normal = np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+    axes.plot(x, 100 * (edges[1] - edges[0]) * normal, color=ORANGE, linewidth=2)
+    axes.set(xlim=(-reach, reach), xlabel="error along x or y, px", ylabel="share, %")
     beyond = float(np.mean(np.abs(values) > reach))
     heavy = beyond > _HEAVY_TAIL
     return finished(
         figure,
         name="histogram",
-        axes=readout(axes, " px", " %", (3, 1)),
         title="How errors are spread",
         label="Histogram of errors along x and y with the normal distribution of sigma "
         f"{sigma:.4f} px",
@@ -358,26 +307,19 @@ def histogram_figure(errors: ErrorFacts) -> Drawn:
         + (": corners that were found worse than most, which weigh little in the fit." * heavy)
         + "." * (not heavy),
         keys=(
-            key("area", BLUE, "errors along x and along y"),
-            key("line", ORANGE, f"normal, σ = {sigma:.3f} px (from the median)"),
+            Key(kind="area", colour=BLUE, text="errors along x and along y"),
+            Key(kind="line", colour=ORANGE, text=f"normal, σ = {sigma:.3f} px (from the median)"),
         ),
     )
 
 
-def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
+def profile_figure(camera: CubicCamera) -> Drawn:
     """Radius by angle, beside the reference and ideal lenses."""
     theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
-    azimuth = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    sine = np.sin(theta)[:, None]
-    rays = np.stack(
-        [sine * np.cos(azimuth), sine * np.sin(azimuth),
-         np.broadcast_to(np.cos(theta)[:, None], (len(theta), len(azimuth)))],
-        axis=-1,
-    )  # fmt: skip
+    rays = ray_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
     radial = camera.radial
-    middle = np.array([radial.cx, radial.cy])
     own = np.linalg.norm(camera.project(rays) - camera.project([0.0, 0.0, 1.0]), axis=-1)
-    outwards = radial.project(rays) - middle
+    outwards = radial.project(rays) - np.array([radial.cx, radial.cy])
     other = np.linalg.norm(outwards, axis=-1)
     # The poses make up for a rotation between the two, which is no difference of lenses.
     miss, _ = aligned_difference(camera, radial, rays.reshape(-1, 3))
@@ -390,26 +332,21 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
         ("stereographic, 2 f tan(θ/2)", PURPLE, 2 * focal * np.tan(theta / 2)),
         ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
     )
-    figure = new_figure(330)
-    axes = add_axes(figure, Box(left=_LEFT, top=8, width=WIDTH - _LEFT - 10, height=170))
-    below = add_axes(figure, Box(left=_LEFT, top=200, width=WIDTH - _LEFT - 10, height=88))
+    figure = new_figure(4.6)
+    axes, below = figure.subplots(2, sharex=True, height_ratios=(2, 1))
     for part in (axes, below):
         part.grid(True)
         part.set_xlim(0, float(degrees[-1]))
-        _beside_ticks(part)
     for _, colour, radius in ideals:
-        axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
+        axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle="--")
     axes.plot(degrees[known], other.mean(axis=1)[known], color=ORANGE, linewidth=3.2)
     axes.plot(degrees, own.mean(axis=1), color=BLUE, linewidth=1.4)
-    axes.set_ylim(0, 1.12 * float(own.mean(axis=1).max()))
-    axes.set_ylabel("radius, px")
-    axes.tick_params(labelbottom=False)
+    axes.set(ylim=(0, 1.12 * float(own.mean(axis=1).max())), ylabel="radius, px")
     low, high = difference[known].min(axis=1), difference[known].max(axis=1)
     below.fill_between(degrees[known], low, high, color=BLUE, alpha=0.25, linewidth=0)
     below.plot(degrees[known], difference[known].mean(axis=1), color=BLUE, linewidth=1.4)
     below.axhline(0, color=ORANGE, linewidth=1.2)
-    below.set_ylabel("difference, px")
-    below.set_xlabel("angle from the axis θ, degrees")
+    below.set(ylabel="difference, px", xlabel="angle from the axis θ, degrees")
     largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
     return finished(
         figure,
@@ -423,9 +360,9 @@ def profile_figure(facts: Facts, camera: CubicCamera) -> Drawn:
         "least to the most, and no radial lens follows it. Ideal lenses with the reference's focal "
         f"length, f = {focal:.0f} px.",
         keys=(
-            key("line", BLUE, "this camera, mean over all directions"),
-            key("line", ORANGE, "radial reference (Kannala–Brandt)"),
-            *(key("dash", colour, text) for text, colour, _ in ideals),
+            Key(kind="line", colour=BLUE, text="this camera, mean over all directions"),
+            Key(kind="line", colour=ORANGE, text="radial reference (Kannala–Brandt)"),
+            *(Key(kind="dash", colour=colour, text=text) for text, colour, _ in ideals),
         ),
     )
 
@@ -437,31 +374,23 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
         return None
     width, height = camera.image_size
     x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
-    grid = np.stack(np.meshgrid(x, y), axis=-1)
-    sigma = _smooth_sigma(record, grid.reshape(-1, 2)).reshape(grid.shape[:2])
-    inside = inside_polygon(grid.reshape(-1, 2), facts.outline)
-    hole = np.zeros((0, 2))
+    pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    sigma = sigma_at(record, pixel)
+    inside = inside_polygon(pixel, facts.outline)
     if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
         around = np.linspace(0, 2 * np.pi, 180)
         hole = camera.project(ray_at(np.full(180, facts.errors.cells.blind), around))
-        inside &= ~inside_polygon(grid.reshape(-1, 2), hole)
-    shown = sigma[inside.reshape(sigma.shape) & np.isfinite(sigma)]
-    if not len(shown):
+        inside &= ~inside_polygon(pixel, hole)
+    shown = np.ma.masked_where(~(inside & np.isfinite(sigma) & (sigma > 0)), sigma)
+    if not shown.count():
         return None
-    levels = _levels(float(shown.min()), float(shown.max()))
-    colours = _band_colours(len(levels) - 1)
-    figure, axes = _photo_axes(camera.image_size, foot=34)
-    known = np.ma.masked_invalid(np.clip(sigma, levels[0], levels[-1]))
-    bands = axes.contourf(x, y, known, levels=levels, colors=colours)
-    edge = axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9)[0]
-    bands.set_clip_path(edge)
-    axes.fill(*hole.T, facecolor=PAPER, linewidth=0)
-    _scale_bar(figure, colours, [f"{level:g}" for level in levels], "px")
+    figure, axes = _photo_axes(facts)
+    bands = axes.contourf(x, y, shown.reshape(len(y), len(x)), 7, cmap="cividis")
+    figure.colorbar(bands, location="bottom", label="px", aspect=40)
     figures = recorded_uncertainty(facts.fit)
     return finished(
         figure,
         name="uncertainty",
-        axes=readout(axes, " px", " px"),
         title="How certain the camera is",
         label=f"Uncertainty of a distant point's pixel over the photo, from {shown.min():.3f} "
         f"to {shown.max():.3f} px",
@@ -472,114 +401,18 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     )
 
 
-def _smooth_sigma(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
-    """Uncertainty at pixels (N, 2): a smooth surface through the grid's points, and beyond."""
-    x, y = np.meshgrid(record["x"], record["y"])
-    sigma = np.array(record["sigma_px"], float)
-    known = sigma > 0
-    if not _FEWEST_POINTS <= known.sum() <= _MOST_POINTS:
-        return sigma_at(record, pixel)
-    points, logs = np.column_stack([x[known], y[known]]), np.log(sigma[known])
-    try:
-        smooth = _least_bent(points / x.max(), logs, pixel / x.max())
-    except np.linalg.LinAlgError:  # all on one line
-        return sigma_at(record, pixel)
-    return np.exp(np.clip(smooth, logs.min(), logs.max()))
-
-
-def _least_bent(points: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
-    """The thin plate through values (N,) at points (N, 2), at others (M, 2) -> (M,).
-
-    Duchon (1977). SciPy's takes a fifth of a second to load, for this alone.
-
-    Raises:
-        numpy.linalg.LinAlgError: all points are on one line.
-
-    """
-
-    def terms(of: FloatArray) -> FloatArray:
-        square = np.sum(np.square(of[:, None] - points), axis=2)
-        return np.column_stack([xlogy(square, square), np.ones(len(of)), of])
-
-    own = terms(points)
-    whole = np.concatenate([own, np.pad(own[:, -3:].T, ((0, 0), (0, 3)))])
-    weights = np.linalg.solve(whole, np.pad(values, (0, 3)))
-    return np.asarray(terms(at) @ weights)
-
-
-def _photo_axes(size: tuple[int, int], foot: float = 0.0) -> tuple[Figure, Axes]:
-    """Axes of a photo's shape, y down, with ``foot`` units of room below for a scale."""
-    width, height = size
-    most = (WIDTH - 46.0, 300.0)
-    scale = min(most[0] / width, most[1] / height)
-    box = Box(left=36, top=8, width=scale * width, height=scale * height)
-    figure = new_figure(box.height + 28 + foot)
-    axes = add_axes(figure, box)
-    axes.set_xlim(-0.5, width - 0.5)
-    axes.set_ylim(height - 0.5, -0.5)
-    for side in axes.spines.values():
-        side.set_visible(True)
-        side.set_color(GRID)
+def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
+    """Axes of a photo's shape, y down, with the trusted field's outline."""
+    figure = new_figure(3.9)
+    axes = figure.add_subplot()
+    _show_photo(axes, facts)
+    axes.spines[:].set_visible(True)
     axes.locator_params(nbins=5)
+    if len(facts.outline) > 2:
+        axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9, zorder=3)
     return figure, axes
 
 
-def _beside_ticks(axes: Axes) -> None:
-    """The label of the y axis at the figure's edge, clear of the ticks' labels."""
-    axes.yaxis.set_label_coords(16 / WIDTH, 0.5, transform=_across(axes))
-
-
-def _across(axes: Axes) -> Transform:
-    """X as a share of the figure, y as a share of the axes."""
-    return blended_transform_factory(axes.figure.transFigure, axes.transAxes)
-
-
-def _scale_bar(figure: Figure, colours: Sequence[str], edges: Sequence[str], unit: str) -> None:
-    """Bands of colour with their edges' values at the foot of a figure."""
-    height = figure.get_figheight() * 72
-    width = WIDTH - 100
-    axes = add_axes(figure, Box(left=36, top=height - 30, width=width, height=9))
-    axes.set_axis_off()
-    axes.set_xlim(0, len(colours))
-    axes.set_ylim(0, 1)
-    for index, colour in enumerate(colours):
-        areas(axes, rectangles(np.array([float(index)]), np.zeros(1), 1, 1), colour)
-    # Not every edge is named where names would touch, with the larger letters of a small page too.
-    room = _LETTER * max(map(len, edges)) + 6
-    every = max(1, int(np.ceil(room * len(colours) / width)))
-    for index, text in enumerate(edges):
-        if index % every == 0:
-            axes.text(index, -0.6, text, ha="center", va="top", fontsize=9.5)
-    axes.text(len(colours) + 0.03 * len(colours), 0.5, unit, ha="left", va="center", fontsize=9.5)
-
-
-def _band_colours(count: int) -> list[str]:
-    place = np.linspace(0, len(COLOURS) - 1, max(count, 1)).round().astype(int)
-    return ["#{:02x}{:02x}{:02x}".format(*COLOURS[index].tolist()) for index in place]
-
-
-def _levels(low: float, high: float) -> list[float]:
-    """Round numbers around all from the lowest to the highest; over a wide span they grow."""
-    low = max(low, high / 1e4, 1e-9)
-    high = max(high, 1.05 * low)
-    if high < 3 * low:
-        step = round_up((high - low) / _MOST_BANDS)
-        series = step * np.arange(np.floor(low / step), np.ceil(high / step) + 2)
-    else:
-        powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.floor(np.log10(high)) + 2)
-        series = (powers[:, None] * [1, 1.5, 2, 3, 5, 7]).ravel()
-    begin = int(np.searchsorted(series, low * 1.000001)) - 1
-    end = max(int(np.searchsorted(series, high * 0.999999)), begin + 1)
-    every = -(-(end - begin) // _MOST_BANDS)
-    return [float(f"{level:.4g}") for level in series[max(begin, 0) : end + every : every]]
-
-
-def _empty_cells(cells: FieldCells) -> FloatArray:
-    """(N, 4, 2) the squares of the field that hold no corner."""
-    row, column = np.nonzero(cells.empty)
-    left, top = column.astype(float) * cells.cell, row.astype(float) * cells.cell
-    return rectangles(left - 0.5, top - 0.5, cells.cell, cells.cell)
-
-
-def _line(x: Sequence[float], y: Sequence[float]) -> Line2D:
-    return Line2D(x, y, color=BLUE, linewidth=2, solid_capstyle="butt")
+def _show_photo(axes: Axes, facts: Facts) -> None:
+    width, height = facts.camera.image_size
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")

@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
@@ -41,33 +43,18 @@ from cubicfish_cli.wording import quoted
 if TYPE_CHECKING:
     from cubicfish_cli.fitting.point_fit import PointCalibration
 
+Small = npt.NDArray[np.uint8]
 # What a page can carry and a reader look at: more photos have a row in the table only.
 MOST_THUMBNAILS = 48
 MOST_CARDS = 12
 # Reading photos is what takes time: a fifth of a second for each 12 million pixels.
 _MOST_PIXELS = 150_000_000
 _THUMBNAIL, _CARD, _WIDE = 144, 640, 720
+# Colours of what is drawn over photos, as report.html has them, BGR.
+_FOUND, _ERROR, _DROPPED = (233, 180, 86), (0, 160, 240), (54, 90, 255)
 _QUALITY = 72
 _THREADS = 2
 _MOST_PROBLEMS = 5
-
-
-@dataclass(frozen=True, kw_only=True)
-class Overlay:
-    """What is drawn over a photo, as paths in its pixels.
-
-    Attributes:
-        found: a dot for each detected corner.
-        expected: a cross where the camera puts it.
-        errors: the way between, magnified.
-        dropped: a saltire for each corner that was left out.
-
-    """
-
-    found: str
-    expected: str
-    errors: str
-    dropped: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +63,6 @@ class PhotoPicture:
 
     small: str
     card: str | None
-    overlay: Overlay | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,9 +167,32 @@ def _copies(
     middle = thumbnail(picture, _CARD)
     return PhotoPicture(
         small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY),
-        card=data_uri(middle, _QUALITY) if card else None,
-        overlay=_overlay(facts, photo, zoom) if card else None,
+        card=data_uri(_draw_found(facts, photo, middle, zoom), _QUALITY) if card else None,
     )
+
+
+def _draw_found(facts: Facts, photo: PhotoFacts, copy: Small, zoom: float) -> Small:
+    """Draw a photo's corners, their errors and the dropped ones on a small copy of it."""
+    drawn = np.dstack([copy] * 3) if copy.ndim == 2 else copy.copy()
+    scale = drawn.shape[1] / facts.camera.image_size[0]
+
+    def placed(pixel: FloatArray) -> list[tuple[int, int]]:
+        clipped = np.clip((pixel + 0.5) * scale - 0.5, -1e4, 1e4)
+        return [(x, y) for x, y in np.rint(clipped).astype(int).tolist()]
+
+    if facts.errors is not None and photo.name in facts.errors.pairs.images:
+        pairs = facts.errors.pairs
+        own = pairs.image == pairs.images.index(photo.name)
+        found = pairs.pixel[own]
+        ends = placed(found + zoom * facts.errors.residual[own])
+        for start, end in zip(placed(found), ends, strict=True):
+            cv2.circle(drawn, start, 3, _FOUND, -1, cv2.LINE_AA)
+            cv2.line(drawn, start, end, _ERROR, 2, cv2.LINE_AA)
+    for name, pixel in facts.dropped_pixels:
+        if name == photo.name:
+            (place,) = placed(pixel[None])
+            cv2.drawMarker(drawn, place, _DROPPED, cv2.MARKER_TILTED_CROSS, 10, 2)
+    return drawn
 
 
 def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | None:
@@ -203,40 +212,6 @@ def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | Non
         after=data_uri(thumbnail(after, _WIDE), _QUALITY),
         view=f"{view.kind}, {view.hfov_deg:.0f}° wide",
     )
-
-
-def _overlay(facts: Facts, photo: PhotoFacts, zoom: float) -> Overlay | None:
-    errors = facts.errors
-    if errors is None or photo.name not in errors.pairs.images:
-        return None
-    own = errors.pairs.image == errors.pairs.images.index(photo.name)
-    found, residual = errors.pairs.pixel[own], errors.residual[own]
-    arm = max(facts.camera.image_size) / 160
-    expected = found + residual
-    across, down = np.array([arm, 0.0]), np.array([0.0, arm])
-    return Overlay(
-        found=_lines(np.stack([found, found], axis=1)),
-        expected=_lines(np.stack([expected - across, expected + across], axis=1))
-        + _lines(np.stack([expected - down, expected + down], axis=1)),
-        errors=_lines(np.stack([found, found + zoom * residual], axis=1)),
-        dropped=_dropped(facts, photo, arm),
-    )
-
-
-def _dropped(facts: Facts, photo: PhotoFacts, arm: float) -> str:
-    """Marks at the dropped corners of a photo, where their pixels are known."""
-    pixel = np.array([place for name, place in facts.dropped_pixels if name == photo.name])
-    if not len(pixel):
-        return ""
-    return "".join(
-        _lines(np.stack([pixel - way, pixel + way], axis=1))
-        for way in (np.array([arm, arm]), np.array([arm, -arm]))
-    )
-
-
-def _lines(ends: FloatArray) -> str:
-    """(N, 2, 2) as the ``d`` of a path, to a tenth of a pixel."""
-    return "".join(f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}" for (x0, y0), (x1, y1) in ends.tolist())
 
 
 _REFINED = "target.refined.yaml"

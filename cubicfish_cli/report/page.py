@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from cubicfish_cli.assess.camera_facts import CameraFacts
@@ -18,23 +15,16 @@ from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.uncertainty import recorded_uncertainty
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
-from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.report.from_files import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
-from cubicfish_cli.units import two_digits
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
 _LONGEST_TEXT = 1000
-_MOST_BARS = 40
-_BAND_DEG = 30.0
-_FEWEST_IN_A_BAND = 10
-# Two halves of n photos have √2 times the uncertainty of all of them, and differ by √2 times that.
-_BETWEEN_HALVES = 2.0
-_FEWEST_TO_HALVE = 6
+_IMAGES = ("data:image/jpeg;base64,", "data:image/svg+xml;base64,")
 _POINT_ABSENT = (
     "A point-lift camera has no rays: errors by angle, the lens's profile, uncertainty, coverage "
     "and an undistorted example do not exist for it."
@@ -57,9 +47,6 @@ def report_html(facts: Facts) -> str:
         facts=facts,
         known=facts.known.facts,
         lens=_lens(facts.known.facts),
-        by_angle=_by_angle(facts),
-        halves=_halves(facts),
-        bars=_bars(facts),
         fit=facts.fit,
         verdict=facts.known.verdict,
         words=WORDS,
@@ -93,7 +80,7 @@ def day_of(made_by: Mapping[str, Any]) -> str | None:
 
 @cache
 def template(name: str) -> Any:
-    """One of the package's pages, which have style, program and figures in common."""
+    """One of the package's pages, which have style and figures in common."""
     folder = files("cubicfish_cli.report") / "templates"
     environment = Environment(
         autoescape=True,
@@ -105,12 +92,6 @@ def template(name: str) -> Any:
     environment.filters["px"] = _px
     environment.filters["count"] = _count
     environment.globals["style"] = (folder / "report.css").read_text(encoding="utf-8")
-    script = (folder / "report.js").read_text(encoding="utf-8")
-    environment.globals["script"] = script
-    # The page's own program runs, and no other.
-    environment.globals["script_hash"] = base64.b64encode(
-        hashlib.sha256(f"\n{script}".encode()).digest()
-    ).decode()
     texts = [(folder / part).read_text(encoding="utf-8") for part in ("parts.html", name)]
     return environment.from_string("".join(texts))
 
@@ -119,7 +100,7 @@ def _printable(value: Any) -> Any:
     """Text from outside on one line, letters only: what nobody vouches for is in every name."""
     if not isinstance(value, str) or hasattr(value, "__html__"):  # the package's own markup
         return value
-    if value.startswith("data:image/jpeg;base64,"):
+    if value.startswith(_IMAGES):
         return value
     if len(value) > _LONGEST_TEXT:
         value = value[: _LONGEST_TEXT - 1] + "…"
@@ -179,55 +160,6 @@ def _lens(known: CameraFacts) -> list[tuple[str, str]]:
     if known.pupil is not None:
         rows.append(("Entrance pupil", f"{known.pupil.rim_px:.3f} px {known.pupil.meaning}"))
     return rows
-
-
-def _by_angle(facts: Facts) -> str | None:
-    """The RMS in steps of the angle from the axis, in words; None where it is not known."""
-    errors = facts.errors
-    if errors is None or errors.angle_deg is None:
-        return None
-    band = np.floor(errors.angle_deg / _BAND_DEG).astype(int)
-    told = [
-        f"{rms_px(errors.residual[band == index]):.3f} px from {_BAND_DEG * index:.0f}° "
-        f"to {min(_BAND_DEG * (index + 1), float(errors.angle_deg.max())):.0f}°"
-        for index in np.unique(band)
-        if (band == index).sum() >= _FEWEST_IN_A_BAND
-    ]
-    return ", ".join(told) or None
-
-
-def _halves(facts: Facts) -> str | None:
-    """How far apart two halves of the photos would be, foretold; None where it is not known."""
-    uncertainty = recorded_uncertainty(facts.fit)
-    ray = isinstance(facts.camera, CubicCamera)
-    if uncertainty is None or not ray or len(facts.photos) < _FEWEST_TO_HALVE:
-        return None
-    return f"{two_digits(_BETWEEN_HALVES * uncertainty.median_px)} px"
-
-
-def _bars(facts: Facts) -> dict[str, Any]:
-    """The photos' errors, worst first, as shares of the largest."""
-    known = [(photo.rms_px, photo) for photo in facts.photos if photo.rms_px is not None]
-    if not known:
-        return {}
-    known.sort(key=lambda pair: -pair[0])
-    top = max(known[0][0], 1e-12)
-    usual = float(np.median([rms for rms, _ in known]))
-    return {
-        "usual": usual,
-        "usual_share": 100 * usual / top,
-        "rows": [
-            {
-                "name": photo.name,
-                "rms": rms,
-                "share": 100 * rms / top,
-                "good": not photo.told,
-                "words": photo.words,
-            }
-            for rms, photo in known[:_MOST_BARS]
-        ],
-        "more": len(known) - _MOST_BARS,
-    }
 
 
 def _boards(facts: Facts) -> dict[str, str]:

@@ -157,7 +157,7 @@ def test_a_page_shows_the_rig(
     args = ["rig", folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
     record = json.loads(run(*args, *lenses, "-o", rig, "--json").stdout)
     page = (rig / "report.html").read_text()
-    for name in ("rig-top", "rig-side", "rig-fields", "rig-shots"):
+    for name in ("rig-places", "rig-fields", "rig-shots"):
         assert f'id="{name}-title"' in page
     assert "1 left" in page
     assert "2 right" in page

@@ -168,7 +168,7 @@ def test_what_to_photograph_next_is_what_the_command_says(
     assert made.written == [tmp_path / "b.csv"]
     assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
     assert made.advice.enough is said["enough"] is False
-    with pytest.raises(OutputError, match="drawings are SVG"):
+    with pytest.raises(OutputError, match="end the name in"):
         advise_files(calibrated, picture=tmp_path / "a.jpg")
 
 
@@ -412,6 +412,6 @@ def test_a_target_is_checked_and_drawn_as_by_the_command(tmp_path: Path) -> None
     assert same_records(as_json(made), {**said, "drawing": str(tmp_path / "b.svg")})
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
     assert heard.steps == [("Looking at the target from all sides", 0, 0, "")]
-    with pytest.raises(OutputError, match="drawings are SVG"):
+    with pytest.raises(OutputError, match="end the name in"):
         check_target_files(TARGET, tmp_path / "b.png")
     assert check_target_files(TARGET).drawing is None

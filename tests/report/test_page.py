@@ -1,7 +1,5 @@
 """The page about a calibration: whole, safe, the same to the byte, and of bounded size."""
 
-import base64
-import hashlib
 import re
 import shlex
 import shutil
@@ -17,7 +15,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from running import SAMPLE, run_cli
-from scipy.interpolate import RBFInterpolator
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
@@ -29,18 +26,14 @@ from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.printing.extra import drawing as plain_drawing
-from cubicfish_cli.report import figures, svg
 from cubicfish_cli.report.facts import Facts, gather
 from cubicfish_cli.report.from_files import matched
 from cubicfish_cli.report.page import report_html
 from cubicfish_cli.target import Target, load_target
-from cubicfish_cli.units import two_digits
 
 TARGET = load_target(SAMPLE / "target.yaml")
 PHOTOS = sorted((SAMPLE / "photos").iterdir())
-LONGEST_SCRIPT = 100  # lines
-VOID = {"meta", "link", "img", "br", "path", "rect", "use"}
+VOID = {"meta", "link", "img", "br"}
 MADE_BY = {
     "version": "1.2.3",
     "date": "2026-01-02T03:04:05+00:00",
@@ -188,17 +181,10 @@ def test_everything_is_there(page: Page) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_comes_from_elsewhere_and_only_its_own_script_runs(page: Page, html: str) -> None:
-    assert page.all("script") == [{}]
-    (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
-    assert 20 < len(script.splitlines()) <= LONGEST_SCRIPT
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+def test_nothing_comes_from_elsewhere_and_no_script_runs(page: Page, html: str) -> None:
+    assert page.all("script") == []
     (policy,) = [meta["content"] for meta in page.all("meta") if "http-equiv" in meta]
-    assert policy == (
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
-        f"script-src 'sha256-{digest}'"
-    )
-    assert not re.search(r"innerHTML|eval|fetch|import|XMLHttp|\bFunction\b", script)
+    assert policy == "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
     for tag, attributes in page.elements:
         for name, value in attributes.items():
             assert not name.startswith("on"), (tag, name)
@@ -206,8 +192,9 @@ def test_nothing_comes_from_elsewhere_and_only_its_own_script_runs(page: Page, h
                 assert value is not None
                 assert value.startswith(("#", "data:")), (tag, name, value[:80])
     assert "@import" not in html
-    assert {link[0] for link in re.findall(r"url\(([^)]*)\)", html)} == {"#"}
-    assert set(re.findall(r"https?://[^\"'\s<)]+", html)) == {"http://www.w3.org/2000/svg"}
+    assert "url(" not in html
+    assert "http:" not in html
+    assert "https:" not in html
 
 
 def test_what_is_wrong_comes_first_and_figures_after(fitted: Calibration) -> None:
@@ -248,42 +235,14 @@ def test_before_and_after_stand_beside_the_verdict(page: Page, html: str) -> Non
     assert len(re.findall("960", header)) == 1
 
 
-def test_the_error_by_angle_is_that_of_the_corners(
-    page: Page, fitted: Calibration, pairs: Observations
-) -> None:
-    errors = facts_of(fitted, pairs).errors
-    assert errors is not None
-    assert errors.angle_deg is not None
-    (told,) = re.findall(r"Error by angle from the axis: (.*?)\.\s", page.text)
-    for part in told.split(", "):
-        rms, low, high = re.findall(r"[\d.]+", part)
-        own = (errors.angle_deg >= float(low)) & (errors.angle_deg < float(low) + 30)
-        assert f"{np.sqrt((errors.length[own] ** 2).mean()):.3f}" == rms
-        assert float(low) + 30 >= float(high) > float(low)
-    assert len(told.split(", ")) >= 3
-
-
-def test_halves_are_foretold_of_enough_photos_only(
-    page: Page, fitted: Calibration, pairs: Observations
-) -> None:
-    median = fitted.as_record()["uncertainty"]["median_px"]
-    assert f"would agree within about {two_digits(2 * median)} px: foretold" in page.text
-    few = {"per_image": fitted.as_record()["per_image"][:5]}
-    assert "would agree" not in Page(report_html(facts_of(fitted, pairs, fit=few))).text
-
-
 @pytest.mark.slow
 def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Observations) -> None:
     per_image = [dict(photo) for photo in fitted.as_record()["per_image"]]
     per_image[4]["rms_px"] *= 9
-    html = report_html(facts_of(fitted, None, fit={"per_image": per_image}))
-    bars = html[html.index('aria-labelledby="bars-title"') :].partition("</figure>")[0]
-    rows = re.findall(r'<li( class=bad)?><span class="name">([^<]*)<.*?width:([\d.]+)%', bars)
-    assert len(rows) == 10
-    assert [name for bad, name, _ in rows if bad] == [per_image[4]["image"]] == [rows[0][1]]
-    assert "What stands against photos in the warning colour is in the table." in bars
-    assert float(rows[0][2]) == 100
-    assert all(float(share) < 50 for _, _, share in rows[1:])
+    facts = facts_of(fitted, None, fit={"per_image": per_image})
+    odd = [photo for photo in facts.photos if photo.told]
+    assert [photo.name for photo in odd] == [per_image[4]["image"]]
+    assert odd[0].words in Page(report_html(facts)).text
 
 
 @pytest.mark.slow
@@ -319,30 +278,6 @@ def test_a_camera_not_to_be_trusted_is_not_offered_at_once(fitted: Calibration) 
     assert "first do what the verdict says" not in Page(report_html(facts_of(fitted, None))).text
 
 
-def test_values_under_the_pointer_are_those_of_the_axes(html: str) -> None:
-    found = re.findall(r'aria-labelledby="(\w+)-title" data-axes="([^"]*)"', html)
-    assert [name for name, _ in found] == [
-        "coverage", "uncertainty", "vectors", "places", "angle", "histogram",
-    ]  # fmt: skip
-    for name, text in found:
-        numbers, _, _ = text.split("|")
-        left, top, width, height, x0, x1, y0, y1, *_ = map(float, numbers.split())
-        # A tick's label stands where its number is.
-        ticks = re.findall(
-            r'text-anchor: middle[^>]* x="([0-9.]+)"[^>]*>([0-9.]+)<', drawing(html, name)
-        )
-        for place, label in ticks[:3]:
-            at = x0 + (float(place) - left) / width * (x1 - x0)
-            assert at == pytest.approx(float(label), abs=0.004 * abs(x1 - x0)), name
-        assert ticks
-        assert 0 < top < top + height < 400
-        assert y0 != y1
-
-
-def drawing(html: str, name: str) -> str:
-    return html[html.index(f'aria-labelledby="{name}-title"') :].partition("</svg>")[0]
-
-
 @pytest.mark.slow
 def test_tables_become_blocks_on_small_pages(page: Page, html: str) -> None:
     css = html[: html.index("</style>")]
@@ -359,67 +294,25 @@ def test_tables_become_blocks_on_small_pages(page: Page, html: str) -> None:
     assert any("few" in (box.get("class") or "") for box in page.all("div"))
 
 
-def test_letters_have_room_on_small_pages_too(html: str) -> None:
-    css = html[: html.index("</style>")]
-    larger = float(re.findall(r"figure svg text \{ font-size: ([0-9.]+)px", css)[0])
-    assert larger > 12
-    with plain_drawing(svg.STYLE):
-        figure = svg.new_figure(100)
-        figures._scale_bar(figure, ["#123456"] * 7, [f"0.01{i}5" for i in range(8)], "px")
-        long = svg.svg_text(figure, "long", "long labels")
-    for name, bar in (
-        ("uncertainty", drawing(html, "uncertainty")),
-        ("places", drawing(html, "places")),
-        ("long", long),
-    ):
-        labels = re.findall(
-            r'<text style="[^"]*font-size: 9.5px; text-anchor: middle[^>]*'
-            r' x="([0-9.]+)"[^>]*>([^<]+)',
-            bar,
-        )
-        assert len(labels) > 2, name
-        widest = 0.62 * larger * max(len(text) for _, text in labels)
-        assert min(np.diff([float(x) for x, _ in labels])) > widest, name
-    for name, most in (("angle", 1), ("histogram", 1), ("profile", 2)):
-        upright = re.findall(r"rotate\(-90 ([0-9.]+) [0-9.]+\)", drawing(html, name))
-        assert len(upright) == most
-        ticks = re.findall(r'text-anchor: end[^>]* x="([0-9.]+)"[^>]*>([^<]+)', drawing(html, name))
-        left = min(float(x) - 0.62 * larger * len(text) for x, text in ticks)
-        assert all(0.75 * larger <= float(x) <= left for x in upright), name
-
-
 @pytest.mark.slow
 def test_a_page_is_of_reasonable_size(html: str) -> None:
-    assert len(html) < 1_200_000  # ten photos large and small, and nine figures
+    assert len(html) < 1_400_000  # ten photos large and small, and nine figures
 
 
-def test_it_can_be_read_without_eyes_and_without_a_mouse(page: Page, html: str) -> None:
+def test_it_can_be_read_without_eyes_and_without_a_mouse(page: Page) -> None:
     assert page.all("html") == [{"lang": "en"}]
     assert all(image.get("alt") for image in page.all("img"))
-    drawings = page.all("svg")
+    drawings = [image for image in page.all("img") if "svg+xml" in str(image["src"])]
     assert len(drawings) >= 9
-    assert all(drawing["role"] == "img" and drawing["aria-label"] for drawing in drawings)
     assert all(head.get("scope") in ("row", "col") for head in page.all("th"))
     boxes = [box for box in page.all("div") if "scroll" in (box.get("class") or "")]
     assert boxes
     assert all(box["tabindex"] == "0" and box["aria-label"] for box in boxes)
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
-    targets = [link["href"] for link in [*page.all("a"), *page.all("use")]]
-    targets += re.findall(r"url\(([^)]*)\)", html)
-    assert len(targets) > 20
+    targets = [link["href"] for link in page.all("a")]
+    assert len(targets) > 15
     assert {str(target)[1:] for target in targets} <= {str(name) for name in ids}
-
-
-def test_drawings_take_the_pages_colours(html: str) -> None:
-    drawings = "".join(re.findall(r"<svg.*?</svg>", html, re.DOTALL))
-    assert "var(--ink)" in drawings
-    used = set(re.findall(r"#[0-9a-f]{6}", drawings))
-    assert not used & set(svg.VARIABLES)
-    assert "DejaVu" not in drawings
-    css = html[: html.index("</style>")]
-    for variable in svg.VARIABLES.values():
-        assert css.count(f"{variable}:") >= 2, variable  # light and dark
 
 
 @pytest.mark.slow
@@ -478,7 +371,7 @@ def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Observation
     text = report_html(facts)
     text.encode("utf-8")
     page = Page(text)
-    assert page.all("script") == [{}]
+    assert page.all("script") == []
     assert not [attributes for _, attributes in page.elements if "onerror" in attributes]
     assert not [attributes for _, attributes in page.elements if "onload" in attributes]
     assert len(page.all("style")) == 1
@@ -517,7 +410,7 @@ def test_a_thousand_photos_and_a_hundred_thousand_corners(
     assert len(text) < 4_000_000
     page = Page(text)
     assert len(page.all("tr")) >= many
-    assert len(page.all("img")) <= 48 + 12 + 2
+    assert len(page.all("img")) <= 48 + 12 + 2 + 9
     assert f"4,000 of {len(huge.pixel):,} corners are drawn" in page.text
     assert "Pictures are of the 48 photos with the largest errors" in page.text
 
@@ -531,7 +424,7 @@ def test_photos_that_changed_or_are_broken_are_left_out_and_told(
     digests = {PHOTOS[1].name: "00" * 32}
     facts = facts_of(fitted, pairs, files=files, digests=digests)
     page = Page(report_html(facts))
-    assert not page.all("img")
+    assert not [image for image in page.all("img") if "jpeg" in str(image["src"])]
     assert "is cut short or damaged" in page.text
     assert "no longer the photo that was calibrated with" in page.text
 
@@ -567,21 +460,3 @@ def test_no_record_breaks_it(data: st.DataObject, fitted: Calibration) -> None:
             fit[key] = [changed] if key == "per_image" else changed
     made_by = data.draw(st.dictionaries(st.sampled_from(list(MADE_BY)), PLAIN))
     Page(report_html(facts_of(fitted, None, fit=fit, made_by=made_by)))
-
-
-@given(st.floats(1e-9, 1e6), st.floats(1, 1e7))
-def test_levels_are_few_and_hold_all(low: float, ratio: float) -> None:
-    levels = figures._levels(low, low * ratio)
-    assert 2 <= len(levels) <= 9
-    assert levels == sorted(set(levels))
-    assert levels[-1] >= low * ratio * 0.99
-    assert levels[0] <= max(low, low * ratio / 1e4, 1e-9) * 1.01
-
-
-def test_the_smooth_map_is_the_thin_plate_through_its_points() -> None:
-    rng = np.random.default_rng(0)
-    points, values, others = rng.random((90, 2)), rng.normal(size=90), rng.random((50, 2)) * 1.2
-    plate = RBFInterpolator(points, values)(others)
-    np.testing.assert_allclose(figures._least_bent(points, values, others), plate, atol=1e-9)
-    with pytest.raises(np.linalg.LinAlgError):
-        figures._least_bent(points * [1, 0], values, others)
