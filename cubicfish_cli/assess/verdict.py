@@ -68,8 +68,6 @@ _WHOLE_RIM = 0.9
 _EXTRAPOLATED_DEG = 15.0
 # Findings that explain no errors.
 _NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
-# Notes of what is another in each photo: these come before a target that was measured wrongly.
-_CHANGES = (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS)
 _WORSE_PHOTO = 3.0
 _FEW_CORNERS_IN_PHOTO = 20
 
@@ -237,13 +235,6 @@ def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Finding], list[Finding]]:
     return causes, [one for one in against if one.code in _NO_ERRORS]
 
 
-def _change(fit: Mapping[str, Any]) -> str:
-    """What a diagnosis notes to be another in each photo, by its code; "" for nothing."""
-    told = [of_record(one) for one in recorded_mappings(fit.get("findings"))]
-    codes = [one.code for one in told if one is not None]
-    return next((str(code) for code in _CHANGES if code in codes), "")
-
-
 def _of_figures(
     fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
@@ -262,7 +253,7 @@ def _of_figures(
         yield from _reason(Severity.BAD, Code.NO_FIGURES)
     else:
         level = _above(error / scale, _ERROR_PX)
-        yield from _reason(level, Code.LARGE_ERRORS, _change(fit), error_px=error)
+        yield from _reason(level, Code.LARGE_ERRORS, error_px=error)
     many = None if math.isnan(photos) else photos
     case = "few" if 0 < photos < _FEW_PHOTOS else ""
     level = _care(bool(fit) and math.isnan(held_out))
@@ -315,11 +306,10 @@ def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
         # Older records have no codes beside them.
         older = [str(doubt) for doubt in told] if isinstance(told, list) else []
         if doubts or older:
-            bends = _change(fit) == Code.SHEET_BENDS
             yield from _reason(
                 Severity.CARE,
                 Code.BOARD_DOUBTED,
-                str(Code.SHEET_BENDS) if bends else "" if doubts else "older",
+                "" if doubts else "older",
                 board=str(deformation.get("board")),
                 doubted=", and ".join(doubts or older),
             )

@@ -58,7 +58,6 @@ class Hypothesis(Generic[E]):
         cost: what comes first: of two alike, the one that stands first in the table.
         explain: what it finds.
         applies: whether what was found before leaves anything to be explained by it.
-        instead_of: what it makes needless, where it finds something.
 
     """
 
@@ -67,7 +66,6 @@ class Hypothesis(Generic[E]):
     cost: Cost
     explain: Callable[[E], Sequence[Finding]]
     applies: Callable[[E, Sequence[Finding]], bool] = lambda evidence, found: True
-    instead_of: tuple[Code, ...] = ()
 
 
 def _not_bad(_: CornerEvidence, found: Sequence[Finding]) -> bool:
@@ -91,11 +89,6 @@ def _lacks(codes: Sequence[Code], found: Sequence[Finding]) -> bool:
     return all(finding.code not in codes for finding in found)
 
 
-def _few_sheared(found: Sequence[Finding]) -> bool:
-    """Whether no more photos are sheared than may look so where all of them differ."""
-    return _lacks([Code.SHEARED], [one for one in found if one.severity is not Severity.NOTE])
-
-
 def _no_corners(evidence: GridEvidence | MarkerEvidence, found: Sequence[Finding]) -> bool:
     return _only_notes(evidence, found) and not len(evidence.corners.pixel)
 
@@ -113,7 +106,6 @@ _LENSES = (Code.TURNED, Code.SCALED, Code.ZOOM, Code.SHIFTED, Code.TWO_LENSES)
 _LENS = (*_LENSES, Code.PHOTO_LENS)
 _NAMES = (*_LENSES, *_DRAWING, Code.CORNER_NAMES)
 _NOTHING = (Code.NOTHING_NAMED, Code.ANOTHER_TARGET, Code.CORNER_COUNT)
-_CHANGES = (Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS)
 _LOST = (
     Code.CORNER_COUNT,
     Code.TOO_LARGE,
@@ -152,21 +144,12 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(FitEvidence, _LENSES, _PASS, two_lenses.lens_findings, _named),
     Hypothesis(
         FitEvidence,
-        (Code.SHEARED, Code.PHOTO_LENS),
+        (Code.PHOTO_LENS,),
         _PASS,
         lambda e: odd_photos.odd_photos(e.fit),
         lambda e, found: _named(e, found) and _lacks(_LENSES, found),
     ),
     Hypothesis(FitEvidence, _DRAWING, _TRIALS, wrong_drawing.wrong_drawing, _not_bad),
-    Hypothesis(
-        FitEvidence,
-        _CHANGES,
-        _TRIALS,
-        lambda e: odd_photos.unsteady(e.fit),
-        lambda e, found: _not_bad(e, found) and _lacks(_LENSES, found) and _few_sheared(found),
-        # Where all photos differ, those that do so most are not odd.
-        instead_of=(Code.PHOTO_LENS, Code.SHEARED),
-    ),
     Hypothesis(FitEvidence, _NAMES, _TRIALS, left_out.left_out, _named),
     Hypothesis(
         FitEvidence,
@@ -222,13 +205,9 @@ def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Findi
         if not hypothesis.applies(evidence, _joined(told)):
             continue
         try:
-            more = list(hypothesis.explain(evidence))
+            told[place] = list(hypothesis.explain(evidence))
         except (FitError, np.linalg.LinAlgError):  # what cannot be tried explains nothing
             continue
-        if more:
-            for other, found in told.items():
-                told[other] = [one for one in found if one.code not in hypothesis.instead_of]
-        told[place] = more
     return _joined(told)
 
 

@@ -7,7 +7,6 @@ it is linear where the fit stopped, so it costs one pass over the corners.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +26,6 @@ _SHARE = 0.05
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5
 LENS = slice(0, 3)
-SHEAR = slice(3, 5)
 # Twice as many equations as unknowns, that are 6 of the pose and these.
 _FEWEST_CORNERS = 12
 # Two groups, or one photo, may look unlike the others by chance this often among right set-ups.
@@ -42,9 +40,9 @@ ROUGH_DECREASE = 1e-4
 """For fits that photos are only looked at beside."""
 
 
-def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
+def noticed_px(pairs: Observations) -> float:
     """Pixels that a person would notice, by those in a photo of 2000."""
-    return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
+    return _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
 
 
 def enough_photos(count: int) -> int:
@@ -107,14 +105,13 @@ class PhotoLenses:
     numbers: FloatArray
     reach: float
 
-    def told_of(self, terms: slice) -> FloatArray:
-        """(K, M, M) information on some terms, the others free: a Schur complement per photo."""
-        rest = np.setdiff1d(np.arange(TERMS), np.arange(TERMS)[terms])
-        kept = np.arange(TERMS)[terms]
+    def told_of_lenses(self) -> FloatArray:
+        """(K, 3, 3) information on scale and shift, the shear free: a Schur complement."""
+        kept, rest = np.split(np.arange(TERMS), [LENS.stop])
         cross = self.information[:, kept[:, None], rest]
-        inner = _invertible(self.information[:, rest[:, None], rest])
+        inner = invertible(self.information[:, rest[:, None], rest])
         left = cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
-        return _invertible(self.information[:, kept[:, None], kept] - left)
+        return invertible(self.information[:, kept[:, None], kept] - left)
 
 
 def mean_of(own: FloatArray, weight: FloatArray) -> FloatArray:
@@ -122,7 +119,8 @@ def mean_of(own: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(weight.sum(axis=0), np.einsum("kij,kj->i", weight, own)))
 
 
-def _invertible(information: FloatArray) -> FloatArray:
+def invertible(information: FloatArray) -> FloatArray:
+    """The same information (K, M, M), and next to none on what photos do not tell."""
     floor = 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None]
     return np.asarray(information + floor * np.eye(information.shape[1]))
 
@@ -145,7 +143,7 @@ def photo_lenses(
         world: (N, 3) their world points, as fitted.
 
     """
-    photos, triangles = own_triangles(lens, poses, pairs, world, _shear)
+    photos, triangles = _own_triangles(lens, poses, pairs, world)
     free = triangles[:, :-1, :-1]
     own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
     off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
@@ -160,33 +158,20 @@ def photo_lenses(
     )
 
 
-def own_triangles(
-    lens: FitLens,
-    poses: Poses,
-    pairs: Observations,
-    world: FloatArray,
-    more: Callable[[slice, FloatArray, FloatArray], FloatArray],
+def _own_triangles(
+    lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """All that there is to know of what each photo has of its own, beyond its pose.
 
-    Args:
-        lens: the fitted lens.
-        poses: camera_from_world of each of ``pairs.images``.
-        pairs: the pairs of the fit.
-        world: (N, 3) their world points, as fitted.
-        more: terms (n, 2, M) beside scale and shift, for a run of corners, the derivatives
-            (n, 2, 3) of their pixels by their points, and their pixels (n, 2) from the middle in
-            halves of the shorter side.
-
     Returns:
-        (K,) the photos with enough corners to tell, and (K, 4 + M, 4 + M) triangles (QR) of scale,
-        shift x, shift y, more, and the miss: what the pose explains is taken out.
+        (K,) the photos with enough corners to tell, and (K, 6, 6) triangles (QR) of scale, shift
+        x, shift y, shear x, shear y, and the miss: what the pose explains is taken out.
 
     """
     rows = []
     # In runs: the derivatives by the lens, that come with those by the point, are many.
     for _, run in runs_of_photos(pairs.image, len(pairs.images)):
-        rows.append(_linearised(lens, poses, pairs, world, run, more))
+        rows.append(_linearised(lens, poses, pairs, world, run))
     rows_of_all = np.concatenate(rows)
     # The loss of the fit: grossly wrong corners must not speak for a photo.
     miss = rows_of_all[:, :, -1]
@@ -203,14 +188,9 @@ def own_triangles(
 
 
 def _linearised(
-    lens: FitLens,
-    poses: Poses,
-    pairs: Observations,
-    world: FloatArray,
-    run: slice,
-    more: Callable[[slice, FloatArray, FloatArray], FloatArray],
+    lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray, run: slice
 ) -> FloatArray:
-    """(n, 2, 10 + M) derivatives by pose, scale, shift and more, and the miss, all in pixels."""
+    """(n, 2, 12) derivatives by pose, scale, shift and shear, and the miss, all in pixels."""
     image = pairs.image[run]
     rotated = (poses.rotation[image] @ world[run, :, None])[:, :, 0]
     pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[image])
@@ -222,13 +202,9 @@ def _linearised(
             d_point,
             from_middle[:, :, None],
             np.broadcast_to(np.eye(2), (len(pixel), 2, 2)),
-            more(run, d_point, from_middle),
+            # A shift that grows from row to row.
+            from_middle[:, 1, None, None] * np.eye(2),
             (pairs.pixel[run] - pixel)[:, :, None],
         ],
         axis=2,
     )
-
-
-def _shear(run: slice, d_point: FloatArray, from_middle: FloatArray) -> FloatArray:
-    """A shift that grows from row to row."""
-    return from_middle[:, 1, None, None] * np.eye(2)

@@ -343,7 +343,7 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
     count = len(photos.photos)
     if count < FEWEST_TOLD_APART:
         return None
-    own, weight = photos.own[:, LENS], photos.told_of(LENS)
+    own, weight = photos.own[:, LENS], photos.told_of_lenses()
     off = own - mean_of(own, weight)
     pull = (weight @ off[:, :, None])[:, :, 0]
     in_order = best_cut(np.arange(count)[None], weight, pull, _FEWEST_IN_GROUP)
@@ -378,7 +378,7 @@ def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
         The squared error over that with lenses that follow from all photos; 1 or more.
 
     """
-    own, weight = photos.own[:, LENS], photos.told_of(LENS)
+    own, weight = photos.own[:, LENS], photos.told_of_lenses()
     pull = (weight @ own[:, :, None])[:, :, 0]
     known = unknown = float(photos.squares.sum()) + 1e-300
     for group in (np.flatnonzero(~second), np.flatnonzero(second)):

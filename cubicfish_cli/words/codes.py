@@ -48,10 +48,6 @@ class Code(StrEnum):
     SHIFTED = "shifted"
     TURNED = "turned"
     PHOTO_LENS = "photo_lens"
-    SHEARED = "sheared"
-    SHEET_BENDS = "sheet_bends"
-    AUTOFOCUS = "autofocus"
-    STABILISATION = "stabilisation"
     REPEATS = "repeats"
     ONE_PLACE = "one_place"
     # Of a fit: what is against the camera.

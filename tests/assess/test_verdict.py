@@ -160,23 +160,6 @@ def test_a_known_cause_comes_before_what_it_leads_to(cause: str, first: str) -> 
     assert said.line.startswith(f"not to be trusted: {first}")
 
 
-@pytest.mark.parametrize("code", [Code.AUTOFOCUS, Code.STABILISATION, Code.SHEET_BENDS])
-def test_what_changes_between_photos_is_blamed_before_the_target(code: Code) -> None:
-    """A note is no reason of its own: it says what errors come from, where they are large."""
-    figures = {"size_px": 3.0, "before_px": 2.0, "after_px": 0.3}
-    note = Finding(code=code, severity=Severity.NOTE, figures=figures)
-    record = {**GOOD, "findings": [note.as_record()]}
-    assert verdict(record, SIZE).level == "good"
-    large = {**record, "rms_px": 4.0, "held_out_rms_px": 4.1, **FAR}
-    for fit, case in ((large, str(code)), ({**large, "findings": []}, "")):
-        (reason,) = verdict(fit, SIZE).reasons
-        assert (reason.code, reason.severity, reason.case) == (Code.LARGE_ERRORS, "bad", case)
-        assert reason.remedy == ("hold_still" if case else "correct_target")
-    doubted = {"board": "floor", "doubts": ["x"], "doubted": [STRETCHED.as_record()]}
-    (reason,) = verdict({**record, "departures": [doubted]}, SIZE).reasons
-    assert (reason.remedy == "hold_still") == (code == Code.SHEET_BENDS)
-
-
 def test_larger_photos_may_be_off_by_more_of_their_pixels() -> None:
     fit = {**GOOD, "rms_px": 1.5, "held_out_rms_px": 1.6, "companion_held_out_rms_px": 3}
     assert verdict(fit, (8000, 6000)).level == "good"

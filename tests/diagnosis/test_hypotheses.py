@@ -64,15 +64,6 @@ def test_what_does_not_apply_is_not_tried(table):
     assert codes(find_faults(Evidence())) == tried == []  # that is evidence of another kind
 
 
-def test_what_is_found_may_make_other_findings_needless(table):
-    tried: list[Code] = []
-    table(
-        hypothesis(Code.PHOTO_LENS, Cost.PASS, tried),
-        hypothesis(Code.AUTOFOCUS, Cost.TRIALS, tried, instead_of=(Code.PHOTO_LENS,)),
-    )
-    assert codes(find_faults(Seen())) == [Code.AUTOFOCUS]
-
-
 @pytest.mark.parametrize("error", [FitError("no fit"), np.linalg.LinAlgError("singular")])
 def test_what_cannot_be_tried_explains_nothing(table, error):
     def fail(evidence):

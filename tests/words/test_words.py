@@ -150,8 +150,10 @@ def test_a_level_is_the_largest_severity() -> None:
 def test_names_of_users_are_no_templates() -> None:
     names = ("{x}|$is_out", "a|b")
     figures = {"size_px": 1.0, "share": 0.5, "worst": "{y}|z"}
-    told = Finding(code=Code.SHEARED, images=names, figures=figures)
-    assert told.what.startswith("{x}|$is_out and a|b: sheared by up to 1.0 px")
+    told = Finding(code=Code.PHOTO_LENS, images=names, figures=figures)
+    assert told.what.startswith(
+        "{x}|$is_out and a|b: were taken otherwise than the other photos, by 1.00 px"
+    )
     assert told.evidence == "50 % of the squared error of {y}|z"
 
 
