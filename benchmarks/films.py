@@ -1,6 +1,6 @@
 """What frames of a film are worth: ``python benchmarks/films.py FOLDER [--seconds 120] ...``.
 
-`cubicfish simulate --film` renders films through lenses from outside the fitted family, of a corner
+Films are rendered through lenses from outside the fitted family (tests/support), of a corner
 of three checkerboards, a ChArUco board and an AprilGrid that a hand moves: blur by exposure time,
 rolling shutter, H.264. `cubicfish frames` chooses; corners of all frames are found too, and cameras
 are made of those of the chosen frames, of all, and of as many frames equally spaced as may be
@@ -28,8 +28,11 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
+from synthetic_films import Film, FilmOptions, hand_path
+from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
 from cubicfish_cli.errors import CubicfishError
@@ -45,7 +48,7 @@ from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.detection import detect_corners
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo, find_photos
-from cubicfish_cli.rendering.outside import load_lens
+from cubicfish_cli.rendering.options import LookOptions
 from cubicfish_cli.target import Target, load_target
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
@@ -112,7 +115,9 @@ def fitted(pairs: Observations, target: Target) -> Calibration | None:
         return None
 
 
-def measured(folder: Path, target_file: Path, most: int, every: int) -> tuple[float, ...]:
+def measured(
+    folder: Path, target_file: Path, lens: SyntheticLens, most: int, every: int
+) -> tuple[float, ...]:
     target = load_target(target_file)
     film, out = folder / "film.mp4", folder / "chosen"
     options = ("-t", target_file, "--overwrite", "--no-cache", "-j", 1)
@@ -131,8 +136,7 @@ def measured(folder: Path, target_file: Path, most: int, every: int) -> tuple[fl
         fitted(select_photos(pairs, np.unique(equal)), target),
     ]
     angle = min(fit.camera.max_angle_deg for fit in fits if fit is not None)
-    truth = load_lens(folder / "true_camera.yaml")
-    errors = [rms_px(fit, truth, np.deg2rad(angle)) for fit in fits]
+    errors = [rms_px(fit, lens.far, np.deg2rad(angle)) for fit in fits]
     times = (seconds / usual, seconds / one, (whole - seconds) / usual)
     return len(chosen), len(pairs.images), *errors, *times
 
@@ -156,18 +160,24 @@ def main() -> None:
         f"{'time':>7}{'1':>5}{'camera':>8}"
     )
     rows = []
+    width, height = map(int, args.size.split("x"))
+    size = width, height
     for lens in args.lenses:
+        made = synthetic_lens(lens, size)
         for name in args.targets:
             target = args.folder / f"{name}.yaml"
             target.write_text(TARGETS[name], encoding="utf-8")
             folder = args.folder / f"b_{lens}_{name}"
             if not (folder / "film.mp4").exists():
-                cubicfish(
-                    "simulate", "-t", target, "--lens", lens, "--size", args.size, "--film",
-                    args.seconds, "--rate", args.rate, "-o", folder, "--seed", args.seed,
-                )  # fmt: skip
+                folder.mkdir(exist_ok=True)
+                thing = load_target(target)
+                path = hand_path(thing, made, size, args.seconds, seed=args.seed)
+                taken = FilmOptions(rate=args.rate)
+                film = Film(target=thing, lens=made, image_size=size, path=path, taken=taken)
+                look = LookOptions(seed=args.seed)
+                film.write(folder / "film.mp4", round(args.seconds * args.rate), look)
             number, of, chosen, all_of, equal, *times = measured(
-                folder, target, args.most, args.every
+                folder, target, made, args.most, args.every
             )
             rows.append((chosen / all_of, chosen / equal, *times))
             print(

@@ -1,10 +1,10 @@
 """Corner finders on hard photos of known truth: ``python benchmarks/hard_photos.py [--quick]``.
 
-Photos are rendered through lenses from outside every fitted family (rendering/outside.py), each
-with one thing that makes boards hard to read, and go to this project's finder and to OpenCV's in
-one run. A corner counts as readable, and so for recall, when it and its neighbourhood are in the
-picture, nothing lies over it, and both bright squares at it are brighter than both dark ones by 20
-grey levels.
+Photos are rendered through lenses from outside every fitted family (`synthetic_lenses.py` of
+tests/support), each with one thing that makes boards hard to read, and go to this project's finder
+and to OpenCV's in one run. A corner counts as readable, and so for recall, when it and its
+neighbourhood are in the picture, nothing lies over it, and both bright squares at it are brighter
+than both dark ones by 20 grey levels.
 
 recall   share of the readable corners that were found within 1 px (1.5 px where it bleeds, is
          blurred by 4 px or more, or out of focus)
@@ -24,22 +24,23 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from cubicfish_cli.boards.types import BOARD_TYPES
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import cv2
 import numpy as np
+from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.library.detection import detect
-from cubicfish_cli.rendering.options import OUTSIDE_LENSES
-from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.simulate import RayGrid, render, room_background
 from cubicfish_cli.rendering.truth import Pose, TrueCorners, project_corners
 from cubicfish_cli.target import Target
@@ -193,7 +194,7 @@ def board(marked: bool) -> Target:
     )
 
 
-def chosen_pose(case: Hard, lens: OutsideLens, rng: np.random.Generator) -> Pose:
+def chosen_pose(case: Hard, lens: SyntheticLens, rng: np.random.Generator) -> Pose:
     """The board somewhere in the field, slanted by up to 40°, with squares of the case's size."""
     target = board(False)
     middle = np.array([(COLUMNS - 1) / 2, (ROWS - 1) / 2, 0]) * SQUARE
@@ -405,8 +406,8 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     cv2.setNumThreads(1)
-    lenses = OUTSIDE_LENSES[:2] if arguments.quick else OUTSIDE_LENSES
-    made = {name: outside_lens(name, SIZE) for name in lenses}
+    lenses = SYNTHETIC_LENSES[:2] if arguments.quick else SYNTHETIC_LENSES
+    made = {name: synthetic_lens(name, SIZE) for name in lenses}
     rays = {name: RayGrid.of(lens.unproject, SIZE) for name, lens in made.items()}
     head = f"{'':22} {'':20} recall false grids   bias spread     s  named/wrong"
     print(head)

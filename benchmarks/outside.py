@@ -1,10 +1,10 @@
 """How near cameras come to lenses that no fitted family holds: ``python benchmarks/outside.py``.
 
-Corners of photos through the lenses of rendering/outside.py, and through one of the family that P
-is held to, with errors of two kinds: independent ones of 0.1 px, and ones of the same size of which
-half is shared by neighbouring corners and whose size differs from photo to photo, as in real
-photos. Each set is calibrated as ever, the target as drawn, and the camera is compared with the
-true lens over the cone that corners reach, with the rotation between them taken out.
+Corners of photos through the lenses of tests/support/synthetic_lenses.py, and through one of the
+family that P is held to, with errors of two kinds: independent ones of 0.1 px, and ones of the same
+size of which half is shared by neighbouring corners and whose size differs from photo to photo, as
+in real photos. Each set is calibrated as ever, the target as drawn, and the camera is compared with
+the true lens over the cone that corners reach, with the rotation between them taken out.
 
 cubic, radial   RMS over the field in px of the camera, and of the radial reference beside it;
                 median over the seeds
@@ -28,14 +28,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 import numpy as np
 from simulated import CornerErrors, simulated_corners
+from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.options import OUTSIDE_LENSES
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.target import Target
 
@@ -51,7 +50,7 @@ INSIDE = AsymmetricLens(
     tilt=(0.0016, -0.0011),
     max_angle_deg=95.0,
 )
-LENSES = {"inside": INSIDE, **{name: outside_lens(name, SIZE) for name in OUTSIDE_LENSES}}
+LENSES = {"inside": INSIDE, **{name: synthetic_lens(name, SIZE) for name in SYNTHETIC_LENSES}}
 ERRORS = {
     "exact": CornerErrors(noise=0, shared=0, spread=0),
     "independent": CornerErrors(noise=0.1, shared=0, spread=0),

@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
+from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
@@ -30,7 +31,6 @@ from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calib
 from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
 
@@ -119,14 +119,14 @@ SETUPS = {
 }  # fmt: skip
 
 
-def lens_of(field_deg: float, number: int) -> OutsideLens:
-    lens = outside_lens("equisolid", (1280, 960) if number % 2 else (1200, 1000))
+def lens_of(field_deg: float, number: int) -> SyntheticLens:
+    lens = synthetic_lens("equisolid", (1280, 960) if number % 2 else (1200, 1000))
     half = field_deg / 2
     focal = 0.49 * min(lens.image_size) / (2 * np.sin(np.deg2rad(half) / 2))
     return replace(lens, focal=(focal, 0.999 * focal), max_angle_deg=half)
 
 
-def simulated(setup: Setup, seed: int) -> tuple[list[Observations], RigTruth, list[OutsideLens]]:
+def simulated(setup: Setup, seed: int) -> tuple[list[Observations], RigTruth, list[SyntheticLens]]:
     lenses = [lens_of(field, number) for number, field in enumerate(setup.fields)]
     corners, truth = simulated_rig(
         lenses,

@@ -9,7 +9,6 @@ from cubicfish_cli import CubicfishError as CubicfishError
 from cubicfish_cli import Detection as Detection
 from cubicfish_cli import Evaluation as Evaluation
 from cubicfish_cli import Event as Event
-from cubicfish_cli import FilmOptions as FilmOptions
 from cubicfish_cli import Finding as Finding
 from cubicfish_cli import Listener as Listener
 from cubicfish_cli import LookOptions as LookOptions

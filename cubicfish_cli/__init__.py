@@ -71,7 +71,7 @@ _PLACES = {
     "identification.identified": ("Detection",),
     "photos": ("read_picture",),
     "target": ("Target",),
-    "rendering.options": ("FilmOptions", "LookOptions"),
+    "rendering.options": ("LookOptions",),
     "undistortion.choose": ("build_view",),
     "undistortion.options": ("ViewOptions",),
     "undistortion.maps": ("UndistortMap", "build_map", "save_map"),

@@ -61,7 +61,6 @@ from cubicfish_cli.library.views import build_plane as build_plane
 from cubicfish_cli.listener import Listener as Listener
 from cubicfish_cli.observations import Observations as Observations
 from cubicfish_cli.photos import read_picture as read_picture
-from cubicfish_cli.rendering.options import FilmOptions as FilmOptions
 from cubicfish_cli.rendering.options import LookOptions as LookOptions
 from cubicfish_cli.target import Target as Target
 from cubicfish_cli.undistortion.choose import build_view as build_view

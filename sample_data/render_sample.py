@@ -1,9 +1,9 @@
 """Render the sample photos: ``python sample_data/render_sample.py`` writes photos/ anew.
 
-No camera took them. The lens is read from true_camera.yaml, the boards from target.yaml, and the
-room around them from room.py. The same files give the same photos, but for what a JPEG encoder's
-version changes. ``true_corners.csv`` holds where the lens really sees each corner, in the layout of
-``cubicfish detect``.
+No camera took them. The lens is a made-up one of the tests, which true_camera.yaml is near; the
+boards are read from target.yaml, and the room around them is that of room.py. The same files give
+the same photos, but for what a JPEG encoder's version changes. ``true_corners.csv`` holds where the
+lens really sees each corner, in the layout of ``cubicfish detect``.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.rendering.outside import OutsideLens, load_lens
 from cubicfish_cli.rendering.truth import Pose, look_at, rotation_matrix, true_corners_text
 from cubicfish_cli.target import Target, load_target
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent / "tests" / "support")]
 
 from room import Room  # noqa: E402
+from synthetic_lenses import SyntheticLens, synthetic_lens  # noqa: E402
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -52,9 +52,9 @@ _JPEG_QUALITY = 90
 _ROWS_A_BLOCK = 24
 
 
-def true_lens() -> OutsideLens:
+def true_lens() -> SyntheticLens:
     """The lens of true_camera.yaml."""
-    return load_lens(HERE / "true_camera.yaml").lens
+    return synthetic_lens("equisolid", (960, 720))
 
 
 def poses() -> dict[str, Pose]:
@@ -65,13 +65,13 @@ def poses() -> dict[str, Pose]:
     }
 
 
-def true_corners(target: Target, lens: OutsideLens) -> str:
+def true_corners(target: Target, lens: SyntheticLens) -> str:
     """The visible corners of all photos as the text of a corners file."""
     return true_corners_text(target, lens, poses(), lens.image_size)
 
 
 def photograph(
-    room: Room, lens: OutsideLens, pose: Pose, *, rays_a_side: int = 4, seed: int = 0
+    room: Room, lens: SyntheticLens, pose: Pose, *, rays_a_side: int = 4, seed: int = 0
 ) -> npt.NDArray[np.uint8]:
     """The photo that the lens takes at a pose -> (height, width, 3) uint8, blue first.
 

@@ -50,8 +50,8 @@ class Asked:
 def command(given: Asked) -> None:
     """Say how far from A's pixels the camera B sees the same rays, over their common field.
 
-    A and B are camera.yaml files, or lenses given by their formula, such as the true_camera.yaml
-    that simulate writes beside its photos. The rotation between the two camera frames that makes
+    A and B are camera.yaml files, such as the true_camera.yaml that simulate writes beside its
+    photos. The rotation between the two camera frames that makes
     the differences smallest is taken out first, since poses make up for it. Photos of one size, or
     of sizes that are an exact rescale; differences are in A's pixels.
 

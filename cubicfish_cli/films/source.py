@@ -1,4 +1,4 @@
-"""A film on disk: opening it, what it says of itself, and writing one of pictures.
+"""A film on disk: opening it, and what it says of itself.
 
 PyAV does it, the extra ``video``. Frames are as the sensor made them: a note that tells players to
 turn the film is not followed, since the lens does not turn with it.
@@ -6,14 +6,10 @@ turn the film is not followed, since the lens does not turn with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.errors import MISSING, OutputError, PhotoError
 from cubicfish_cli.films.recordings import Recording, file_and_topic, is_recording, label_of
@@ -24,8 +20,6 @@ _ONLY = {
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
     "protocol_whitelist": "file",
 }
-# As cameras compress: about half a bit per pixel where things move.
-_OPTIONS = {"crf": "20", "preset": "veryfast", "g": "30"}
 
 
 def library() -> Any:
@@ -186,48 +180,3 @@ def _label(path: Path) -> str:
     stem = label_of(path) if is_recording(path) else path.stem
     name = "".join(c if c.isprintable() else "_" for c in stem).strip().lstrip(".")
     return name or "film"
-
-
-def write_film(
-    path: Path, pictures: Iterable[npt.NDArray[np.uint8]], size: tuple[int, int], rate: float
-) -> None:
-    """Write grey pictures (height, width) as an H.264 film in an MP4 container.
-
-    Args:
-        path: the file; its name need not say what it is.
-        pictures: one by one, all of one size.
-        size: (width, height), both even.
-        rate: frames per second.
-
-    Raises:
-        OutputError: the extra ``video`` is not installed, a side is odd, or the file cannot be
-            written.
-
-    """
-    av = library()
-    width, height = refuse_odd(size)
-    try:
-        with av.open(str(path), "w", format="mp4") as container:
-            stream: Any = container.add_stream(
-                "libx264", rate=Fraction(rate).limit_denominator(1001), options=_OPTIONS
-            )
-            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-            for picture in pictures:
-                frame = av.VideoFrame.from_ndarray(picture, format="gray")
-                container.mux(stream.encode(frame.reformat(format="yuv420p")))
-            container.mux(stream.encode(None))
-    except av.FFmpegError as problem:
-        raise OutputError(
-            f"{path} cannot be written ({problem.strerror}): check the folder and the free space"
-        ) from problem
-
-
-def refuse_odd(size: tuple[int, int]) -> tuple[int, int]:
-    """Raise :class:`OutputError` for a (width, height) that no such film has."""
-    if size[0] % 2 or size[1] % 2:
-        raise OutputError(
-            "a film has an even width and height, not {}x{}: take a lens of such a size".format(
-                *size
-            )
-        )
-    return size

@@ -1,9 +1,7 @@
 """A Kannala–Brandt lens, decentred (Brown, 1966) and with a sensor not square to its axis.
 
-It is what lens files state by numbers, and the truth that rendered photos are made with. That is
-not the cubic's formula, but it is that of the lens which P is held to (`fitting/asymmetric.py`):
-what leans on the prior looks better with it than with real lenses. Those of
-:mod:`cubicfish_cli.rendering.outside` do not flatter.
+It is not the cubic's formula, but that of the lens which P is held to (`fitting/asymmetric.py`):
+what leans on the prior looks better with photos of such a lens than with those of real ones.
 """
 
 from __future__ import annotations

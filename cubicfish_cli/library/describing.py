@@ -12,7 +12,7 @@ import numpy as np
 from cubicfish_cli.assess.camera_facts import CameraFacts
 from cubicfish_cli.assess.verdict import Verdict, rig_verdict
 from cubicfish_cli.files import refuse_existing
-from cubicfish_cli.fitting.comparison import ComparedCamera, Comparison, compare
+from cubicfish_cli.fitting.comparison import Comparison, compare
 from cubicfish_cli.fitting.rig.compare import ComparedCamera as ComparedPlace
 from cubicfish_cli.formats.camera_yaml import load_any_camera, load_camera
 from cubicfish_cli.formats.rig_yaml import load_rig
@@ -27,7 +27,6 @@ from cubicfish_cli.library.asked import (
 )
 from cubicfish_cli.library.rigs import compare_rigs, loaded_record
 from cubicfish_cli.rendering.difference_picture import difference_picture
-from cubicfish_cli.rendering.outside import is_lens_file, load_lens
 from cubicfish_cli.undistortion.images import check_suffix, write_picture
 
 _DRAWN_PIXELS = 150_000
@@ -101,8 +100,7 @@ def compare_files(
     """Say how far apart two cameras see the same rays, as ``cubicfish compare`` does.
 
     Args:
-        first: the file of a camera, or the folder of that, or a lens's formula such as the
-            true_camera.yaml of :func:`simulate_files`; differences are in its pixels.
+        first: the file of a camera, or the folder of that; differences are in its pixels.
         second: another one.
         picture: also draws the difference at every pixel of the first camera.
         run: how the work is done.
@@ -117,15 +115,11 @@ def compare_files(
     if path is not None:
         refuse_existing(path, overwrite=run.overwrite)
         check_suffix(path)
-    comparison = compare(_camera_in(first), _camera_in(second))
+    one, other = (load_camera(in_folder(Path(given))).camera for given in (first, second))
+    comparison = compare(one, other)
     if path is not None:
         write_picture(path, _picture(comparison), overwrite=run.overwrite)
     return ComparedFiles(comparison=comparison, picture=path)
-
-
-def _camera_in(given: StrPath) -> ComparedCamera:
-    path = in_folder(Path(given))
-    return load_lens(path) if is_lens_file(path) else load_camera(path).camera
 
 
 def _picture(comparison: Comparison) -> Any:

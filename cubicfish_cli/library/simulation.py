@@ -1,38 +1,23 @@
-"""Photos and films of known truth, with that truth beside them."""
+"""Photos of known truth, with that truth beside them."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError, OutputError, UsageError
 from cubicfish_cli.files import Content, write_files
 from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.frame_names import frame_name
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
+from cubicfish_cli.formats.foreign import is_foreign, read_foreign
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
-from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import MAX_SIDE
-from cubicfish_cli.rendering.options import FORMATS, OUTSIDE_LENSES, FilmOptions, LookOptions
-from cubicfish_cli.rendering.outside import (
-    OutsideLens,
-    RaysAtDistance,
-    is_lens_file,
-    lens_text,
-    load_lens,
-    outside_lens,
-)
+from cubicfish_cli.rendering.options import FORMATS, LookOptions
 from cubicfish_cli.rendering.simulate import (
     chosen_poses,
     photo_bytes,
@@ -50,9 +35,7 @@ from cubicfish_cli.wording import did_you_mean, quoted
 from cubicfish_cli.words.codes import Event
 from cubicfish_cli.words.phrases import plural
 
-FILM = "film.mp4"
 _SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml"}
-_SIZE = (960, 720)
 _LOOK = LookOptions()
 _MOST_PHOTOS = 10_000
 _RENDERING = "Rendering"
@@ -91,14 +74,10 @@ def _source(
     if isinstance(lens, Calibrated | CubicCamera):
         camera = lens.camera if isinstance(lens, Calibrated) else lens
         source = _of_camera(camera, {}, target)
-    elif (name := os.fspath(lens)) in OUTSIDE_LENSES:
-        source = _of_lens(outside_lens(name, size or _SIZE, units=target.units))
-    elif _is_of_another_tool(Path(lens)):
+    elif is_foreign(Path(lens)):
         source = _of_another_tool(Path(lens), size)
-    elif is_lens_file(Path(lens)):
-        source = _of_lens(load_lens(Path(lens)))
     else:
-        source = _of_camera(load_camera(Path(lens)).camera, {"camera": name}, target)
+        source = _of_camera(load_camera(Path(lens)).camera, {"camera": str(lens)}, target)
     if size not in (None, source.image_size):
         raise CameraFileError(
             "the lens is for photos of {}x{} pixels: leave image_size out".format(
@@ -115,38 +94,16 @@ def _of_camera(camera: CubicCamera, made_by: Mapping[str, object], target: Targe
     return Source(lens=lens, image_size=camera.image_size, text=_camera_text(camera, made_by))
 
 
-def _of_lens(lens: AsymmetricLens | OutsideLens | RaysAtDistance) -> Source:
-    """A lens's formula; one that is not central stands in true_camera.yaml for what is far away."""
-    true = lens.lens if isinstance(lens, RaysAtDistance) else lens
-    text = lens_text(true.far if isinstance(true, OutsideLens) else true)
-    return Source(lens=true, image_size=true.image_size, text=text)
-
-
 def _of_another_tool(path: Path, size: tuple[int, int] | None) -> Source:
     """The lens of another tool's file."""
-    # Loaded late: they take as long as a photo.
+    # Loaded late: it takes as long as a photo.
     from cubicfish_cli.fitting.conversion.from_lens import ExactLens
-    from cubicfish_cli.formats.foreign import read_foreign
 
     given, found = read_foreign(path, image_size=size)
     exact = ExactLens.of(given)
     text = _camera_text(exact.nearest.camera, {"imported_from": found, "lens": given.name})
     note = {"found": found, "rms_px": exact.nearest.error.rms_px}
     return Source(lens=exact, image_size=given.image_size, text=text, note=note)
-
-
-def _is_of_another_tool(path: Path) -> bool:
-    """Whether a file is no camera or lens of ours, and of a format that is known."""
-    with suppress(CameraFileError):  # of what is no YAML
-        if is_lens_file(path):
-            return False
-    from cubicfish_cli.formats.foreign import sniffed
-
-    try:
-        sniffed(path)
-    except CameraFileError:  # what is wrong with it is said by the reader of our own
-        return False
-    return True
 
 
 def _camera_text(camera: CubicCamera, made_by: Mapping[str, object]) -> str:
@@ -158,9 +115,8 @@ class SimulatedFiles:
     """What became of :func:`simulate_files`.
 
     Attributes:
-        photos: the photos, or the film.
+        photos: the photos.
         truth: the files beside them: ``true_corners``, ``true_poses`` and ``true_camera``.
-        frames: how many photos or frames.
         corners: how many corners can be seen in them.
         image_size: (width, height), pixels.
         seed: their seed.
@@ -169,7 +125,6 @@ class SimulatedFiles:
 
     photos: Sequence[Path]
     truth: Mapping[str, Path]
-    frames: int
     corners: int
     image_size: tuple[int, int]
     seed: int
@@ -180,39 +135,28 @@ class SimulatedFiles:
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
 
-_Scene = tuple[dict[str, Pose], str, dict[str, Content]]
-"""Poses by the names of photos or frames, the text of true_corners.csv, and what writes pictures
-by the names of their files, in their order."""
-
-
 def simulate_files(
     target: Target | StrPath,
     lens: Calibrated | CubicCamera | StrPath,
     folder: StrPath = "simulated",
     *,
     image_size: Sequence[int] | None = None,
-    film: FilmOptions | None = None,
     poses: StrPath | None = None,
     number: int | None = None,
     form: str | None = None,
     look: LookOptions = _LOOK,
     run: Run = RUN,
 ) -> SimulatedFiles:
-    """Render photos or a film of a target beside their truth, as ``cubicfish simulate`` does.
+    """Render photos of a target beside their truth, as ``cubicfish simulate`` does.
 
-    The poses of photos fill the camera's field. Of a film each frame has its truth under the name
-    that ``cubicfish frames`` gives it. All files are written, or none.
+    The poses fill the camera's field. All files are written, or none.
 
     Args:
         target: the calibration target, or its file; its boards are rendered flat.
-        lens: a camera or a fit; the name of a lens that no camera can hold (``moving-pupil``,
-            ``mirror``, ``equisolid``, ``orthographic``); or a file: camera.yaml, a lens's
-            formula, or another tool's.
-        folder: where photo_01.jpg or film.mp4 go, true_corners.csv (pixels), true_poses.csv and
+        lens: a camera or a fit; or a file: camera.yaml or another tool's.
+        folder: where photo_01.jpg and so on go, true_corners.csv (pixels), true_poses.csv and
             true_camera.yaml.
-        image_size: (width, height) of the pictures in pixels, for lenses with a name (by default
-            960x720) and files that do not say.
-        film: makes a film in the place of photos.
+        image_size: (width, height) of the pictures in pixels, for files that do not say.
         poses: a table to take photos from, such as the true_poses.csv of earlier ones; lengths
             in the target's unit, rotation vectors in radians, ``camera_from_world``.
         number: of photos, without one; by default 12.
@@ -224,15 +168,10 @@ def simulate_files(
         UsageError: what is asked does not go together.
         CameraFileError: the lens cannot be used.
         CorrespondenceError: the table cannot be used.
-        PhotoError: the extra ``video`` is not installed.
         TargetError: the target cannot be drawn, or is not seen so often.
-        OutputError: no picture shows a corner, a film's side is odd, or a file exists and may not
-            be replaced.
+        OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    for name, value in {"-n": number, "--poses": poses, "--format": form}.items():
-        if film is not None and value is not None:
-            raise UsageError(f"{name} is of photos: leave it out with --film")
     if poses is not None and number is not None:
         raise UsageError("--poses says how many photos there are: leave -n out")
     if number is not None and not 1 <= number <= _MOST_PHOTOS:
@@ -250,60 +189,41 @@ def simulate_files(
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
     flat, seed = thing.with_flat_boards(), look.seed
-    if film is None:
-        listener.progress(choosing)
-        if poses is None:
-            chosen = chosen_poses(thing, source.lens, source.image_size, number or 12, seed=seed)
-            digits = max(2, len(str(len(chosen))))
-            named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
-        else:
-            named = _poses_of_table(Path(poses), form)
-        named, corners, pictures = _photos(flat, source, named, look, listener)
+    listener.progress(choosing)
+    if poses is None:
+        chosen = chosen_poses(thing, source.lens, source.image_size, number or 12, seed=seed)
+        digits = max(2, len(str(len(chosen))))
+        named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
     else:
-        listener.progress("Choosing how the target is moved")
-        named, corners, pictures = _film(flat, source, film, look, listener)
+        named = _poses_of_table(Path(poses), form)
+    corners = true_corners_text(flat, source.lens, named, source.image_size)
+    if corners.count("\n") <= 2:
+        raise OutputError("no photo shows a corner: check the poses, the target and its units")
     texts = {
         "true_corners": corners,
         "true_poses": pose_table_text(named),
         "true_camera": source.text,
     }
     width, height = source.image_size
-    count = plural(len(named), "photo" if film is None else "frame")
-    listener.tell(Event.RENDERING, pictures=count, width=width, height=height)
+    listener.tell(Event.RENDERING, pictures=plural(len(named), "photo"), width=width, height=height)
     listener.progress(_RENDERING)
+    rendered = simulated_photos(flat, source.lens, source.image_size, named, look)
+
+    def write(done: int, path: Path) -> None:
+        path.write_bytes(photo_bytes(next(rendered)[1], path.suffix[1:]))
+        listener.progress(_RENDERING, done, len(named))
+
     truth = {name: Path(folder) / f"{name}{_SUFFIXES[name]}" for name in texts}
-    photos = {Path(folder) / name: content for name, content in pictures.items()}
-    files = {**photos, **{truth[name]: text for name, text in texts.items()}}
+    photos = {Path(folder) / name: partial(write, done) for done, name in enumerate(named, start=1)}
+    files: dict[Path, Content] = {**photos, **{truth[name]: texts[name] for name in texts}}
     write_files(files, overwrite=run.overwrite)
     return SimulatedFiles(
         photos=list(photos),
         truth=truth,
-        frames=len(named),
         corners=corners.count("\n") - 2,
         image_size=source.image_size,
         seed=seed,
     )
-
-
-def _photos(
-    target: Target,
-    source: Source,
-    poses: dict[str, Pose],
-    look: LookOptions,
-    listener: Listener,
-) -> _Scene:
-    """Photos from these poses."""
-    corners = true_corners_text(target, source.lens, poses, source.image_size)
-    if corners.count("\n") <= 2:
-        raise OutputError("no photo shows a corner: check the poses, the target and its units")
-
-    photos = simulated_photos(target, source.lens, source.image_size, poses, look)
-
-    def write(done: int, path: Path) -> None:
-        path.write_bytes(photo_bytes(next(photos)[1], path.suffix[1:]))
-        listener.progress(_RENDERING, done, len(poses))
-
-    return poses, corners, {n: partial(write, done) for done, n in enumerate(poses, start=1)}
 
 
 def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
@@ -318,33 +238,3 @@ def _poses_of_table(path: Path, form: str) -> dict[str, Pose]:
             )
         named[own] = pose
     return named
-
-
-def _film(
-    target: Target,
-    source: Source,
-    asked: FilmOptions,
-    look: LookOptions,
-    listener: Listener,
-) -> _Scene:
-    """A film of a hand that moves the target."""
-    from cubicfish_cli.films.source import library, refuse_odd, write_film
-    from cubicfish_cli.rendering.film import Film, hand_path
-
-    size = source.image_size
-    library()  # said before the work if it is not there
-    refuse_odd(size)
-    frames = max(1, round(asked.seconds * asked.rate))
-    names = [f"{frame_name(Path(FILM).stem, one / asked.rate)}.png" for one in range(frames)]
-    path = hand_path(target, source.lens, size, asked.seconds, seed=look.seed)
-    made = Film(target=target, lens=source.lens, image_size=size, path=path, taken=asked)
-    poses, corners = made.truth(names)
-    if corners.count("\n") <= 2:
-        raise OutputError("no frame shows a corner: check the target and its units")
-
-    def pictures() -> Iterator[npt.NDArray[np.uint8]]:
-        for done, picture in enumerate(made.frames(frames, look), start=1):
-            yield picture
-            listener.progress(_RENDERING, done, frames)
-
-    return poses, corners, {FILM: lambda file: write_film(file, pictures(), size, asked.rate)}

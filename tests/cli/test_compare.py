@@ -39,7 +39,6 @@ def test_numbers_in_words_and_in_json(run: Run, calibrated: Path, other: Path) -
 
 
 def test_a_camera_beside_the_true_lens(run: Run, calibrated: Path) -> None:
-    """The formula that made the sample's photos is no camera.yaml, and the truth all the same."""
     true, found = SAMPLE / "true_camera.yaml", calibrated / "camera.yaml"
     there = json.loads(run("compare", true, found, "--json").stdout)
     back = json.loads(run("compare", found, true, "--json").stdout)

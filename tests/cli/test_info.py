@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import yaml
 from running import SAMPLE, Run
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.assess.camera_facts import camera_facts, field_seen
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.rendering.outside import load_lens
 
-TRUTH = load_lens(SAMPLE / "true_camera.yaml").lens
+TRUTH = synthetic_lens("equisolid")
 
 
 def facts(run: Run, *args: object) -> dict[str, object]:

@@ -9,16 +9,15 @@ import click
 import cv2
 import numpy as np
 import pytest
-import yaml
 from command_tree import commands
+from lenses import smaller
 from running import SAMPLE, Run
-from synthetic import TRUE_LENS
 
+from cubicfish_cli import save_camera
 from cubicfish_cli.cli.options import JsonOption
 from cubicfish_cli.cli.terminal import print_json
 from cubicfish_cli.fitting import model_comparison
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.rendering.outside import lens_text
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
@@ -292,9 +291,7 @@ def test_simulate(run: Run, calibrated: Path, tmp_path: Path) -> None:
     poses = tmp_path / "poses.csv"
     poses.write_text(f"image,rx,ry,rz,tx,ty,tz\na.jpg,{numbers}\n")
     model = tmp_path / "small.yaml"
-    values = yaml.safe_load(lens_text(TRUE_LENS))
-    values.update(image_size=[480, 360], fx=131, fy=131, cx=242, cy=176)
-    model.write_text(yaml.safe_dump(values))
+    save_camera(model, smaller(load_camera(calibrated / "camera.yaml").camera, 2))
     line = ("simulate", "-t", TARGET, "-m", model, "--poses", poses, "-o", tmp_path / "simulated")
     (one,) = records(run, line)
     assert one["corners"] > 50

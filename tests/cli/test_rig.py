@@ -12,6 +12,7 @@ from equality import same_records
 from running import Run, run_cli
 from simulated import CornerErrors
 from simulated_rig import simulated_rig
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import (
     calibrate_rig_files,
@@ -27,7 +28,6 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.lift import lift_rotation
 from cubicfish_cli.library.rig_files import named_by
 from cubicfish_cli.library.rigs import compare_rigs
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.target import Target
 
@@ -52,7 +52,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ],
         }
     )  # fmt: skip
-    lenses = [outside_lens("equisolid", (640, 480)), outside_lens("orthographic", (640, 480))]
+    lenses = [synthetic_lens("equisolid", (640, 480)), synthetic_lens("orthographic", (640, 480))]
     corners, _ = simulated_rig(
         lenses,
         [(np.zeros(3), np.zeros(3)), (np.array([0, 0.6, 0]), np.array([-100.0, 0, 0]))],

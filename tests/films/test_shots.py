@@ -13,6 +13,7 @@ pytest.importorskip("av")
 from filming import photos, write_film
 from running import Run
 from simulated_rig import combined
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import save_target
 from cubicfish_cli.films.choose import choose, choose_shots
@@ -21,7 +22,6 @@ from cubicfish_cli.films.scan import Measured
 from cubicfish_cli.films.shots import flow, moments
 from cubicfish_cli.films.source import Film
 from cubicfish_cli.frame_names import time_of
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import Pose, pose_of_matrix
 from tests.films.test_films import at
@@ -170,7 +170,7 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
     for number, (own, kind) in enumerate(
         (((np.zeros(3), np.zeros(3)), "equisolid"), (place, "orthographic"))
     ):
-        lens = outside_lens(kind, SIZE)
+        lens = synthetic_lens(kind, SIZE)
         frames = []
         for index, (pose, stay) in enumerate(zip(poses(12), stays, strict=True)):
             picture = render(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import cubic_fit
@@ -18,7 +19,6 @@ from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.lenses.cubic import check_validity
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.outside import outside_lens
 
 pytestmark = pytest.mark.slow
 
@@ -328,7 +328,7 @@ def test_left_out_photos_choose_how_p_is_held(pairs):
 
 def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     """In the middle of a mirror camera's picture no corner is, and its radial lens is a guess."""
-    lens, target = outside_lens("mirror"), synthetic.corner_of_three()
+    lens, target = synthetic_lens("mirror"), synthetic.corner_of_three()
     poses = synthetic.poses_around(target, 6, seed=2, off_axis_deg=100)
     pairs = synthetic.synthetic_correspondences(
         target, poses, lens=lens, image_size=lens.image_size, noise=0.1

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import synthetic
 from simulated import CornerErrors, simulated_corners
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.cubic_fit import Hold, Rival, fit_cubic
@@ -15,7 +16,6 @@ from cubicfish_cli.fitting.subset import select, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.outside import outside_lens
 
 TARGET = synthetic.corner_of_three()
 HOLD = Hold(spread=1e-3, weight=1.0)
@@ -24,7 +24,7 @@ PHOTOS = 10
 
 def fitted(seed, errors):
     corners, _ = simulated_corners(
-        outside_lens("equisolid"), TARGET, PHOTOS, seed=seed, errors=errors
+        synthetic_lens("equisolid"), TARGET, PHOTOS, seed=seed, errors=errors
     )
     pairs = corners.with_target(TARGET)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
@@ -131,7 +131,7 @@ def test_errors_exceed_a_spread_of_few_as_often_as_they_exceed_the_true_one(clus
 
 def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
     """No corner is nearer to a mirror camera's axis than 55°: 50° is as near as one says much."""
-    lens = outside_lens("mirror")
+    lens = synthetic_lens("mirror")
     poses = synthetic.poses_around(TARGET, 8, seed=0, off_axis_deg=100)
     pairs = synthetic.synthetic_correspondences(
         TARGET, poses, lens=lens, image_size=lens.image_size, noise=0.1

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
@@ -16,14 +17,13 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import world_scale
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 
 TARGET = synthetic.box_of_four()
 PHOTOS = 12
 COUNTED = cone_rays(np.radians(80), 1000)
 
 
-def photos(lens: OutsideLens, *, noise: float = 0.05, seed: int = 5) -> Observations:
+def photos(lens: SyntheticLens, *, noise: float = 0.05, seed: int = 5) -> Observations:
     """Corners whose errors are in part those of their photo: a shift of blurred edges."""
     pairs = synthetic.synthetic_correspondences(
         TARGET,
@@ -38,24 +38,24 @@ def photos(lens: OutsideLens, *, noise: float = 0.05, seed: int = 5) -> Observat
     return replace(pairs, pixel=pairs.pixel + np.einsum("nij,nj->ni", shared[pairs.image], off))
 
 
-def off_far_away(found: Calibration, lens: OutsideLens) -> float:
+def off_far_away(found: Calibration, lens: SyntheticLens) -> float:
     """RMS distance to the lens as it sees what is far away, pixels."""
     miss, _ = aligned_difference(found.camera, lens.far, COUNTED)
     return float(np.sqrt(np.nanmean(np.sum(miss**2, axis=1))))
 
 
 @pytest.fixture(scope="module")
-def lens() -> OutsideLens:
-    lens = outside_lens("moving-pupil")
+def lens() -> SyntheticLens:
+    lens = synthetic_lens("moving-pupil")
     return replace(lens, profile=replace(lens.profile, pupil_mm=4.0))
 
 
 @pytest.fixture(scope="module")
-def found(lens: OutsideLens) -> Calibration:
+def found(lens: SyntheticLens) -> Calibration:
     return calibrate(photos(lens), target=TARGET, refine_target="off", hold_out=False)
 
 
-def test_a_pupil_that_wanders_is_found(found: Calibration, lens: OutsideLens) -> None:
+def test_a_pupil_that_wanders_is_found(found: Calibration, lens: SyntheticLens) -> None:
     assert found.camera.units == "mm"
     assert found.camera.pupil_travel == pytest.approx(lens.profile.pupil_mm, rel=0.25)
     assert off_far_away(found, lens) < 0.15
@@ -67,7 +67,7 @@ def test_a_pupil_that_wanders_is_found(found: Calibration, lens: OutsideLens) ->
     assert record["rim_px"] == pytest.approx(np.linalg.norm(near - far), rel=0.3)
 
 
-def test_other_photos_are_told_better_with_it(found: Calibration, lens: OutsideLens) -> None:
+def test_other_photos_are_told_better_with_it(found: Calibration, lens: SyntheticLens) -> None:
     others = photos(lens, seed=6)
     told = evaluate(found.camera, others).errors.rms_px
     central = replace(found.camera, pupil_travel=0.0)
@@ -86,7 +86,7 @@ def test_a_central_lens_stays_central() -> None:
     assert abs(found.pupil.rim_px) < 0.1
 
 
-def test_it_stands_still_where_that_is_how_p_is_held(lens: OutsideLens) -> None:
+def test_it_stands_still_where_that_is_how_p_is_held(lens: SyntheticLens) -> None:
     pairs = photos(lens)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
     free = fit_cubic(reference, Hold(spread=1e-3, weight=1.0))

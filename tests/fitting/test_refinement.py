@@ -7,13 +7,13 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 from simulated import CornerErrors, simulated_corners
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.world import World
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import Target, load_target, target_text
 
 DRAWN = synthetic.box_of_four()
@@ -245,7 +245,7 @@ def test_corners_off_their_places_are_found_where_shapes_gain_nothing() -> None:
     shape = BoardShape(bend=np.zeros(2), twist=0.0, stretch=np.zeros(2), offsets=offsets)
     real = drawn.with_boards({0: replace(drawn.boards[0], shape=shape)})
     errors = CornerErrors(noise=0.1, shared=0, spread=0)
-    corners, _ = simulated_corners(outside_lens("equisolid"), real, 12, seed=2, errors=errors)
+    corners, _ = simulated_corners(synthetic_lens("equisolid"), real, 12, seed=2, errors=errors)
     fit = calibrate(corners.with_target(drawn), target=drawn)
     found = fit.held_out_by_level
     assert found["shape"] > 0.99 * found["off"]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import synthetic
 from simulated import CornerErrors, simulated_corners
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.assess.verdict import photo_verdicts
 from cubicfish_cli.boards.shape import BoardShape
@@ -14,7 +15,6 @@ from cubicfish_cli.fitting.held_out import HeldOut
 from cubicfish_cli.fitting.photo_noise import photo_weights
 from cubicfish_cli.fitting.photo_spread import _clusters
 from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code
 
@@ -30,7 +30,7 @@ def pairs():
     shape = BoardShape(bend=np.zeros(2), twist=0.0, stretch=np.zeros(2), offsets=offsets)
     real = DRAWN.with_boards({0: replace(DRAWN.boards[0], shape=shape)})
     errors = CornerErrors(noise=NOISE, shared=0, spread=0)
-    corners, _ = simulated_corners(outside_lens("equisolid"), real, 12, seed=2, errors=errors)
+    corners, _ = simulated_corners(synthetic_lens("equisolid"), real, 12, seed=2, errors=errors)
     pairs = corners.with_target(DRAWN)
     return replace(pairs, certain=~np.isin(pairs.image, UNPLACED))
 

@@ -2,11 +2,10 @@
 
 Rendering and finding corners takes a second per photo; this takes milliseconds::
 
-    from cubicfish_cli.rendering.options import OUTSIDE_LENSES
-    from cubicfish_cli.rendering.outside import outside_lens
+    from synthetic_lenses import synthetic_lens
     from simulated import CornerErrors, simulated_corners
 
-    lens = outside_lens("moving-pupil")                 # or any lens with project and unproject
+    lens = synthetic_lens("moving-pupil")                 # or any lens with project and unproject
     corners, truth = simulated_corners(lens, target, 15, seed=3)
     pairs = correspondences.pair(corners, target)       # and then fitting.calibrate as ever
     aligned_difference(camera, truth.lens, rays)        # truth.lens is a lens of rays
@@ -23,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from synthetic_lenses import SyntheticLens
 
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.rendering.truth import AnyLens, Pose, project_corners
 from cubicfish_cli.rendering.views import WholeLens
@@ -122,7 +121,7 @@ def simulated_corners(
         poses=poses,
         pixel=np.concatenate(pixel),
         factor=factor,
-        lens=lens.far if isinstance(lens, OutsideLens) else lens,
+        lens=lens.far if isinstance(lens, SyntheticLens) else lens,
     )
 
 

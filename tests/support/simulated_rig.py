@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 from simulated import CornerErrors, Truth, simulated_corners
+from synthetic_lenses import SyntheticLens
 
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.outside import OutsideLens
 from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, project_corners, rotation_matrix
 from cubicfish_cli.target import Target
 
@@ -39,7 +39,7 @@ class RigTruth:
 
 
 def simulated_rig(
-    lenses: Sequence[OutsideLens],
+    lenses: Sequence[SyntheticLens],
     camera_from_rig: Sequence[Pose],
     target: Target,
     n_shots: int,

@@ -5,14 +5,14 @@ from functools import cache
 
 import numpy as np
 from simulated import CornerErrors, simulated_corners
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import renamed, symmetries
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.target import Target
 
-LENS = outside_lens("equisolid", (800, 600))
+LENS = synthetic_lens("equisolid", (800, 600))
 # Their corners are off together, as those of one photo are.
 ERRORS = CornerErrors(noise=0.03, shared=0.03)
 

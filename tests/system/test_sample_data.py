@@ -10,7 +10,8 @@ from synthetic import corner_of_three
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.rendering.outside import outside_lens
+from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.target import load_target
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
@@ -59,8 +60,16 @@ def test_the_true_corners_are_the_scripts(script, tmp_path):
     assert len(corners.pixel) > 1000
 
 
-def test_the_object_and_the_lens_are_those_of_the_other_tests(script):
-    assert script.true_lens() == outside_lens("equisolid", (960, 720))
+def test_the_true_camera_is_near_the_scripts_lens(script):
+    lens, true = script.true_lens(), load_camera(SAMPLE / "true_camera.yaml").camera
+    assert true.image_size == lens.image_size == (960, 720)
+    rays = cone_rays(np.radians(true.max_angle_deg - 0.01), 5000)
+    miss = np.hypot(*(true.project(rays) - lens.project(rays)).T)
+    assert np.sqrt(np.mean(miss**2)) < 0.007
+    assert miss.max() < 0.04
+
+
+def test_the_object_is_that_of_the_other_tests():
     loaded, built = load_target(SAMPLE / "target.yaml"), corner_of_three()
     for one, other in zip(loaded.boards, built.boards, strict=True):
         assert (one.name, one.columns, one.rows) == (other.name, other.columns, other.rows)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import synthetic
 from simulated import CornerErrors, simulated_corners
+from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.rendering.outside import outside_lens
 from cubicfish_cli.rendering.truth import camera_points
 
 EXACT = CornerErrors(noise=0, shared=0, spread=0)
 TARGET = synthetic.flat_board()
-LENS = outside_lens("equisolid")
+LENS = synthetic_lens("equisolid")
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_any_lens_serves_and_one_that_is_not_central_is_made_so(exact):
     plain, same = simulated_corners(synthetic.TRUE_LENS, TARGET, 6, errors=EXACT)
     assert same.lens is synthetic.TRUE_LENS
     assert plain.image_size == synthetic.IMAGE_SIZE
-    lens = outside_lens("moving-pupil")
+    lens = synthetic_lens("moving-pupil")
     _, other = simulated_corners(lens, TARGET, 6, errors=EXACT, poses=truth.poses)
     assert other.lens == lens.far
 

@@ -9,12 +9,12 @@ import pytest
 from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 from synthetic import TRUE_LENS
+from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli import calibrate_rig, rectify
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.fitting.rig.calibrate import RigCalibration
 from cubicfish_cli.geometry import camera_centre
-from cubicfish_cli.rendering.outside import OutsideLens, outside_lens
 from cubicfish_cli.rendering.truth import Pose, rotation_matrix
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import build_view
@@ -39,8 +39,8 @@ VIEWS = {
 }
 
 
-def wide_lens(field_deg: float) -> OutsideLens:
-    lens = outside_lens("equisolid", (960, 720))
+def wide_lens(field_deg: float) -> SyntheticLens:
+    lens = synthetic_lens("equisolid", (960, 720))
     focal = 0.49 * 720 / (2 * np.sin(np.deg2rad(field_deg) / 4))
     return replace(lens, focal=(focal, 0.999 * focal), max_angle_deg=field_deg / 2)
 

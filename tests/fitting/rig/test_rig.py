@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
+from synthetic_lenses import SineProfile, synthetic_lens
 
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import FitError
@@ -33,7 +34,6 @@ from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import renamed, symmetries
-from cubicfish_cli.rendering.outside import SineProfile, outside_lens
 from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.target import Target
 
@@ -64,7 +64,7 @@ def target() -> Target:
 def simulated(
     seed: int = 0, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[tuple[Observations, ...], RigTruth]:
-    lenses = [outside_lens("equisolid", (800, 600)), outside_lens("equisolid", (640, 640))]
+    lenses = [synthetic_lens("equisolid", (800, 600)), synthetic_lens("equisolid", (640, 640))]
     nothing = (np.zeros(3), np.zeros(3))
     corners, truth = simulated_rig(
         lenses,
@@ -292,7 +292,7 @@ def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
     pairs, _ = simulated()
     first, second = (one.images for one in pairs)
     both = sorted(set(first) & set(second))[-3:]
-    lens = outside_lens("equisolid", (800, 600))
+    lens = synthetic_lens("equisolid", (800, 600))
     corners, _ = simulated_rig(
         [lens, lens],
         [(np.zeros(3), np.zeros(3)), APART],
@@ -350,7 +350,7 @@ def test_a_lens_that_is_known_stays_as_it_is() -> None:
 @pytest.mark.slow
 def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
     """Fitted along in the common scale, and of a camera that is known, in the target's units."""
-    plain_lens = outside_lens("equisolid", (800, 600))
+    plain_lens = synthetic_lens("equisolid", (800, 600))
     travels = (5.0, 2.0)
     corners, _ = simulated_rig(
         [
@@ -573,7 +573,7 @@ def symmetric_shots() -> tuple[Target, tuple[Observations, ...], RigTruth]:
     """Shots of one board that looks the same after half a turn, by its true names."""
     board = {"name": "board", "type": "checkerboard", "corners": [8, 6], "square": 40.0}
     of = Target.from_data({"units": "mm", "boards": [board]})
-    lenses = [outside_lens("equisolid", (800, 600)), outside_lens("equisolid", (640, 640))]
+    lenses = [synthetic_lens("equisolid", (800, 600)), synthetic_lens("equisolid", (640, 640))]
     near = (np.array([0.02, 0.3, -0.02]), np.array([-120.0, 10.0, 5.0]))
     corners, truth = simulated_rig(
         lenses,

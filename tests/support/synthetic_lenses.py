@@ -13,33 +13,22 @@ and none is a member of the cubic's family or of another model of :mod:`cubicfis
 
 Glass of the first two is held by three screws, which shifts pixels by 0.15 px at the rim. All are
 decentred by a rear group that is turned against the front one, not by Brown's polynomial. Lengths
-inside a lens are millimetres: :func:`outside_lens` takes the target's unit.
-
-Lens files state a lens's formula as YAML: that of an ``AsymmetricLens`` by its numbers, that of one
-of these by its name. The centre and the distance beside a name say as which lens of rays it is
-compared with others.
+inside a lens are millimetres: :func:`synthetic_lens` takes the target's unit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, columns
-from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
-from cubicfish_cli.plain_yaml import load_plain_yaml, plain_yaml_text
-from cubicfish_cli.rendering.options import OUTSIDE_LENSES
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.units import MILLIMETRES
-from cubicfish_cli.wording import did_you_mean, quoted
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.
@@ -217,7 +206,7 @@ class Trefoil:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutsideLens:
+class SyntheticLens:
     """A lens of one axis, about which it is not quite symmetric.
 
     A point's angle θ is taken at the pupil that rays of that angle go through; the ray leaves the
@@ -234,7 +223,6 @@ class OutsideLens:
         min_angle_deg: nothing is seen nearer to the axis.
         max_angle_deg: half the field of view.
         units: of the points; lengths inside the lens are millimetres.
-        name: of :data:`OUTSIDE_LENSES`.
 
     """
 
@@ -247,7 +235,6 @@ class OutsideLens:
     min_angle_deg: float = 0.0
     max_angle_deg: float = 95.0
     units: str = "mm"
-    name: str = ""
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Points in the camera frame (..., 3) -> pixels (..., 2), NaN outside the field.
@@ -337,7 +324,7 @@ class OutsideLens:
 
 @dataclass(frozen=True, kw_only=True)
 class RaysAtDistance:
-    """A lens of rays, for what takes central cameras; see :attr:`OutsideLens.far`.
+    """A lens of rays, for what takes central cameras; see :attr:`SyntheticLens.far`.
 
     Attributes:
         lens: the lens behind it.
@@ -346,7 +333,7 @@ class RaysAtDistance:
 
     """
 
-    lens: OutsideLens
+    lens: SyntheticLens
     centre: float
     distance: float
 
@@ -418,13 +405,16 @@ _MADE = {
 }  # fmt: skip
 
 
-def outside_lens(
+SYNTHETIC_LENSES = tuple(_MADE)
+
+
+def synthetic_lens(
     name: str, image_size: tuple[int, int] = (960, 720), *, units: str = "mm"
-) -> OutsideLens:
-    """A lens of :data:`OUTSIDE_LENSES` whose round picture just fits the photo's shorter side.
+) -> SyntheticLens:
+    """A lens of :data:`SYNTHETIC_LENSES` whose round picture just fits the photo's shorter side.
 
     Args:
-        name: of :data:`OUTSIDE_LENSES`.
+        name: of :data:`SYNTHETIC_LENSES`.
         image_size: (width, height) in pixels.
         units: of the target, for what is a length inside the lens; one that is none is taken as mm.
 
@@ -436,7 +426,7 @@ def outside_lens(
         across, down = made.bump
         place = (across * image_size[0], down * image_size[1])
         flaw = Bump(centre=place, spread_px=0.1 * short, shift=(0.4, -0.3))
-    return OutsideLens(
+    return SyntheticLens(
         image_size=image_size,
         focal=(focal, made.taller * focal),
         centre=_off_middle(image_size, *made.off),
@@ -446,7 +436,6 @@ def outside_lens(
         min_angle_deg=made.field_deg[0],
         max_angle_deg=made.field_deg[1],
         units=units,
-        name=name,
     )
 
 
@@ -454,128 +443,3 @@ def _off_middle(size: tuple[int, int], right: float, down: float) -> tuple[float
     """A point off the middle of the photo by shares of its shorter side."""
     short = min(size)
     return (size[0] - 1) / 2 + right * short, (size[1] - 1) / 2 + down * short
-
-
-_COUNTS = {
-    "image_size": 2,
-    "fx": 0,
-    "fy": 0,
-    "cx": 0,
-    "cy": 0,
-    "k": 4,
-    "p": 2,
-    "tilt": 2,
-    "max_angle_deg": 0,
-}  # how many numbers a key holds; 0 for a number alone
-_NEEDED = ("image_size", "fx", "fy", "cx", "cy")
-_OUTSIDE = ("lens", "image_size", "units", "centre", "distance")
-_MOST = 1e6
-_MAX_SIDE = 100_000
-_LARGEST = 20_000  # bytes; a formula is a few hundred
-
-
-def is_lens_file(path: Path) -> bool:
-    """Whether a readable YAML file holds a formula, and not a calibrated camera."""
-    try:
-        if path.stat().st_size > _LARGEST:
-            return False
-    except OSError:
-        pass  # said by whoever reads it
-    data = load_plain_yaml(path, error=CameraFileError)
-    if not isinstance(data, dict) or not ("lens" in data or {"fx", "fy"} <= data.keys()):
-        return False
-    # Much else has such keys, too: most of a lens's own are these, one or the other misspelt.
-    own = data.keys() & {*_COUNTS, *_OUTSIDE}
-    return 2 * len(own) > len(data)
-
-
-def load_lens(path: Path) -> AsymmetricLens | RaysAtDistance:
-    """Read a lens file.
-
-    Raises:
-        CameraFileError: the file is malformed, or no lens has these numbers; one line that names
-            the file and the key.
-
-    """
-    data = load_plain_yaml(path, error=CameraFileError)
-    if not isinstance(data, dict):
-        raise CameraFileError(f"{path} must hold the keys {', '.join(_COUNTS)}")
-    if "lens" in data:
-        return _outside(path, data)
-    _check_keys(path, data, tuple(_COUNTS), _NEEDED, "a lens")
-    values = {key: _numbers(path, key, value) for key, value in data.items()}
-    values["image_size"] = _size(path, values["image_size"])
-    if values["fx"] <= 0 or values["fy"] <= 0:
-        raise CameraFileError(f"{path}: fx and fy must be above 0")
-    if not 0 < values.get("max_angle_deg", 95.0) < 180:
-        raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
-    try:
-        return AsymmetricLens(**values)
-    except ValueError as problem:  # a profile that folds
-        raise CameraFileError(f"{path}: {problem}") from problem
-
-
-def lens_text(lens: AsymmetricLens | RaysAtDistance) -> str:
-    """A lens file that :func:`load_lens` reads back exactly."""
-    if isinstance(lens, RaysAtDistance):
-        return plain_yaml_text(
-            {
-                "lens": lens.lens.name,
-                "image_size": list(lens.image_size),
-                "units": lens.lens.units,
-                "centre": lens.centre,
-                "distance": lens.distance,
-            }
-        )
-    return plain_yaml_text(
-        {
-            key: list(value) if isinstance(value, tuple) else value
-            for key, value in asdict(lens).items()
-        }
-    )
-
-
-def _outside(path: Path, data: dict[str, Any]) -> RaysAtDistance:
-    _check_keys(path, data, _OUTSIDE, _OUTSIDE, "such a lens")
-    if data["lens"] not in OUTSIDE_LENSES:
-        raise CameraFileError(f"{path}: lens must be one of {', '.join(OUTSIDE_LENSES)}")
-    if not isinstance(data["units"], str):
-        raise CameraFileError(f"{path}: units must be a word such as mm")
-    values = {key: _numbers(path, key, data[key]) for key in ("image_size", "centre", "distance")}
-    if values["distance"] <= 0:
-        raise CameraFileError(f"{path}: distance must be above 0")
-    lens = outside_lens(data["lens"], _size(path, values["image_size"]), units=data["units"])
-    return RaysAtDistance(lens=lens, centre=values["centre"], distance=values["distance"])
-
-
-def _check_keys(
-    path: Path, data: dict[str, Any], known: Sequence[str], needed: Sequence[str], what: str
-) -> None:
-    for key in map(str, data):
-        if key not in known:
-            raise CameraFileError(f"{path}: unknown key {quoted(key)}: {did_you_mean(key, known)}")
-    for key in needed:
-        if key not in data:
-            raise CameraFileError(f"{path}: {key} is missing: {what} has {', '.join(needed)}")
-
-
-def _size(path: Path, size: tuple[float, float]) -> tuple[int, int]:
-    if not all(side == int(side) and 0 < side <= _MAX_SIDE for side in size):
-        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
-    return int(size[0]), int(size[1])
-
-
-def _numbers(path: Path, key: str, value: Any) -> Any:
-    count = _COUNTS.get(key, 0)
-    items = value if isinstance(value, list) else [value]
-    if (
-        isinstance(value, list) != bool(count)
-        or len(items) != max(count, 1)
-        or not all(
-            isinstance(item, int | float) and not isinstance(item, bool) and abs(item) <= _MOST
-            for item in items
-        )
-    ):
-        wanted = f"{count} numbers" if count else "a number"
-        raise CameraFileError(f"{path}: {key} must be {wanted}, each within ±{_MOST:g}")
-    return tuple(float(item) for item in items) if count else float(value)

@@ -14,15 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.rendering.options import FilmOptions, LookOptions
+from cubicfish_cli.rendering.options import LookOptions
 from cubicfish_cli.rendering.simulate import (
     AMBIENT,
     INK,
@@ -37,7 +40,6 @@ from cubicfish_cli.rendering.simulate import (
 from cubicfish_cli.rendering.truth import (
     MARGIN_SQUARES,
     Pose,
-    corners_text,
     project_corners,
     rotation_matrix,
 )
@@ -62,6 +64,35 @@ _OUTLINE = 24  # points per side of a board's outline
 _FRAME_PX = 3
 _OUTSIDE = -1e4  # a texel that is not there
 _ROUNDS = 4
+# As cameras compress: about half a bit per pixel where things move.
+_COMPRESSED = {"crf": "20", "preset": "veryfast", "g": "30"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmOptions:
+    """How a film is taken.
+
+    Attributes:
+        rate: frames per second.
+        shutter_ms: for how long each row gathers light, milliseconds.
+        readout_ms: how long after the first row the last one is read, milliseconds; 0 is a global
+            shutter.
+
+    """
+
+    rate: float = 30.0
+    shutter_ms: float = 8.0
+    readout_ms: float = 15.0
+
+    @property
+    def open_s(self) -> float:
+        """How long each row is open, seconds."""
+        return self.shutter_ms / 1000
+
+    @property
+    def readout_s(self) -> float:
+        """How long after the first row the last one begins, seconds."""
+        return self.readout_ms / 1000
 
 
 def _middle(taken: FilmOptions, frame: int, row: npt.ArrayLike, rows: int) -> FloatArray:
@@ -153,11 +184,17 @@ class Film:
         there = np.isfinite(pixel).all(axis=1)
         return shown[there], pixel[there]
 
-    def truth(self, names: Sequence[str]) -> tuple[dict[str, Pose], str]:
-        """Poses by the frames' names, and the visible corners as the text of a corners.csv."""
-        poses = {name: self.pose(frame) for frame, name in enumerate(names)}
-        found = {name: self.corners(frame) for frame, name in enumerate(names)}
-        return poses, corners_text(self.target, found, self.image_size, digits=4)
+    def write(self, path: Path, count: int, look: LookOptions) -> None:
+        """Write ``count`` frames as an H.264 film; its sides must be even."""
+        with av.open(str(path), "w") as container:
+            rate = Fraction(self.taken.rate).limit_denominator(1001)
+            stream: Any = container.add_stream("libx264", rate=rate, options=_COMPRESSED)
+            stream.width, stream.height = self.image_size
+            stream.pix_fmt = "yuv420p"
+            for picture in self.frames(count, look):
+                frame = av.VideoFrame.from_ndarray(picture, format="gray")
+                container.mux(stream.encode(frame.reformat(format="yuv420p")))
+            container.mux(stream.encode(None))
 
 
 def _nodes(taken: FilmOptions, frame: int) -> tuple[float, float]:

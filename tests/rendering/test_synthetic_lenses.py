@@ -4,25 +4,15 @@ import numpy as np
 import pytest
 from lenses import random_rays
 from scipy.optimize import least_squares
+from synthetic_lenses import SYNTHETIC_LENSES, MirrorProfile, RaysAtDistance, synthetic_lens
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.options import OUTSIDE_LENSES
-from cubicfish_cli.rendering.outside import (
-    _MADE,
-    MirrorProfile,
-    RaysAtDistance,
-    outside_lens,
-)
 
 CENTRAL = ("equisolid", "orthographic")
 
-every_lens = pytest.mark.parametrize("name", OUTSIDE_LENSES)
-
-
-def test_every_name_that_help_tells_is_made() -> None:
-    assert tuple(_MADE) == OUTSIDE_LENSES
+every_lens = pytest.mark.parametrize("name", SYNTHETIC_LENSES)
 
 
 def pixels(lens) -> np.ndarray:
@@ -33,7 +23,7 @@ def pixels(lens) -> np.ndarray:
 @every_lens
 @pytest.mark.parametrize("distance", [40.0, 3000.0])
 def test_points_on_the_ray_of_a_pixel_are_seen_there(name, distance):
-    lens = outside_lens(name)
+    lens = synthetic_lens(name)
     pixel = pixels(lens)
     ray = lens.unproject(pixel)
     seen = np.isfinite(ray[..., 0])
@@ -46,7 +36,7 @@ def test_points_on_the_ray_of_a_pixel_are_seen_there(name, distance):
 
 @every_lens
 def test_distance_matters_where_a_lens_is_not_central(name):
-    lens = outside_lens(name)
+    lens = synthetic_lens(name)
     ray = random_rays(lens.max_angle_deg - 5, 500)
     ray = ray[ray[:, 2] < np.cos(radians(20))]
     moved = np.linalg.norm(lens.project(100 * ray) - lens.project(400 * ray), axis=1)
@@ -55,7 +45,7 @@ def test_distance_matters_where_a_lens_is_not_central(name):
 
 @every_lens
 def test_a_lens_of_rays_stands_for_it_at_a_distance(name):
-    lens = outside_lens(name)
+    lens = synthetic_lens(name)
     rays = random_rays(lens.max_angle_deg - 5, 500)
     rays = rays[rays[:, 2] < np.cos(radians(20))]
     central = RaysAtDistance(lens=lens, centre=2.0, distance=250.0)
@@ -71,7 +61,7 @@ def test_a_lens_of_rays_stands_for_it_at_a_distance(name):
 @every_lens
 def test_none_is_of_the_family_that_p_is_held_to(name):
     """The fitted prior's own lens, with all its numbers free, stays farther away than noise."""
-    lens = outside_lens(name)
+    lens = synthetic_lens(name)
     rays = cone_rays(radians(lens.max_angle_deg - 3), 3000)
     rays = rays[rays[:, 2] < np.cos(radians(lens.min_angle_deg + 1))]
     truth = lens.far.project(rays)
@@ -104,21 +94,21 @@ def test_a_mirror_with_the_pinhole_in_its_focus_is_central():
 
 def test_lengths_follow_the_targets_unit():
     ray = np.array([[1.0, 0.4, 0.3]])
-    for name in OUTSIDE_LENSES:
-        in_mm, in_m = outside_lens(name), outside_lens(name, units="m")
+    for name in SYNTHETIC_LENSES:
+        in_mm, in_m = synthetic_lens(name), synthetic_lens(name, units="m")
         np.testing.assert_allclose(in_m.project(0.2 * ray), in_mm.project(200 * ray), atol=1e-9)
 
 
 @every_lens
 def test_outside_the_field_there_is_no_pixel_and_no_ray(name):
-    lens = outside_lens(name)
+    lens = synthetic_lens(name)
     assert np.isnan(lens.project([[0, 0, -100.0], [0, 0, 0], [np.nan, 1, 1]])).all()
     assert np.isnan(lens.unproject([[-1e9, 0], [np.nan, 3], [0, 0]])).all()
     assert np.isnan(lens.project([0, 0, 100.0])).all() == (name == "mirror")
 
 
 def test_the_comparison_of_cameras_takes_them():
-    lens = outside_lens("moving-pupil")
+    lens = synthetic_lens("moving-pupil")
     rays = cone_rays(radians(80), 1000)
     one, other = (RaysAtDistance(lens=lens, centre=0.0, distance=d) for d in (200, 220))
     miss, _ = aligned_difference(one, other, rays)
