@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli.options import verbosity
 from cubicfish_cli.cli.streams import Style, columns_of
-from cubicfish_cli.cli.terminal import Column, Row, fitting, print_columns, result, tell
+from cubicfish_cli.cli.terminal import Column, Row, print_columns, result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
@@ -120,8 +121,8 @@ _MOST_ROWS = 12
 _FEW_LOST, _FEW_ROWS = 4, 10
 _RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
 _STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
-# Below so many columns words of judgement are said, and cut, shorter.
-_ROOMY, _NARROW = 100, 60
+# Below so many columns words of judgement are said shorter, and many boards are counted.
+_ROOMY, _FEW_BOARDS = 100, 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,67 +253,52 @@ def print_photo_table(
         result(f"The worst and the odd ones of {len(rows):,} photos:\n")
     if room is not None and room < _ROOMY:
         chosen = [replace(row, words=row.short or row.words) for row in chosen]
-    with_errors = any(row.rms_px is not None for row in rows)
-    some_dropped = any(row.dropped for row in rows)
-    for each in (True, False):
-        if each and not boards:
-            continue
-        columns = _columns(boards if each else (), bool(boards) and not each, with_errors,
-                           some_dropped, room)  # fmt: skip
-        cells = [_cells(row, boards, each, with_errors, some_dropped) for row in chosen]
-        table = [
-            Row(cells=cell, style=_STYLE[row.level])
-            for cell, row in zip(cells, chosen, strict=True)
-        ]
-        if len(rows) > 1:
-            every = _together(rows, boards, total or {})
-            table.append(
-                Row(cells=_cells(every, boards, each, with_errors, some_dropped), total=True)
-            )
-        kept = fitting(columns, table, room)
-        if not each or not boards or set(range(2, 2 + len(boards))) <= set(kept):
-            break
-    print_columns(columns, table)
+    columns = _columns(rows, boards, room)
+    table = [
+        Row(cells=[cell(row) for _, cell in columns], style=_STYLE[row.level]) for row in chosen
+    ]
+    if len(rows) > 1:
+        every = _together(rows, boards, total or {})
+        table.append(Row(cells=[cell(every) for _, cell in columns], total=True))
+    print_columns([column for column, _ in columns], table)
     if len(chosen) < len(rows):
         result(f"\n{_rest(rows, chosen)}; all of them: -v, or {everything}")
 
 
 def _columns(
-    boards: Sequence[str], counted: bool, with_errors: bool, some_dropped: bool, room: int | None
-) -> list[Column]:
-    narrow = room is not None and room < _NARROW
-    columns = [Column(title="photo", least=12 if narrow else 16, most=40)]
-    columns.append(Column(title="corners", drop=3 if with_errors else 0))
-    columns += [Column(title=board, least=8, most=10, drop=5) for board in boards]
-    if counted:
-        columns.append(Column(title="boards", drop=5))
-    if some_dropped:
-        columns.append(Column(title="dropped", drop=4))
+    rows: Sequence[PhotoRow], boards: Sequence[str], room: int | None
+) -> list[tuple[Column, Callable[[PhotoRow], str]]]:
+    """The table's columns, each with what its cells say of a photo."""
+    with_errors = any(row.rms_px is not None for row in rows)
+    columns: list[tuple[Column, Callable[[PhotoRow], str]]] = [
+        (Column(title="photo", least=12), lambda row: row.name),
+        (
+            Column(title="corners", drop=3 if with_errors else 0),
+            lambda row: "-" if row.corners is None else str(row.corners),
+        ),
+    ]
+    if room is None or room >= _ROOMY or len(boards) <= _FEW_BOARDS:
+        columns += [
+            (Column(title=board, drop=5), partial(_of_board, board=board)) for board in boards
+        ]
+    else:
+        columns.append(
+            (Column(title="boards", drop=5), lambda row: f"{len(row.boards)} of {len(boards)}")
+        )
+    if any(row.dropped for row in rows):
+        columns.append((Column(title="dropped", drop=4), lambda row: str(row.dropped or "-")))
     if with_errors:
         columns += [
-            Column(title="rms px"),
-            Column(title="median", drop=8),
-            Column(title="95 %", drop=7),
-            Column(title="largest", drop=2),
+            (Column(title="rms px"), lambda row: px(row.rms_px)),
+            (Column(title="median", drop=8), lambda row: px(row.median_px)),
+            (Column(title="95 %", drop=7), lambda row: px(row.p95_px)),
+            (Column(title="largest", drop=2), lambda row: px(row.max_px)),
         ]
-    columns.append(Column(title="verdict", least=14 if narrow else 20, most=60, cut="end"))
-    return columns
+    return [*columns, (Column(title="verdict", least=14), lambda row: row.words)]
 
 
-def _cells(
-    row: PhotoRow, boards: Sequence[str], each: bool, with_errors: bool, some_dropped: bool
-) -> list[str]:
-
-    cells = [row.name, "-" if row.corners is None else str(row.corners)]
-    if each:
-        cells += [str(row.boards.get(board, "-")) for board in boards]
-    elif boards:
-        cells.append(f"{len(row.boards)} of {len(boards)}")
-    if some_dropped:
-        cells.append(str(row.dropped or "-"))
-    if with_errors:
-        cells += [px(row.rms_px), px(row.median_px), px(row.p95_px), px(row.max_px)]
-    return [*cells, row.words]
+def _of_board(row: PhotoRow, board: str) -> str:
+    return str(row.boards.get(board, "-"))
 
 
 def _together(

@@ -6,20 +6,20 @@ import codecs
 import os
 import re
 import shutil
+import textwrap
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Literal, TextIO
 
 import click
 
-Style = Literal["good", "care", "bad", "strong", "faint"]
+Style = Literal["good", "care", "bad", "strong"]
 
 _STYLES: Mapping[Style, Mapping[str, Any]] = {
     "good": {"fg": "green"},
     "care": {"fg": "yellow"},
     "bad": {"fg": "red"},
     "strong": {"bold": True},
-    "faint": {"dim": True},
 }
 _FEWEST_COLUMNS = 20
 
@@ -68,34 +68,23 @@ def wrapped(line: str, columns: int) -> str:
     """A line broken at blanks, its further lines indented.
 
     Where words stand in columns, two or more blanks apart, further lines begin below the last of
-    them, or all of that stands below the others where it would be too narrow. What is longer than
-    a line, such as a path, stays whole.
+    them, if that leaves half of the room. What is longer than a line, such as a path, stays whole,
+    and a number with its unit.
     """
     if cells(line) <= columns:
         return line
-    indent = len(line) - len(line.lstrip(" "))
     gaps = [match.end() for match in re.finditer(r"(?<=[^ ]) {2,}", line)]
-    head, rest = (line[: gaps[-1]], line[gaps[-1] :]) if gaps else ("", line)
-    if gaps and cells(head) <= columns // 2:
-        return _filled(head, rest, cells(head), columns)
-    if gaps and cells(head.rstrip(" ")) <= columns:
-        below = _filled(" " * (indent + 4), rest, indent + 4, columns)
-        return f"{head.rstrip(' ')}\n{below}"
-    return _filled("", line, indent + 2, columns)
-
-
-def _filled(row: str, text: str, hang: int, columns: int) -> str:
-    """Words after the beginning of a row, and in rows below it."""
-    # A number stays with its unit.
-    first, *words = re.findall(r" *[^ ]+(?: (?:%|px)(?=[ ,;:.)]|$))?", text) or [""]
-    lines, row = [], row + first
-    for word in words:
-        if cells(row) + cells(word) > columns and hang + cells(word.lstrip(" ")) <= columns:
-            lines.append(row)
-            row = " " * hang + word.lstrip(" ")
-        else:
-            row += word
-    return "\n".join([*lines, row])
+    hang = len(line) - len(line.lstrip(" ")) + (4 if gaps else 2)
+    if gaps and gaps[-1] <= columns // 2:
+        hang = gaps[-1]
+    filled = textwrap.fill(
+        re.sub(r" (?=(?:%|px)(?:[ ,;:.)]|$))", "\xa0", line),
+        columns,
+        subsequent_indent=" " * hang,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return filled.replace("\xa0", " ")
 
 
 # Control, format (which turn the writing about), surrogates, ends of lines and paragraphs.
@@ -161,34 +150,3 @@ def cells(text: str) -> int:
     from rich.cells import cell_len
 
     return cell_len(text)
-
-
-def cut_middle(text: str, most: int, ellipsis: str = "…") -> str:
-    """``text`` in at most so many cells, its beginning and its end kept: names differ there."""
-    if cells(text) <= most:
-        return text
-    room = most - cells(ellipsis)
-    if room < 2:
-        return cut_end(text, most, ellipsis)
-    tail = _taken(reversed(text), room // 2)[::-1]
-    while tail and cells(tail[0]) == 0:  # a mark whose letter was cut off
-        tail = tail[1:]
-    return _taken(iter(text), room - cells(tail)) + ellipsis + tail
-
-
-def cut_end(text: str, most: int, ellipsis: str = "…") -> str:
-    """``text`` in at most so many cells, its beginning kept."""
-    if cells(text) <= most:
-        return text
-    return _taken(iter(text), max(0, most - cells(ellipsis))).rstrip() + ellipsis[:most]
-
-
-def _taken(letters: Iterator[str], most: int) -> str:
-    """As many of the letters as go into so many cells."""
-    taken, room = [], most
-    for letter in letters:
-        room -= cells(letter)
-        if room < 0:
-            break
-        taken.append(letter)
-    return "".join(taken)

@@ -80,7 +80,7 @@ def _print(checked: TargetCheck) -> None:
     print_columns(
         [
             Column(title="board", least=8),
-            Column(title="type", least=5, cut="end"),
+            Column(title="type", least=5),
             "corners",
             "square",
             "print",

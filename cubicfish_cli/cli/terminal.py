@@ -4,11 +4,8 @@ On a terminal lines are broken at blanks and a few words are coloured. Anywhere 
 line, whatever its length, and plain. ``NO_COLOR`` and ``FORCE_COLOR`` (https://no-color.org,
 https://force-color.org) and ``TERM=dumb`` are kept to.
 
-Tables on stdout: aligned columns of plain text, fitted to the terminal where there is one.
-
-Where a terminal is too narrow, columns are left out in the order that their author chose and long
-cells are cut; what still does not fit is printed row by row, a line a cell. Pipes and files get
-every column in full, whatever the width.
+Tables on stdout: where a terminal is too narrow, columns are left out in the order that their
+author chose and names go on below. Pipes and files get every column in full, a line a row.
 """
 
 from __future__ import annotations
@@ -17,9 +14,9 @@ import json
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Any, TextIO
 
 import click
 
@@ -30,9 +27,8 @@ from cubicfish_cli.cli.streams import (
     can_redraw,
     cells,
     columns_of,
-    cut_end,
-    cut_middle,
     echo,
+    has_colour,
     painted,
     safe,
     wrapped,
@@ -158,17 +154,13 @@ class Column:
     Attributes:
         title: above it.
         drop: left out where room is short, the highest first; 0 for never.
-        least: cells that it may be cut to; 0 for never cut.
-        most: cells that it may take on a terminal.
-        cut: where it is cut.
+        least: cells that it may be narrowed to, its words on lines below each other; 0 for never.
 
     """
 
     title: str
     drop: int = 0
     least: int = 0
-    most: int = 1000
-    cut: Literal["middle", "end"] = "middle"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +180,7 @@ class Row:
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table to stdout whose columns all matter alike; names in the first may be cut."""
+    """Print a table to stdout whose columns all matter alike; the first may be narrowed."""
     columns = [Column(title=title, least=0 if i else 12) for i, title in enumerate(header)]
     print_columns(columns, [Row(cells=row) for row in rows])
 
@@ -196,7 +188,8 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 def print_columns(given: Sequence[Column | str], rows: Sequence[Row]) -> None:
     """Print a table to stdout.
 
-    Columns whose cells are all numbers (or empty, or a dash) are aligned to the right.
+    Columns whose cells are all numbers (or empty, or a dash) are aligned to the right. A terminal
+    has as many columns as it has room for; pipes and files get all of them, a line a row.
 
     Args:
         given: its columns, or only their titles.
@@ -206,109 +199,65 @@ def print_columns(given: Sequence[Column | str], rows: Sequence[Row]) -> None:
     columns = [Column(title=one) if isinstance(one, str) else one for one in given]
     stream = sys.stdout
     room = columns_of(stream)
-    rows = [
-        replace(row, cells=[_shown(cell, stream) for cell in row.cells])
-        for row in rows
-        if room is not None or not row.total
-    ]
-    kept = fitting(columns, rows, room)
-    columns = [columns[i] for i in kept]
-    rows = [replace(row, cells=[row.cells[i] for i in kept]) for row in rows]
-    widths = _widths(columns, rows, room)
-    if room is not None and _taken(widths) > room:
-        _print_cards(columns, rows, room, stream)
+    rows = [row for row in rows if room is not None or not row.total]
+    texts = [[_shown(cell, stream) for cell in row.cells] for row in rows]
+    titles = [_shown(column.title, stream) for column in columns]
+    widths = [max(map(cells, column)) for column in zip(titles, *texts, strict=True)]
+    right = [all(map(_is_number, column)) for column in zip(*texts, strict=True)] or widths
+    if room is None:
+        for cell_texts, row in zip([titles, *texts], [None, *rows], strict=True):
+            padded = [
+                " " * (width - cells(text)) + text
+                if to_right
+                else text.ljust(len(text) + width - cells(text))
+                for text, width, to_right in zip(cell_texts, widths, right, strict=True)
+            ]
+            style: Style | None = "strong" if row is None else None
+            echo(painted(_GAP.join(padded).rstrip(), style, stream), stream)
         return
-    right = _numbers([row.cells for row in rows], len(columns))
-    titles = Row(cells=[_shown(column.title, stream) for column in columns])
-    echo(painted(_line(titles, columns, widths, right, stream), "strong", stream), stream)
-    for row in rows:
-        if row.total:
-            echo(painted(as_shown("─", stream) * _taken(widths), "faint", stream), stream)
-        echo(_line(row, columns, widths, right, stream), stream)
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, padding=(0, len(_GAP), 0, 0), header_style="bold")
+    kept = _kept(columns, widths, room)
+    for i in kept:
+        table.add_column(
+            Text(titles[i]),
+            justify="right" if right[i] else "left",
+            no_wrap=not columns[i].least,
+            overflow="fold",
+        )
+    for row, own in zip(rows, texts, strict=True):
+        parts = [Text(own[i]) for i in kept]
+        parts[-1].stylize(_RICH.get(row.style or "", ""))
+        table.add_row(*parts, style="bold" if row.total else None)
+    colour = has_colour(stream)
+    console = Console(file=stream, width=room, force_terminal=colour, no_color=not colour)
+    with console.capture() as shown:
+        console.print(table)
+    echo("\n".join(line.rstrip() for line in shown.get().rstrip("\n").split("\n")), stream)
 
 
-def fitting(columns: Sequence[Column], rows: Sequence[Row], room: int | None) -> list[int]:
-    """Which columns are kept where there are so many cells; all without a limit."""
+_RICH = {"good": "green", "care": "yellow", "bad": "red"}
+
+
+def _kept(columns: Sequence[Column], widths: Sequence[int], room: int) -> list[int]:
+    """Which columns are kept where there are so many cells."""
     kept = list(range(len(columns)))
-    while room is not None:
-        own = [columns[i] for i in kept]
-        least = [
-            min(column.least or width, width)
-            for column, width in zip(own, _natural(own, rows, kept), strict=True)
-        ]
+    least = [
+        min(column.least or width, width) for column, width in zip(columns, widths, strict=True)
+    ]
+    while sum(least[i] + len(_GAP) for i in kept) - len(_GAP) > room:
         droppable = [i for i in kept if columns[i].drop]
-        if _taken(least) <= room or not droppable:
+        if not droppable:
             break
         kept.remove(max(droppable, key=lambda i: columns[i].drop))
     return kept
 
 
-def _natural(columns: Sequence[Column], rows: Sequence[Row], kept: Sequence[int]) -> list[int]:
-    return [
-        max([cells(column.title), *(cells(safe(row.cells[i])) for row in rows)])
-        for column, i in zip(columns, kept, strict=True)
-    ]
-
-
-def _widths(columns: Sequence[Column], rows: Sequence[Row], room: int | None) -> list[int]:
-    """The columns' widths: what is left over goes to those that were cut, in their order."""
-    natural = _natural(columns, rows, range(len(columns)))
-    if room is None:
-        return natural
-    natural = [
-        max(cells(column.title), min(width, column.most)) if column.least else width
-        for column, width in zip(columns, natural, strict=True)
-    ]
-    widths = [
-        min(column.least or width, width) for column, width in zip(columns, natural, strict=True)
-    ]
-    for i, width in enumerate(natural):
-        widths[i] += max(0, min(width - widths[i], room - _taken(widths)))
-    return widths
-
-
-def _taken(widths: Sequence[int]) -> int:
-    return sum(widths) + len(_GAP) * max(0, len(widths) - 1)
-
-
-def _line(
-    row: Row,
-    columns: Sequence[Column],
-    widths: Sequence[int],
-    right: Sequence[bool],
-    stream: TextIO,
-) -> str:
-    parts = []
-    for i, (text, column, width) in enumerate(zip(row.cells, columns, widths, strict=True)):
-        cut = cut_middle if column.cut == "middle" else cut_end
-        shown = cut(text, width, as_shown("…", stream))
-        blank = " " * (width - cells(shown))
-        if i == len(columns) - 1:
-            shown, blank = painted(shown, row.style, stream), blank if right[i] else ""
-        parts.append(blank + shown if right[i] else shown + blank)
-    return _GAP.join(parts).rstrip()
-
-
-def _print_cards(columns: Sequence[Column], rows: Sequence[Row], room: int, stream: TextIO) -> None:
-    """Print a row as lines of title and cell, the first cell above them."""
-    label = max([cells(column.title) for column in columns[1:]], default=0)
-    ellipsis = as_shown("…", stream)
-    for row in rows:
-        echo(painted(cut_middle(row.cells[0], room, ellipsis), "strong", stream), stream)
-        for i, (column, text) in enumerate(zip(columns[1:], row.cells[1:], strict=True)):
-            shown = cut_end(text, max(8, room - label - 4), ellipsis)
-            if i == len(columns) - 2:
-                shown = painted(shown, row.style, stream)
-            title = _shown(column.title, stream)
-            echo(f"  {title}{' ' * (label - cells(column.title))}  {shown}".rstrip(), stream)
-
-
 def _shown(text: str, stream: TextIO) -> str:
     return as_shown(safe(text), stream)
-
-
-def _numbers(rows: Sequence[Sequence[str]], count: int) -> list[bool]:
-    return [all(_is_number(row[i]) for row in rows) for i in range(count)]
 
 
 def _is_number(cell: str) -> bool:
