@@ -13,7 +13,7 @@ from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.units import round_down
 
-_WIDTH, _MARGIN, _HIGHEST = 900.0, 60.0, 1100.0
+_WIDTH, _MARGIN, _LOWEST, _HIGHEST = 900.0, 60.0, 240.0, 1100.0
 _FOOT = 44.0
 _DIRECTIONS = 500
 # A face needs not be seen squarer than this (cosine); its back is worth little.
@@ -37,7 +37,7 @@ _STYLE = """\
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Picture:
+class _Picture:
     """A parallel projection onto a drawing.
 
     Attributes:
@@ -68,8 +68,8 @@ def object_svg(target: Target) -> str:
     The target is seen from where most boards show their printed faces; boards that show their
     backs are dashed. The colours suit light and dark pages alike.
     """
-    plates = [board_rim(board) for board in target.boards]
-    picture, height = picture_of(target, np.concatenate(plates))
+    plates = [_board_rim(board) for board in target.boards]
+    picture, height = _picture_of(target, np.concatenate(plates))
     total = height + _FOOT
     order = sorted(range(len(plates)), key=lambda k: plates[k].mean(0) @ picture.to_viewer)
     lines = [
@@ -86,7 +86,7 @@ def object_svg(target: Target) -> str:
     return "\n".join(lines)
 
 
-def board_rim(board: Board) -> FloatArray:
+def _board_rim(board: Board) -> FloatArray:
     """World points of a board's print: (4, 3) its corners in order, or all points."""
     if board.points is not None:
         return board.points
@@ -96,24 +96,8 @@ def board_rim(board: Board) -> FloatArray:
     return board.origin + plane @ board.axes[:2]
 
 
-def picture_of(
-    target: Target,
-    world: FloatArray,
-    *,
-    size: tuple[float, float] = (_WIDTH, _HIGHEST),
-    margin: float = _MARGIN,
-    lowest: float = 240.0,
-) -> tuple[Picture, float]:
-    """A drawing from where most boards show their printed faces, and how high it is.
-
-    Args:
-        target: the calibration target.
-        world: (N, 3) the points that must be in the drawing.
-        size: its width, and its greatest height.
-        margin: on all sides, part of the size.
-        lowest: its least height.
-
-    """
+def _picture_of(target: Target, world: FloatArray) -> tuple[_Picture, float]:
+    """A drawing of world points (N, 3) from where most boards show their faces, and its height."""
     printed = [board for board in target.boards if board.points is None]
     up = _up(printed)
     way = _way(printed, up)
@@ -122,11 +106,11 @@ def picture_of(
     rows = np.stack([right, -np.cross(right, -way)])
     flat = world @ rows.T
     low, extent = flat.min(axis=0), np.ptp(flat, axis=0)
-    room = np.array(size) - 2 * margin
+    room = np.array([_WIDTH, _HIGHEST]) - 2 * _MARGIN
     scale = float((room / np.maximum(extent, 1e-12 * np.abs(world).max() + 1e-12)).min())
-    height = max(scale * extent[1] + 2 * margin, lowest)
-    shift = np.array([size[0], height]) / 2 - scale * (low + extent / 2)
-    return Picture(rows=rows, to_viewer=way, scale=scale, shift=shift), float(height)
+    height = max(scale * extent[1] + 2 * _MARGIN, _LOWEST)
+    shift = np.array([_WIDTH, height]) / 2 - scale * (low + extent / 2)
+    return _Picture(rows=rows, to_viewer=way, scale=scale, shift=shift), float(height)
 
 
 def _up(boards: list[Board]) -> FloatArray:
@@ -151,7 +135,7 @@ def _way(boards: list[Board], up: FloatArray) -> FloatArray:
     return ways[np.argmax(score)]
 
 
-def _drawn(board: Board, plate: FloatArray, picture: Picture) -> list[str]:
+def _drawn(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
     if board.points is not None:
         dots = picture.at(board.points[:_MOST_POINTS])
         return [f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3"/>' for x, y in dots]
@@ -172,7 +156,7 @@ def _path(polygons: FloatArray) -> str:
     return "".join(parts)
 
 
-def _labels(board: Board, plate: FloatArray, picture: Picture) -> list[str]:
+def _labels(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
     name = escape(board.name)
     middle = picture.at(plate.mean(axis=0))
     if board.points is None:
@@ -208,7 +192,7 @@ def _arrow(start: FloatArray, end: FloatArray, colour: str) -> str:
     )
 
 
-def _world_axes(picture: Picture, total: float) -> list[str]:
+def _world_axes(picture: _Picture, total: float) -> list[str]:
     """The directions of the world's axes, at the bottom on the left."""
     start = np.array([_MARGIN, total - _MARGIN])
     lines = []
@@ -220,7 +204,7 @@ def _world_axes(picture: Picture, total: float) -> list[str]:
     return lines
 
 
-def _legend(units: str, picture: Picture, total: float) -> list[str]:
+def _legend(units: str, picture: _Picture, total: float) -> list[str]:
     y = total - 14
     x = 3 * _MARGIN
     right = np.array([24.0, 0.0])

@@ -222,11 +222,6 @@ def bloomed(level: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(level, _FULL) + received, float)
 
 
-def plain_background(directions: FloatArray) -> FloatArray:
-    """An even grey all around: world directions (N, 3) -> brightness (N,)."""
-    return np.full(len(directions), 0.4)
-
-
 def room_background(directions: FloatArray) -> FloatArray:
     """A plain room far away: world directions (N, 3) -> brightness (N,), smooth on each wall."""
     size = np.abs(directions)

@@ -273,34 +273,12 @@ def true_corners_text(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    found = {}
+    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
     for name, pose in poses.items():
         seen = project_corners(target, lens, pose, image_size)
-        found[name] = np.flatnonzero(seen.visible), seen.pixel[seen.visible]
-    return corners_text(target, found, image_size, digits=6)
-
-
-def corners_text(
-    target: Target,
-    found: Mapping[str, tuple[IntArray, FloatArray]],
-    image_size: tuple[int, int],
-    *,
-    digits: int,
-) -> str:
-    """The text of a corners.csv.
-
-    Args:
-        target: the calibration target.
-        found: by the photo's name, which of the target's corners (N,), and their pixels (N, 2).
-        image_size: (width, height) of the photos.
-        digits: of a pixel, behind the point.
-
-    """
-    board, column, row, _ = target.corners()
-    rows: list[tuple[object, ...]] = [("image", "board", "column", "row", "x", "y")]
-    for name, (which, pixel) in found.items():
-        for one, (x, y) in zip(which, pixel, strict=True):
-            own = target.boards[board[one]].name
-            rows.append((name, own, column[one], row[one], f"{x:.{digits}f}", f"{y:.{digits}f}"))
+        for one in np.flatnonzero(seen.visible):
+            own = target.boards[seen.board[one]].name
+            x, y = seen.pixel[one]
+            rows.append((name, own, seen.column[one], seen.row[one], f"{x:.6f}", f"{y:.6f}"))
     width, height = image_size
     return f"# cubicfish corners 1, image_size {width}x{height}\n" + csv_text(rows)

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from synthetic import plain_background
 
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
@@ -20,7 +21,7 @@ from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.identification.glance import glance_at_markers
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.photos import Photo
-from cubicfish_cli.rendering.simulate import plain_background, render
+from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners
 from cubicfish_cli.target import Target
 

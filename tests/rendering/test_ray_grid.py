@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from synthetic import corner_of_three, lens_of_size, poses_around
+from synthetic import corner_of_three, lens_of_size, plain_background, poses_around
 
-from cubicfish_cli.rendering.simulate import RayGrid, plain_background, render
+from cubicfish_cli.rendering.simulate import RayGrid, render
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size

@@ -3,12 +3,20 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from synthetic import as_type, checkerboard, corner_of_three, flat_board, lens_of_size, poses_around
+from synthetic import (
+    as_type,
+    checkerboard,
+    corner_of_three,
+    flat_board,
+    lens_of_size,
+    plain_background,
+    poses_around,
+)
 
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering import simulate as rendering
-from cubicfish_cli.rendering.simulate import plain_background, render
+from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners, rotation_matrix
 from cubicfish_cli.target import Target
 

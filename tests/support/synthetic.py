@@ -254,3 +254,8 @@ def as_type(board, kind, **changes):
     """The board as one of another type, with other fields."""
     own = {field.name: getattr(board, field.name) for field in fields(board)}
     return BOARD_TYPES[kind](**{**own, **changes})
+
+
+def plain_background(directions: np.ndarray) -> np.ndarray:
+    """An even grey all around: world directions (N, 3) -> brightness (N,)."""
+    return np.full(len(directions), 0.4)
