@@ -92,11 +92,8 @@ _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:
-    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN_AS`'s models.
-
-    A pinhole's distortion is left out: a flat picture has none.
-    """
-    name = {**WRITTEN_AS, PinholeLens: "PINHOLE"}[type(lens)]
+    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN_AS`'s models."""
+    name = WRITTEN_AS[type(lens)]
     own = dict(zip(lens.parameter_names, lens.parameters.tolist(), strict=True))
     own["cx"], own["cy"] = own["cx"] + HALF, own["cy"] + HALF
     return name, [own[parameter] for parameter in MODELS[name].parameters]

@@ -27,7 +27,6 @@ from cubicfish_cli.formats.camera_format import (
     read_bounded,
     size,
 )
-from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.pinhole import PinholeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.wording import quoted
@@ -38,16 +37,16 @@ _SHIFT = {"fx": 0.0, "fy": 0.0, "cx": 0.5, "cy": 0.5}
 _FISHEYE = ("k1", "k2", "k3", "k4")
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _MODELS = ("OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE")
-_CAMERA_MODELS: dict[type[Lens], str] = {RadialCamera: "OPENCV_FISHEYE", PinholeLens: "PINHOLE"}
+_WRITTEN = "OPENCV_FISHEYE"
 # From nerfstudio's camera axes to those here.
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def nerfstudio_text(lens: Lens, note: Sequence[str], poses: Poses) -> str:
+def nerfstudio_text(lens: RadialCamera, note: Sequence[str], poses: Poses) -> str:
     """A lens and camera_from_world of photos as transforms.json.
 
     Args:
-        lens: a RadialCamera, or a PinholeLens without distortion.
+        lens: the lens.
         note: how it was made.
         poses: rotation (3, 3) and translation (3,) of camera_from_world, by the photo's name.
 
@@ -58,22 +57,14 @@ def nerfstudio_text(lens: Lens, note: Sequence[str], poses: Poses) -> str:
     )
 
 
-def nerfstudio_rig_text(rig: LensRig, *, images: str = "", masks: str | None = None) -> str:
+def nerfstudio_rig_text(rig: LensRig) -> str:
     """Lenses and camera_from_world of their photos as transforms.json.
 
-    Every frame has its own lens, see :func:`nerfstudio_text`.
-
-    Args:
-        rig: the lenses; the photos of each are in a folder of its name.
-        images: the folder of those folders.
-        masks: the same of the masks, ``0001.png.png`` for ``0001.png``; None for no masks.
-
+    Every frame has its own lens; the photos of each are in a folder of its name.
     """
-    start = f"{images}/" if images else ""
     frames = [
         {
-            "file_path": f"{start}{one.name}/{name}",
-            **({} if masks is None else {"mask_path": f"{masks}/{one.name}/{name}.png"}),
+            "file_path": f"{one.name}/{name}",
             "transform_matrix": _matrix(*pose),
             **_lens(one.lens),
         }
@@ -81,22 +72,17 @@ def nerfstudio_rig_text(rig: LensRig, *, images: str = "", masks: str | None = N
         for name, pose in one.poses.items()
     ]
     note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
-    model = _CAMERA_MODELS[type(rig.lenses[0].lens)]
-    return _text({"camera_model": model, "made_by": note}, frames)
+    return _text({"camera_model": _WRITTEN, "made_by": note}, frames)
 
 
-def _lens(lens: Lens) -> dict[str, Any]:
+def _lens(lens: RadialCamera) -> dict[str, Any]:
     width, height = lens.image_size
     return {
-        "camera_model": _CAMERA_MODELS[type(lens)],
+        "camera_model": _WRITTEN,
         **{theirs: getattr(lens, ours) + _SHIFT[ours] for ours, theirs in _CORE.items()},
         "w": width,
         "h": height,
-        **(
-            dict(zip(_FISHEYE, lens.k.tolist(), strict=True))
-            if isinstance(lens, RadialCamera)
-            else {}
-        ),
+        **dict(zip(_FISHEYE, lens.k.tolist(), strict=True)),
     }
 
 
@@ -135,9 +121,9 @@ def read_nerfstudio(path: Path) -> RadialCamera | PinholeLens:
     core = {ours: number(path, record, theirs) - _SHIFT[ours] for ours, theirs in _CORE.items()}
     focal(path, np.array([core["fx"], core["fy"]]), "fl_x and fl_y")
     image_size = size(path, record.get("w"), record.get("h"), "w and h")
-    names = _FISHEYE if model == "OPENCV_FISHEYE" else _PINHOLE
+    names = _FISHEYE if model == _WRITTEN else _PINHOLE
     d = np.array([number(path, record, name) if name in record else 0.0 for name in names])
-    if model == "OPENCV_FISHEYE":
+    if model == _WRITTEN:
         return RadialCamera(image_size=image_size, **core, k=d)
     return PinholeLens(image_size=image_size, **core, d=d)
 
