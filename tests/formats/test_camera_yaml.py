@@ -162,7 +162,7 @@ def test_what_is_no_camera_file_says_what_to_name(tmp_path, text, what):
     [
         ("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 3\n", "an OpenCV"),
         ("camera_matrix: 1\n", "an OpenCV"),
-        ("taylor_coefficient: [1]\n", "a Pyocamcalib"),
+        ("fl_x: 1\n", "a Nerfstudio"),
     ],
 )
 def test_a_file_of_another_tool_is_named_and_how_to_take_it_over(tmp_path, text, tool):
