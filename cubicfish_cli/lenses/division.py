@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from cubicfish_cli.lenses.lens import Scale, SymmetricLens
+from cubicfish_cli.lenses.lens import SymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
 
@@ -30,19 +30,11 @@ class DivisionLens(SymmetricLens):
         """λ = −1/4 is the stereographic lens."""
         return (cls.near(radial, bend=-0.25),)
 
-    def scale(self, points: FloatArray) -> Scale:
+    def scale(self, points: FloatArray) -> FloatArray:
         """The s that solves λρ²s² − Zs + 1 = 0: the root that is 1/Z on the axis."""
-        bend = self.bend
         z = points[:, 2]
         rho_squared = np.sum(points[:, :2] ** 2, axis=1)
-        root = np.sqrt(z * z - 4 * bend * rho_squared)
+        root = np.sqrt(z * z - 4 * self.bend * rho_squared)
         # Where Z < 0 the two terms cancel: the other form of the same root is exact there.
-        value = np.where(z > 0, 2 / (z + root), (z - root) / (2 * bend * rho_squared))
-        value = np.where(value > 0, value, np.inf)
-        square_share = value * value / root
-        return Scale(
-            value=value,
-            d_across=2 * bend * square_share,
-            d_along=-value / root,
-            d_shape=(rho_squared * square_share)[:, None],
-        )
+        value = np.where(z > 0, 2 / (z + root), (z - root) / (2 * self.bend * rho_squared))
+        return np.where(value > 0, value, np.inf)

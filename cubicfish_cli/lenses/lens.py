@@ -3,8 +3,8 @@
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
 marked by :data:`HELD` are carried along and never fitted. It has a ``name``, a ``label``,
 :meth:`Lens.starts` and its formula: :meth:`SymmetricLens.scale` of a symmetric lens, else
-:meth:`Lens.pixels`, or :meth:`Lens.pixel_and_slopes` where it knows its derivatives. The rest
-follows from these.
+:meth:`Lens.pixels`. The rest follows from these, derivatives too, unless a lens has
+:meth:`Lens.pixel_and_slopes` of its own because fits spend their time there.
 """
 
 from __future__ import annotations
@@ -87,15 +87,18 @@ class Lens:
             step = np.zeros(len(parameters))
             step[index] = _STEP * unit
             ahead, behind = (self.with_parameters(parameters + way) for way in (step, -step))
-            by_parameter.append((ahead.pixels(points) - behind.pixels(points)) / (2 * step[index]))
+            with np.errstate(invalid="ignore"):  # beyond the lens's end
+                apart = ahead.pixels(points) - behind.pixels(points)
+            by_parameter.append(apart / (2 * step[index]))
         return *self._pixel_and_slope_by_differences(points), np.stack(by_parameter, axis=-1)
 
     def _pixel_and_slope_by_differences(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         length = np.linalg.norm(points, axis=1, keepdims=True)
-        by_point = [
-            (self.pixels(points + step) - self.pixels(points - step)) / (2 * _STEP * length)
-            for step in (_STEP * length * axis for axis in np.eye(3))
-        ]
+        with np.errstate(invalid="ignore"):
+            by_point = [
+                (self.pixels(points + step) - self.pixels(points - step)) / (2 * _STEP * length)
+                for step in (_STEP * length * axis for axis in np.eye(3))
+            ]
         return self.pixels(points), np.stack(by_point, axis=-1)
 
     def pixel_and_slope(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -261,62 +264,21 @@ class FocalLens(Lens):
         """See :class:`Lens`: pixels count in focal lengths."""
         return np.where(np.isin(self.parameter_names, _PIXELS), self.fx, 1.0)
 
-    def through_focal(
-        self, xy: FloatArray, by_point: FloatArray, by_others: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """:meth:`pixel_and_slopes` from those at a focal length of 1: by the other parameters."""
-        focal = np.array([self.fx, self.fy])
-        by_parameter = np.zeros((len(xy), 2, 4 + by_others.shape[2]))
-        by_parameter[:, 0, 0], by_parameter[:, 1, 1] = xy.T
-        by_parameter[:, 0, 2] = by_parameter[:, 1, 3] = 1
-        by_parameter[:, :, 4:] = focal[:, None] * by_others
-        return focal * xy + [self.cx, self.cy], focal[:, None] * by_point, by_parameter
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scale:
-    """How far from the axis an axially symmetric lens puts a point: (x, y) = s · (X, Y).
-
-    Attributes:
-        value: (N,) s; inf where the lens sees nothing.
-        d_across: (N,) (ds/dρ)/ρ with ρ = hypot(X, Y): finite on the axis too.
-        d_along: (N,) ds/dZ.
-        d_shape: (N, K) ds/d shape parameters.
-
-    """
-
-    value: FloatArray
-    d_across: FloatArray
-    d_along: FloatArray
-    d_shape: FloatArray
-
-    def point(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Normalised pixel (N, 2), its d/d point (N, 2, 3) and its d/d shape (N, 2, K)."""
-        across = points[:, :2]
-        d_point = np.empty((len(points), 2, 3))
-        d_point[:, :, :2] = (
-            across[:, :, None] * across[:, None, :] * self.d_across[:, None, None]
-            + np.eye(2) * self.value[:, None, None]
-        )
-        d_point[:, :, 2] = across * self.d_along[:, None]
-        return (
-            across * self.value[:, None],
-            d_point,
-            across[:, :, None] * self.d_shape[:, None, :],
-        )
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SymmetricLens(FocalLens):
     """An axially symmetric lens: its shape's parameters come after fx, fy, cx, cy."""
 
-    def scale(self, points: FloatArray) -> Scale:
-        """The model itself: camera-frame points (N, 3) -> s and its derivatives."""
+    def scale(self, points: FloatArray) -> FloatArray:
+        """The model itself: s (N,) of camera-frame points (N, 3) with (x, y) = s · (X, Y).
+
+        Not finite where the lens sees nothing.
+        """
         raise NotImplementedError
 
-    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            scale = self.scale(points)
-            pixel, by_point, by_parameter = self.through_focal(*scale.point(points))
-        return np.where(np.isfinite(scale.value)[:, None], pixel, np.inf), by_point, by_parameter
+            scale = self.scale(points)[:, None]
+            pixel = points[:, :2] * scale * [self.fx, self.fy] + [self.cx, self.cy]
+        return np.where(np.isfinite(scale), pixel, np.inf)

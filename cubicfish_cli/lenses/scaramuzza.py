@@ -35,7 +35,6 @@ _INVERSE_PX = 0.003
 _INVERSE_DEGREES = range(5, 15)
 _INVERSE_MARGIN_RAD = np.deg2rad(5)
 _TABLE = 4096
-_NEAR_AXIS = 1e-9
 _NEWTON_ITERATIONS = 6
 # Radii are looked for up to the photo's farthest corner and a little more.
 _REACH = 1.15
@@ -120,30 +119,6 @@ class ScaramuzzaLens(Lens):
     def also(self) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
         """See :class:`Lens`."""
         return {"world2cam by the inverse polynomial": self.project_by_inverse}
-
-    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`Lens`; derivatives by the implicit function theorem."""
-        rho, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
-        a, powers = self.a, np.arange(len(self.a))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            radius = _radius(a, rho, z, self._reach)
-            # f(r) ρ = r Z, differentiated along the point and each coefficient.
-            steep = polynomial.polyval(radius, polynomial.polyder(a)) * rho - z
-            by_shape = -rho[:, None] * radius[:, None] ** powers / steep[:, None]
-            by_rho = -polynomial.polyval(radius, a) / steep
-            # On the axis r/ρ is 0/0, and dr/dρ in the limit.
-            share = np.where(rho > _NEAR_AXIS * np.abs(z), radius / rho, by_rho)
-        way = points[:, :2] / np.maximum(rho, np.finfo(float).tiny)[:, None]
-        across = way[:, :, None] * way[:, None, :]
-        by_point = np.empty((len(points), 2, 3))
-        by_point[:, :, :2] = share[:, None, None] * (np.eye(2) - across)
-        by_point[:, :, :2] += by_rho[:, None, None] * across
-        by_point[:, :, 2] = way * (radius / steep)[:, None]
-        by_values = np.zeros((len(points), 2, 6 + len(a)))
-        by_values[:, 0, 0] = by_values[:, 1, 1] = 1
-        by_values[:, 0, 2:4] = by_values[:, 1, 4:6] = radius[:, None] * way
-        by_values[:, :, 6:] = (way @ self.stretch.T)[:, :, None] * by_shape[:, None, :]
-        return self._pixel(points, rho, radius), self.stretch @ by_point, by_values
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
         """See :class:`Lens`: by f."""

@@ -22,8 +22,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, columns
+from cubicfish_cli.geometry import decentring
 from cubicfish_cli.lenses.lens import FocalLens
-from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
+from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
 
 # Profiles are looked through for a fold in such steps.
@@ -63,22 +64,18 @@ class RadTanThinPrismLens(FocalLens):
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`."""
         uv = _fisheye(points)
-        bent = _bent(uv, self.k, self._shape)[0]
-        return np.asarray(bent * [self.fx, self.fy] + [self.cx, self.cy])
+        powers = (uv**2).sum(axis=1)[:, None] ** np.arange(1, len(self.k) + 1)
+        a, b = (uv * (1 + powers @ self.k)[:, None]).T
+        (t1, t2), (s1, s2, s3, s4) = self.t, self.s
+        square = a * a + b * b
+        more_a, more_b = decentring(a, b, t2, t1)
+        u = a + more_a + square * (s1 + square * s2)
+        v = b + more_b + square * (s3 + square * s4)
+        return np.stack([self.fx * u + self.cx, self.fy * v + self.cy], axis=-1)
 
     def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
         """See :class:`Lens`: as far as the radial part grows."""
         return angle_from_axis(points) <= _fold_rad(self.k)
-
-    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`Lens`."""
-        bent, by_uv, by_shape = _bent(_fisheye(points), self.k, self._shape)
-        plain = np.array([1, 1, 0, 0, 0, 0, 0, 0], float)
-        return self.through_focal(bent, by_uv @ project_jacobian(plain, points)[1], by_shape)
-
-    @property
-    def _shape(self) -> FloatArray:
-        return np.concatenate([self.t, self.s])
 
 
 def _fisheye(points: FloatArray) -> FloatArray:
@@ -99,48 +96,3 @@ def _fold_rad(k: FloatArray) -> float:
         slope += (2 * index + 1) * value * theta ** (2 * index)
     falls = np.flatnonzero(slope <= 0)
     return float(theta[max(falls[0] - 1, 0)]) if falls.size else float(np.pi)
-
-
-def _terms(xy: FloatArray) -> FloatArray:
-    """T = _terms @ (t1, t2, s1, s2, s3, s4): (N, 2, 6)."""
-    x, y = xy.T
-    square = x * x + y * y
-    terms = np.zeros((len(xy), 2, 6))
-    terms[:, 0, 0] = square + 2 * x * x
-    terms[:, 0, 1] = terms[:, 1, 0] = 2 * x * y
-    terms[:, 1, 1] = square + 2 * y * y
-    terms[:, 0, 2] = terms[:, 1, 4] = square
-    terms[:, 0, 3] = terms[:, 1, 5] = square * square
-    return terms
-
-
-def _terms_slope(xy: FloatArray, shape: FloatArray) -> FloatArray:
-    """dT/d(x, y) for the six values of T: (N, 2, 2)."""
-    x, y = xy.T
-    t1, t2, s1, s2, s3, s4 = shape
-    square = x * x + y * y
-    slope = np.empty((len(xy), 2, 2))
-    slope[:, 0, 0] = 6 * t1 * x + 2 * t2 * y + 2 * x * (s1 + 2 * s2 * square)
-    slope[:, 0, 1] = 2 * t1 * y + 2 * t2 * x + 2 * y * (s1 + 2 * s2 * square)
-    slope[:, 1, 0] = 2 * t2 * x + 2 * t1 * y + 2 * x * (s3 + 2 * s4 * square)
-    slope[:, 1, 1] = 6 * t2 * y + 2 * t1 * x + 2 * y * (s3 + 2 * s4 * square)
-    return slope
-
-
-def _bent(
-    uv: FloatArray, k: FloatArray, shape: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where (u, v) go (N, 2), d/d(u, v) (N, 2, 2), and d/dk, d/d the values of T (N, 2, K + 6)."""
-    powers = (uv**2).sum(axis=1)[:, None] ** np.arange(1, len(k) + 1)
-    radial = uv * (1 + powers @ k)[:, None]
-    by_k = uv[:, :, None] * powers[:, None, :]
-    # d radial / d(u, v) = (1 + k1 θ² + ...) I + (u, v)ᵀ(u, v) (2 k1 + 4 k2 θ² + ...)
-    steep = np.concatenate([np.ones((len(uv), 1)), powers[:, :-1]], axis=1) @ (
-        2 * np.arange(1, len(k) + 1) * k
-    )
-    by_uv = (1 + powers @ k)[:, None, None] * np.eye(2)
-    by_uv = by_uv + steep[:, None, None] * uv[:, :, None] * uv[:, None, :]
-    terms, slope = _terms(radial), _terms_slope(radial, shape)
-    by_k = by_k + slope @ by_k
-    by_uv = by_uv + slope @ by_uv
-    return radial + terms @ shape, by_uv, np.concatenate([by_k, terms], axis=2)
