@@ -42,7 +42,7 @@ look_options = bundle(
         LookOptions.vignetting,
     ),
     option(
-        "--exposure --light FACTOR",
+        "--exposure FACTOR",
         "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
         "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
         FloatRange(*LOOKS["exposure"]),

@@ -181,15 +181,13 @@ def simulate_files(
         told = did_you_mean(str(form), FORMATS)
         raise UsageError(f"photos are not written as {quoted(form)}: {told}")
     thing = target_in(target)
-    choosing = "Choosing where to take photos from"
-    listener.progress(choosing)
+    listener.progress("Choosing where to take photos from")
     source = _source(lens, image_size, thing)
     if source.note is not None:
         listener.tell(Event.NEAREST_CAMERA, **source.note)
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
     flat, seed = thing.with_flat_boards(), look.seed
-    listener.progress(choosing)
     if poses is None:
         chosen = chosen_poses(thing, source.lens, source.image_size, number or 12, seed=seed)
         digits = max(2, len(str(len(chosen))))

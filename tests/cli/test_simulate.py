@@ -94,7 +94,7 @@ def test_a_seed_gives_the_same_photos_and_poses_can_be_taken_again(
     np.testing.assert_array_equal(true.P, load_camera(small_lens).camera.P)
     other = take("c", "-n", 2, "--seed", 1)
     assert other["true_poses.csv"] != first["true_poses.csv"]
-    again = take("d", "--poses", tmp_path / "a" / "true_poses.csv", "--noise", 0, "--light", 0.3)
+    again = take("d", "--poses", tmp_path / "a" / "true_poses.csv", "--noise", 0, "--exposure", 0.3)
     assert set(again) == {name.replace("png", "jpg") for name in first}
     assert (
         again["true_poses.csv"].decode().replace("jpg", "png").encode() == (first["true_poses.csv"])
