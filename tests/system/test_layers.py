@@ -92,8 +92,8 @@ ALLOWED: dict[str, set[str]] = {
         "identification",
     },
     "undistortion": {"files", "picture_headers", "photos", "films", "executors", "lenses"},
-    "rendering": {"plain_yaml", "tables", "boards", "target", "observations", "lenses"},
-    "printing": {"words", "files", "boards", "target", "formats", "rendering"},
+    "rendering": {"tables", "boards", "target", "lenses"},
+    "printing": {"boards", "target"},
     "advice": {
         "words",
         "boards",
