@@ -221,15 +221,11 @@ class Validity:
     Attributes:
         angle_deg: half-angle of the cone that was examined.
         valid_to_deg: largest half-angle within it that has neither pole nor fold.
-        smallest_denominator: smallest P3Φ on the cone, as a share of its median.
-        smallest_determinant: smallest Jacobian determinant, as a share of its median.
 
     """
 
     angle_deg: float
     valid_to_deg: float
-    smallest_denominator: float
-    smallest_determinant: float
 
     @property
     def valid(self) -> bool:
@@ -258,8 +254,6 @@ def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
     return Validity(
         angle_deg=float(angle_deg),
         valid_to_deg=float(angle_deg) if good.all() else float(theta[~good].min()),
-        smallest_denominator=_smallest(denominator),
-        smallest_determinant=_smallest(determinant),
     )
 
 
@@ -279,12 +273,6 @@ def _checked(angle_deg: float) -> FloatArray:
     rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
     rays.flags.writeable = False
     return rays
-
-
-def _smallest(values: FloatArray) -> float:
-    """The smallest, relative to the typical one; 0 where that is 0 too, as for a P of zeros."""
-    typical = abs(float(np.median(values)))
-    return float(values.min()) / typical if typical > 0 else 0.0
 
 
 Frame = Literal["world", "camera"]

@@ -23,8 +23,6 @@ def test_a_sound_camera_passes():
     camera = cubic_camera()
     result = check_validity(camera.P, camera.max_angle_deg)
     assert result.valid
-    assert result.smallest_denominator > 0
-    assert result.smallest_determinant > 0
 
 
 def test_a_pole_is_caught_where_it_is():
@@ -36,7 +34,6 @@ def test_a_pole_is_caught_where_it_is():
     result = check_validity(P, 90.0)
     assert not result.valid
     assert result.valid_to_deg == pytest.approx(70, abs=0.7)
-    assert result.smallest_denominator < 0
 
 
 def test_a_fold_is_caught_where_it_is():
@@ -47,7 +44,6 @@ def test_a_fold_is_caught_where_it_is():
     result = check_validity(P, 100.0)
     assert not result.valid
     assert result.valid_to_deg == pytest.approx(90, abs=0.7)
-    assert result.smallest_denominator > 0
 
 
 def test_a_mirrored_camera_is_caught():
