@@ -120,7 +120,13 @@ def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = F
     if not corners.certain.all():
         header, version = (*header, _CERTAIN), 2
         columns.append(corners.certain.astype(int).tolist())
-    _save(Path(path), "corners", header, columns, corners, overwrite, version=version)
+    if (corners.weight != 1).any():
+        header = (*header, "weight")
+        columns.append(corners.weight.tolist())
+    width, height = corners.image_size
+    first = f"# cubicfish corners {version}, image_size {width}x{height}\n"
+    text = csv_text(chain([header], zip(*columns, strict=True)))
+    write_text(Path(path), first + text, overwrite=overwrite)
 
 
 def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = None) -> Observations:
@@ -151,17 +157,6 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
         world=world,
         column=np.arange(len(image), dtype=np.intp),
     ).by_photo()
-
-
-def save_correspondences(path: Path, pairs: Observations, *, overwrite: bool) -> None:
-    """Write ``correspondences.csv``; numbers read back exactly.
-
-    Raises:
-        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
-
-    """
-    columns = [_names(pairs.images, pairs.image), *pairs.world.T.tolist(), *pairs.pixel.T.tolist()]
-    _save(path, "correspondences", PAIR_COLUMNS, columns, pairs, overwrite)
 
 
 def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
@@ -232,21 +227,3 @@ def _certain(table: Table) -> dict[str, Any]:
 
 def _names(names: tuple[str, ...], index: IntArray) -> list[str]:
     return [names[i] for i in index.tolist()]
-
-
-def _save(
-    path: Path,
-    kind: str,
-    header: tuple[str, ...],
-    columns: list[list[Any]],
-    rows: Observations,
-    overwrite: bool,
-    *,
-    version: int = 1,
-) -> None:
-    if (rows.weight != 1).any():
-        header, columns = (*header, "weight"), [*columns, rows.weight.tolist()]
-    width, height = rows.image_size
-    first = f"# cubicfish {kind} {version}, image_size {width}x{height}\n"
-    text = csv_text(chain([header], zip(*columns, strict=True)))
-    write_text(path, first + text, overwrite=overwrite)

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from pairs_csv import write_pairs
 from running import SAMPLE, Run
 
 TARGET = SAMPLE / "target.yaml"
@@ -106,12 +107,12 @@ def test_what_point_cameras_and_bare_pairs_cannot(run: Run, poor: Path, tmp_path
     said = run("advise", tmp_path / "p", code=1).stderr
     assert "lift 'point'" in said
     assert said.count("\n") == 1
-    from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
+    from cubicfish_cli.corner_files.observations_csv import load_corners
     from cubicfish_cli.target import load_target
 
     target = load_target(TARGET)
     pairs = load_corners(poor / "three.csv", target)
-    save_correspondences(tmp_path / "pairs.csv", pairs, overwrite=False)
+    write_pairs(tmp_path / "pairs.csv", pairs)
     run("calibrate", "--correspondences", tmp_path / "pairs.csv", "-o", tmp_path / "c",
         "--no-hold-out")  # fmt: skip
     said = run("advise", tmp_path / "c")

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from pairs_csv import write_pairs
 from running import SAMPLE, Run
 from saved_maps import read_map
 
 from cubicfish_cli import __version__
-from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.errors import OutputError
 from cubicfish_cli.files import sha256_of
 from cubicfish_cli.fitting import calibrate as fitting
@@ -152,7 +153,7 @@ def correspondences(folder: Path) -> Path:
     """The sample as pairs, without a line that gives the size."""
     target = load_target(TARGET)
     path = folder / "pairs.csv"
-    save_correspondences(path, load_corners(CORNERS, target), overwrite=False)
+    write_pairs(path, load_corners(CORNERS, target))
     path.write_text(path.read_text().split("\n", 1)[1])
     return path
 

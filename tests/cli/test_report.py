@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 import yaml
+from pairs_csv import write_pairs
 from running import SAMPLE, Run
 
-from cubicfish_cli.corner_files.observations_csv import load_corners, save_correspondences
+from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.target import load_target
 
 TARGET = SAMPLE / "target.yaml"
@@ -236,7 +237,7 @@ def test_point_lift(run: Run, tmp_path: Path, photos: int) -> None:
 def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
     target = load_target(TARGET)
     table = tmp_path / "pairs.csv"
-    save_correspondences(table, load_corners(CORNERS, target), overwrite=False)
+    write_pairs(table, load_corners(CORNERS, target))
     folder = tmp_path / "c"
     run("calibrate", "--correspondences", table, "--no-hold-out", "-o", folder)
     page = (folder / "report.html").read_text(encoding="utf-8")

@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from observed import SIZE, TARGET, any_corners, assert_same
+from pairs_csv import write_pairs
 
 from cubicfish_cli.corner_files.observations_csv import (
     load_corners,
     load_correspondences,
     parse_size,
     save_corners,
-    save_correspondences,
 )
 from cubicfish_cli.errors import CorrespondenceError, OutputError
 from cubicfish_cli.observations import Observations
@@ -84,7 +84,7 @@ def test_correspondences_read_back_exactly(
         row=np.zeros(6, np.intp),
     )
     path = tmp_path_factory.mktemp("p") / "pairs.csv"
-    save_correspondences(path, pairs, overwrite=False)
+    write_pairs(path, pairs)
     assert_same(load_correspondences(path), pairs)
 
 
