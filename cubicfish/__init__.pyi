@@ -50,7 +50,6 @@ from cubicfish_cli import import_camera as import_camera
 from cubicfish_cli import import_corner_files as import_corner_files
 from cubicfish_cli import import_files as import_files
 from cubicfish_cli import info_files as info_files
-from cubicfish_cli import judge as judge
 from cubicfish_cli import load_any_camera as load_any_camera
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
@@ -68,7 +67,6 @@ from cubicfish_cli import save_rig as save_rig
 from cubicfish_cli import save_target as save_target
 from cubicfish_cli import simulate_files as simulate_files
 from cubicfish_cli import stitch as stitch
-from cubicfish_cli import uncertainty as uncertainty
 from cubicfish_cli import undistort as undistort
 from cubicfish_cli import undistort_files as undistort_files
 from cubicfish_cli import undistort_rig_files as undistort_rig_files

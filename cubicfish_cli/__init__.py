@@ -48,10 +48,8 @@ _PLACES = {
     "library.calibration": (
         "calibrate",
         "evaluate",
-        "judge",
         "save_camera",
         "save_target",
-        "uncertainty",
     ),
     "library.detection": ("detect", "detect_files"),
     "library.exporting": ("export_camera", "export_files"),

@@ -20,10 +20,8 @@ from cubicfish_cli.library.asked import Run as Run
 from cubicfish_cli.library.asked_pictures import PlaneOptions as PlaneOptions
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
-from cubicfish_cli.library.calibration import judge as judge
 from cubicfish_cli.library.calibration import save_camera as save_camera
 from cubicfish_cli.library.calibration import save_target as save_target
-from cubicfish_cli.library.calibration import uncertainty as uncertainty
 from cubicfish_cli.library.calibration_files import calibrate_files as calibrate_files
 from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
 from cubicfish_cli.library.describing import compare_files as compare_files

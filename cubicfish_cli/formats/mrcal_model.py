@@ -128,13 +128,9 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
 
     """
     data = _dictionary(path, read_bounded(path, max_bytes=MAX_BYTES))
-    for old in ("lens_model", "distortion_model"):  # what older versions of mrcal wrote
-        if old in data and "lensmodel" not in data:
-            data["lensmodel"] = data[old]
     lens = data.get("lensmodel")
     if not isinstance(lens, str):
         raise CameraFileError(f"{path}: it has no key lensmodel: is it a .cameramodel of mrcal?")
-    lens = lens.replace("DISTORTION_", "LENSMODEL_", 1)
     width, height = _numbers(path, data, "imagersize", 2).tolist()
     image_size = size(path, width, height, "imagersize")
     region = _region(path, data)

@@ -8,9 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-import numpy.typing as npt
-
-from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError, FitError
 from cubicfish_cli.files import write_text
@@ -26,7 +23,6 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target, target_text
-from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
 
 
@@ -116,27 +112,6 @@ def evaluate(
 
     """
     return evaluation.evaluate(camera, observed(corners, target))
-
-
-def judge(calibrated: Calibrated) -> Verdict:
-    """Say in words what a calibration is worth: its ``verdict``.
-
-    Args:
-        calibrated: a fit, or what :func:`load_camera` read, with errors in pixels.
-
-    """
-    return calibrated.verdict
-
-
-def uncertainty(calibrated: Calibrated, pixel: npt.ArrayLike) -> FloatArray:
-    """How far the camera itself may be off at pixels (..., 2): its ``uncertainty(pixel)``.
-
-    Raises:
-        CameraFileError: the file does not say.
-        CorrespondenceError: ``pixel`` has another shape.
-
-    """
-    return calibrated.uncertainty(pixel)
 
 
 def save_camera(

@@ -41,7 +41,6 @@ from cubicfish_cli import (
     evaluate,
     export_camera,
     import_camera,
-    judge,
     load_camera,
     load_corners,
     read_picture,
@@ -50,7 +49,6 @@ from cubicfish_cli import (
     save_map,
     save_target,
     simulate_files,
-    uncertainty,
     undistort,
     undistort_files,
 )
@@ -198,7 +196,7 @@ def test_a_camera_is_that_of_the_command_line(
     np.testing.assert_allclose(calibration.camera.P, loaded.camera.P, atol=P_BITS)
     assert compare(calibration.camera, loaded.camera).statistics.max_px < 1e-6
     assert calibration.camera.max_angle_deg == pytest.approx(loaded.camera.max_angle_deg)
-    assert judge(calibration) == judge(loaded)
+    assert calibration.verdict == loaded.verdict
     made = build_map(calibration.camera, build_view(calibration.camera))
     of_file = read_map(calibrated / "undistort_map.npz")
     np.testing.assert_allclose(made.map_x, of_file.map_x, atol=1e-3)
@@ -324,8 +322,8 @@ def test_nothing_is_printed_or_written(
     calibration = calibrate(detect(PHOTOS[0], target), target, hold_out=False)
     camera = calibration.camera
     evaluate(camera, calibration.pairs)
-    judge(calibration)
-    uncertainty(calibration, camera.project(camera.unproject([[480, 360]])))
+    assert calibration.verdict.line
+    calibration.uncertainty(camera.project(camera.unproject([[480, 360]])))
     undistort(picture, camera, build_view(camera, "equidistant"))
     assert capfd.readouterr() == ("", "")
     assert list(tmp_path.iterdir()) == []
@@ -667,9 +665,9 @@ def test_files_are_those_of_the_command_line(
     loaded = load_camera(str(camera))
     np.testing.assert_array_equal(loaded.camera.P, fitted.camera.P)
     assert loaded.made_by == {"version": cubicfish_cli.__version__, "station": ["a", 3]}
-    assert judge(loaded) == judge(fitted)
+    assert loaded.verdict == fitted.verdict
     np.testing.assert_allclose(
-        uncertainty(loaded, [[480, 360], [5, 5]]), uncertainty(fitted, [[480, 360], [5, 5]])
+        loaded.uncertainty([[480, 360], [5, 5]]), fitted.uncertainty([[480, 360], [5, 5]])
     )
     np.testing.assert_array_equal(Target.load(tmp_path / "target.yaml").corners()[3],
                                   target.corners()[3])  # fmt: skip
@@ -682,7 +680,7 @@ def test_files_are_those_of_the_command_line(
     assert load_camera(camera).made_by == loaded.made_by
     save_camera(camera, fitted.camera, overwrite=True)
     assert load_camera(camera).fit == {}
-    assert judge(load_camera(camera)).level == "care"
+    assert load_camera(camera).verdict.level == "care"
 
 
 # What cannot be is refused in one line.
@@ -832,18 +830,18 @@ def test_numbers_of_numpy_are_as_good_as_pythons(fitted: Calibration) -> None:
 
 def test_uncertainty_is_known_in_the_field_alone(fitted: Calibration) -> None:
     pixel = np.array([[[480, 360], [300, 200]], [[-3, 360], [np.nan, 5]]])
-    sigma = uncertainty(fitted, pixel)
+    sigma = fitted.uncertainty(pixel)
     assert sigma.shape == (2, 2)
     assert (sigma[0] > 0).all()
     assert np.isnan(sigma[1]).all()
-    assert uncertainty(fitted, [480, 360]) == sigma[0, 0]
+    assert fitted.uncertainty([480, 360]) == sigma[0, 0]
     narrow = replace(fitted.camera, max_angle_deg=20.0)
-    assert np.isnan(uncertainty(replace(fitted, camera=narrow), [[480, 100]])).all()
+    assert np.isnan(replace(fitted, camera=narrow).uncertainty([[480, 100]])).all()
     silent = CameraFile(camera=fitted.camera, fit={}, made_by={})
     odd = replace(silent, fit={"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}})
     for file in (silent, odd):
-        assert "does not say" in refusal(CameraFileError, lambda f=file: uncertainty(f, [[1, 1]]))
-    assert "not (..., 2)" in refusal(CorrespondenceError, lambda: uncertainty(fitted, [1, 2, 3]))
+        assert "does not say" in refusal(CameraFileError, lambda f=file: f.uncertainty([[1, 1]]))
+    assert "not (..., 2)" in refusal(CorrespondenceError, lambda: fitted.uncertainty([1, 2, 3]))
 
 
 @pytest.mark.parametrize("value", [np.zeros(3), {1: 2}, float("nan"), {"a": {"b": object()}}])

@@ -27,7 +27,6 @@ from cubicfish_cli import (
     compare,
     detect,
     evaluate,
-    judge,
     load_camera,
     load_corners,
     read_picture,
@@ -35,7 +34,6 @@ from cubicfish_cli import (
     save_corners,
     save_map,
     save_target,
-    uncertainty,
     undistort,
 )
 
@@ -74,10 +72,9 @@ def fits(folder: Path, pictures: dict[str, npt.NDArray[np.uint8]]) -> Calibratio
 def uses(picture: npt.NDArray[np.uint8]) -> Floats:
     loaded = assert_type(load_camera("camera.yaml"), CameraFile)
     camera = assert_type(loaded.camera, CubicCamera)
-    assert_type(judge(loaded), Verdict)
+    assert_type(loaded.verdict, Verdict)
     assert_type(cubicfish.Calibration.load("camera.yaml").verdict, Verdict)
     assert_type(loaded.uncertainty([[1, 2]]), Floats)
-    assert_type(uncertainty(loaded, [[1, 2]]), Floats)
     assert_type(compare(camera, camera), Comparison)
     seen, slope = camera.project_jacobian([0, 0, 1])
     assert_type(slope, Floats)
