@@ -244,6 +244,17 @@ def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
+def chosen_camera(path: Path, there: Sequence[str], camera: str | None) -> str:
+    """The name of the one camera of a file, or of the one that is wanted of several."""
+    if camera is None and len(there) == 1:
+        return there[0]
+    if camera is not None and camera in there:
+        return camera
+    names = ", ".join(quoted(one)[1:-1] for one in there[:10]) or "none"
+    more = f" and {len(there) - 10} more" if len(there) > 10 else ""
+    raise CameraFileError(f"{path}: name one of its cameras with --camera: {names}{more}")
+
+
 def json_text(data: Any) -> str:
     """Plain data as the text of a file, finite numbers only."""
     return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

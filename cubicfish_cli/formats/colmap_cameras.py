@@ -22,6 +22,7 @@ from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_format import (
     CameraFormat,
     LensRig,
+    chosen_camera,
     focal,
     json_text,
     numbers,
@@ -195,16 +196,6 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     return _read_text(path, read_bounded(path, max_bytes=MAX_BYTES), camera)
 
 
-def _chosen(path: Path, there: Sequence[str], camera: str | None) -> str:
-    if camera is None and len(there) == 1:
-        return there[0]
-    if camera is not None and camera in there:
-        return camera
-    names = ", ".join(quoted(one)[1:-1] for one in there[:10]) or "none"
-    more = f" and {len(there) - 10} more" if len(there) > 10 else ""
-    raise CameraFileError(f"{path}: name one of its cameras with --camera: {names}{more}")
-
-
 def _read_text(path: Path, text: str, camera: str | None) -> Lens:
     lines: dict[str, tuple[int, list[str]]] = {}
     for number, line in enumerate(text.splitlines(), start=1):
@@ -216,7 +207,7 @@ def _read_text(path: Path, text: str, camera: str | None) -> Lens:
                 f"{path}, line {number}: camera {quoted(cells[0])} is there twice"
             )
         lines[cells[0]] = number, cells
-    number, cells = lines[_chosen(path, list(lines), camera)]
+    number, cells = lines[chosen_camera(path, list(lines), camera)]
     where = Path(f"{path}, line {number}")
     name = cells[1] if len(cells) > 1 else "nothing"
     if name not in MODELS:
@@ -244,7 +235,7 @@ def _read_binary(path: Path, data: bytes, camera: str | None) -> Lens:
         if number in cameras:
             raise CameraFileError(f"{path}: camera {number} is there twice")
         cameras[number] = name, image_size, given
-    name, (width, height), given = cameras[_chosen(path, list(cameras), camera)]
+    name, (width, height), given = cameras[chosen_camera(path, list(cameras), camera)]
     return lens_of(path, name, given, size(path, width, height, "width and height"))
 
 

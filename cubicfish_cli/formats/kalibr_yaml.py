@@ -17,6 +17,7 @@ from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.camera_format import (
     CameraFormat,
     LensRig,
+    chosen_camera,
     focal,
     mapping,
     matrix_rows,
@@ -111,11 +112,7 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
     """
     chain = mapping(path, load_plain_yaml(path, error=CameraFileError), "the file")
     names = [name for name in chain if name.startswith("cam") and name[3:].isdecimal()]
-    if camera is None and len(names) == 1:
-        camera = names[0]
-    if camera not in names:
-        there = ", ".join(names) or "none"
-        raise CameraFileError(f"{path}: name one of its cameras with --camera: {there}")
+    camera = chosen_camera(path, names, camera)
     record = mapping(path, chain[camera], camera)
     kind, distortion = record.get("camera_model"), record.get("distortion_model")
     if not isinstance(kind, str) or kind not in _INTRINSICS:
