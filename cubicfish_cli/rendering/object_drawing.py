@@ -31,7 +31,7 @@ _STYLE = """\
   .print { fill: #454b57; }
   .back { fill: #888; fill-opacity: 0.12; stroke: #888; stroke-dasharray: 5 4; }
   .name { fill: #111; stroke: #fff; stroke-width: 4px; paint-order: stroke; text-anchor: middle; }
-  .arrow { stroke-width: 3; fill: none; stroke-linecap: round; stroke-linejoin: round; }
+  .axis { stroke-width: 3; stroke-linecap: round; }
   @media (prefers-color-scheme: light) { .talk { fill: #333; } }
   @media (prefers-color-scheme: dark) { .talk { fill: #ddd; } }"""
 
@@ -164,7 +164,7 @@ def _labels(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
             name += " (its back)"
         length = 2 * board.square
         lines = [
-            _arrow(picture.at(board.origin), picture.at(board.origin + length * axis), colour)
+            _line(picture.at(board.origin), picture.at(board.origin + length * axis), colour)
             for axis, colour in ((board.x_axis, _X_COLOUR), (board.y_axis, _Y_COLOUR))
         ]
         x, y = picture.at(board.origin)
@@ -176,19 +176,11 @@ def _labels(board: Board, plate: FloatArray, picture: _Picture) -> list[str]:
     return [*lines, f'<text class="name" x="{middle[0]:.1f}" y="{middle[1]:.1f}">{name}</text>']
 
 
-def _arrow(start: FloatArray, end: FloatArray, colour: str) -> str:
-    along = end - start
-    length = float(np.hypot(*along))
-    if length < 1:
-        return ""
-    along = along / length
-    head = min(8.0, length / 2)
-    side = np.array([-along[1], along[0]])
-    a, b = end - head * along + 0.5 * head * side, end - head * along - 0.5 * head * side
-    (x0, y0), (x1, y1), (xa, ya), (xb, yb) = start, end, a, b
+def _line(start: FloatArray, end: FloatArray, colour: str) -> str:
+    (x0, y0), (x1, y1) = start, end
     return (
-        f'<path class="arrow" stroke="{colour}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}'
-        f'M{xa:.1f} {ya:.1f}L{x1:.1f} {y1:.1f}L{xb:.1f} {yb:.1f}"/>'
+        f'<line class="axis" stroke="{colour}" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" '
+        f'y2="{y1:.1f}"/>'
     )
 
 
@@ -199,34 +191,25 @@ def _world_axes(picture: _Picture, total: float) -> list[str]:
     for axis, name, colour in zip(np.eye(3), "xyz", (_X_COLOUR, _Y_COLOUR, _Z_COLOUR), strict=True):
         along = picture.rows @ axis
         x, y = start + 46 * along
-        lines.append(_arrow(start, start + 36 * along, colour))
+        lines.append(_line(start, start + 36 * along, colour))
         lines.append(f'<text x="{x - 4:.1f}" y="{y + 5:.1f}" fill="{colour}">{name}</text>')
     return lines
 
 
 def _legend(units: str, picture: _Picture, total: float) -> list[str]:
-    y = total - 14
-    x = 3 * _MARGIN
-    right = np.array([24.0, 0.0])
-    parts = []
-    for words, colour, width in (
-        ("corner (0, 0)", None, 130),
-        ("columns (x_axis)", _X_COLOUR, 160),
-        ("rows (y_axis)", _Y_COLOUR, 140),
-    ):
-        start = np.array([x - 30, y - 5])
-        if colour is None:
-            parts.append(f'<circle cx="{x - 12:.1f}" cy="{y - 5:.1f}" r="6" '
-                         f'fill="{_ORIGIN_COLOUR}" stroke="#fff"/>')  # fmt: skip
-        else:
-            parts.append(_arrow(start, start + right, colour))
-        parts.append(f'<text class="talk" x="{x:.1f}" y="{y:.1f}">{words}</text>')
-        x += width + 20
-    extent = round_down(130 / picture.scale)
-    bar = extent * picture.scale
-    parts.append(
-        f'<path stroke="#888" stroke-width="2" fill="none" d="M{x - 10:.1f} {y - 5:.1f}h{bar:.1f}'
-        f'm0 -5v10m{-bar:.1f} 0v-10"/><text class="talk" x="{x + bar:.1f}" y="{y:.1f}">'
-        f"{extent:g} {escape(units)}</text>"
+    y, left = total - 14, 2.5 * _MARGIN
+    signs = (
+        (_ORIGIN_COLOUR, "●", "corner (0, 0)"),
+        (_X_COLOUR, "━", "columns (x_axis)"),
+        (_Y_COLOUR, "━", "rows (y_axis)"),
     )
-    return parts
+    words = " \u2003".join(f'<tspan fill="{colour}">{sign}</tspan> {what}'
+                           for colour, sign, what in signs)  # fmt: skip
+    length = round_down(130 / picture.scale)
+    bar, right = length * picture.scale, _WIDTH - _MARGIN
+    return [
+        f'<text class="talk" x="{left:.1f}" y="{y:.1f}">{words}</text>',
+        f'<path stroke="#888" stroke-width="2" fill="none" d="M{right - bar:.1f} {y - 20:.1f}'
+        f'h{bar:.1f}m0 -5v10m{-bar:.1f} 0v-10"/><text class="talk" text-anchor="end" '
+        f'x="{right:.1f}" y="{y:.1f}">{length:g} {escape(units)}</text>',
+    ]

@@ -181,7 +181,8 @@ def test_the_drawing_shows_every_board_where_it_is(run: Run, tmp_path: Path) -> 
     prints = [p.get("d", "") for p in root.iter(f"{SVG}path") if p.get("class") == "print"]
     # Dark squares of (columns + 1) x (rows + 1): the first one is dark.
     assert sorted(p.count("Z") for p in prints) == [8 * 6 // 2, 70 // 2, 72 // 2]
-    assert len([c for c in root.iter(f"{SVG}circle") if c.get("r") == "6"]) == 3 + 1  # the legend
+    assert len([c for c in root.iter(f"{SVG}circle") if c.get("r") == "6"]) == 3
+    assert "corner (0, 0)" in "".join(root.itertext())  # the legend
     _, _, width, height = (float(n) for n in root.get("viewBox", "").split())
     for d in prints:
         numbers = [float(n) for n in re.findall(r"-?[\d.]+", d)]
