@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cubicfish_cli.advice.enough import default_goal
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.poses import cross_matrix
 from cubicfish_cli.fitting.radial_reference import fit_radial
@@ -33,13 +34,10 @@ _FEWEST_CORNERS = 4
 
 
 class Worth:
-    """What photos add to those that are taken: the share of the uncertainty that goes.
+    """What photos add to those that are taken: by how much, as a logarithm, uncertainty falls.
 
     Photos are known by their places among ``names``.
     """
-
-    flat = 0.01
-    """A photo that adds less than this is not worth its time."""
 
     def __init__(self, pairs: Observations, names: Sequence[str], quality: FloatArray) -> None:
         """Fit a lens to all photos.
@@ -67,6 +65,7 @@ class Worth:
         grid, ray = grid[np.isfinite(ray[:, 0])], ray[np.isfinite(ray[:, 0])]
         if not len(grid):
             raise FitError("the photos do not determine a lens")
+        self._goal = default_goal(pairs.image_size)
         self._to_basis = _orthonormal(_polynomials(grid, pairs.image_size))
         self._field = _without_turns(
             _by_axes(_polynomials(grid, pairs.image_size) @ self._to_basis), reference.camera, ray
@@ -92,6 +91,16 @@ class Worth:
         if told is None:
             return 0.0
         return float(self._now - self._log_variance(self._known + told)) / 2
+
+    def share(self, gain: float) -> float:
+        """How much of what is wanted a gain is, to those that are taken now.
+
+        Above the goal it is by how much of it the uncertainty falls; below, where that falls ever
+        less, by how much of the information that the goal takes there is more.
+        """
+        before = float(np.exp(self._now / 2)) / self._goal
+        after = before * float(np.exp(-gain))
+        return max(before - after, (after**-2 - before**-2) / 2)
 
     def take(self, photo: int) -> None:
         """Take a photo."""

@@ -57,6 +57,7 @@ def command(given: Asked) -> None:
         f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
         f"in {chosen.looked_at}"
     )
+    result(chosen.ended)
     result(f"wrote {given.folder}: frames, {chosen.table.name} and {chosen.sheet.name}")
     if target.path is not None:
         command_line = shlex.join(

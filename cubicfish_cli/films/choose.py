@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -33,11 +33,12 @@ _MANY = 1_000_000  # columns or rows, more than any board has
 # Beside the better pictures: blurred below this share of their sharpness, moving above these times
 # their motion.
 _BLURRED, _MOVING = 0.75, 5.0
-# With fewer good pictures than these, which no camera can be made from, others are taken too.
-_ENOUGH = 3
-# So many different views are taken even where the last add hardly anything: a lens and the poses of
-# one flat board are told apart by many views, and so is how right a camera is on those left out.
-_FEWEST = 10
+# A picture is worth its time that adds so much of what is wanted.
+_WORTH_IT = 0.01
+FEWEST = 10
+"""So many different views are taken even where the last add hardly anything, or are worse than the
+others: a lens and the poses of one flat board are told apart by many views, and so is how right a
+camera is on those left out. It is what the verdict asks for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,6 +95,11 @@ class Seen:
         return np.concatenate([np.zeros(0, np.int64), *named]).astype(np.int64)
 
 
+Ended = Literal["all", "asked", "enough"]
+"""Why no more pictures are chosen: there are no more that can be used, no more were asked for, or
+one more would add less than 1 % of what is wanted."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """What was chosen.
@@ -103,28 +109,24 @@ class Choice:
         gain: (N,) what each picture added when it was chosen, or would add to them all; NaN where
             it shows nothing.
         why_not: (N,) a few words each; "" for those chosen.
+        ended: why no more were chosen.
 
     """
 
     order: tuple[int, ...]
     gain: FloatArray
     why_not: tuple[str, ...]
+    ended: Ended = "all"
 
 
 class Gains(Protocol):
-    """What pictures add, by their numbers, to those that are taken.
-
-    Attributes:
-        flat: a picture that adds less is not worth its time.
-
-    """
-
-    @property
-    def flat(self) -> float:
-        """See above."""
+    """What pictures add, by their numbers, to those that are taken."""
 
     def of(self, picture: int, /) -> float:
         """What a picture adds; 0 where it shows nothing that can be used."""
+
+    def share(self, gain: float, /) -> float:
+        """How much of what is wanted a gain is, to what is taken now."""
 
     def take(self, picture: int, /) -> None:
         """Take it."""
@@ -155,12 +157,15 @@ class Coverage:
             _shown_at_once(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
         ]
         self._known = np.zeros_like(self._shown[0])
-        # A share of what the first may add.
-        self.flat = 0.02 * max(self.of(number) for number in range(len(self._shown)))
+        self._first = max(self.of(number) for number in range(len(self._shown)))
 
     def of(self, picture: int) -> float:
         """See :class:`Gains`."""
         return float(np.log1p(self._shown[picture] / (1 + self._known)).sum())
+
+    def share(self, gain: float) -> float:
+        """See :class:`Gains`: of what the first may add."""
+        return gain / self._first if self._first > 0 else 0.0
 
     def take(self, picture: int) -> None:
         """See :class:`Gains`."""
@@ -282,11 +287,13 @@ def _greedy(
     gain = np.full(len(why), np.nan)
     order: list[int] = []
     good = [index for index in usable if index not in spoilt]
-    for pool, enough in ((good, most), (sorted(spoilt), min(_ENOUGH, most))):
+    ended: Ended = "all"
+    for pool, enough in ((good, most), (sorted(spoilt), min(FEWEST, most))):
         left = [index for index in pool if not why[index]]
         while left and len(order) < enough:
             value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
-            if value < gains.flat and len(order) >= (_FEWEST if value > 0 else 1):
+            if len(order) >= FEWEST and gains.share(value) < _WORTH_IT:
+                ended = "enough"
                 break
             order.append(best)
             gain[best] = value
@@ -296,13 +303,15 @@ def _greedy(
                 if index not in order and not why[index] and same(best, index):
                     why[index] = "nearly the same view as one that was chosen"
             left = [index for index in left if not why[index]]
+        if left and len(order) >= most:
+            ended = "asked"
     for index in usable:
         if index in order:
             why[index] = ""
             continue
         gain[index] = gains.of(index)
         why[index] = why[index] or spoilt.get(index) or "adds less than those chosen"
-    return Choice(order=tuple(order), gain=gain, why_not=tuple(why))
+    return Choice(order=tuple(order), gain=gain, why_not=tuple(why), ended=ended)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,6 +63,7 @@ class Chosen:
         looked_at: numbers of those that were looked at.
         seen, gain: what each of ``frames`` shows and adds, where it was looked at.
         why_not: why each was not chosen; "" for those that were.
+        ended: why no more were chosen, in a sentence.
 
     """
 
@@ -72,6 +73,7 @@ class Chosen:
     seen: Sequence[Seen]
     gain: npt.NDArray[np.float64]
     why_not: Sequence[str]
+    ended: str
 
     @property
     def numbers(self) -> list[int]:
@@ -107,7 +109,7 @@ def _write_table(path: Path, of: Mapping[str, Any], chosen: Chosen) -> None:
     """All frames of the films, one after the other."""
     place = {(frame.film, frame.index): at for at, frame in enumerate(chosen.frames)}
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"{_MARK}{json.dumps(of)}\n")
+        file.write(f"{_MARK}{json.dumps({**of, 'ended': chosen.ended})}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         for number, film in enumerate(chosen.measured):
@@ -159,14 +161,16 @@ def depends_on(films: Sequence[Film], most: int, target_sha256: str | None) -> d
     }
 
 
-def is_of(path: Path, of: Mapping[str, Any]) -> bool:
-    """Whether a table's choice depended on just this."""
+def ended_of(path: Path, of: Mapping[str, Any]) -> str | None:
+    """Why a table has no more frames; None where its choice did not depend on just this."""
     try:
         with path.open(encoding="utf-8") as file:
             line = file.readline(_FIRST_BYTES)
-        return line.startswith(_MARK) and json.loads(line.removeprefix(_MARK)) == of
-    except (OSError, ValueError):
-        return False
+        made = json.loads(line.removeprefix(_MARK))
+        ended = made.pop("ended")
+    except (OSError, ValueError, AttributeError, LookupError, TypeError):
+        return None
+    return str(ended) if line.startswith(_MARK) and made == of else None
 
 
 def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:

@@ -25,7 +25,7 @@ from cubicfish_cli.detection.markers import MarkedCorners, outlined_corners
 from cubicfish_cli.detection.pyramid import SMALLEST_SIDE, build_pyramid, enlarged, reduced
 from cubicfish_cli.errors import PhotoError
 from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.identification.identified import marked_corners
+from cubicfish_cli.identification.identified import Identified, marked_corners
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Picture
@@ -111,7 +111,7 @@ def named_at_a_glance(
     targets: Sequence[Target],
     size: tuple[int, int],
     names: Sequence[str],
-) -> Observations:
+) -> tuple[Observations, Identified | None]:
     """Named corners of what was seen, of the target that explains most.
 
     Args:
@@ -120,18 +120,20 @@ def named_at_a_glance(
         size: (width, height) of the pictures; what is not of this size is passed over.
         names: of the pictures; those that show nothing are named in the result all the same.
 
+    Returns:
+        The corners with their target, and what became of grids; None where markers have the names.
+
     """
     if targets[0].has_markers:
         none = glance_at_markers(np.zeros((1, 1), np.uint8), targets[0])
         marked = [one if isinstance(one, MarkedCorners) else none for one in found]
-        return marked_corners(marked, targets[0], size, names)
+        return marked_corners(marked, targets[0], size, names), None
     grids = [
         one.grids if isinstance(one, FoundGrids) and one.image_size == size else () for one in found
     ]
-    return max(
-        (name_grids(grids, target, size, names).corners for target in targets),
-        key=lambda one: len(one.pixel),
-    )
+    named = [name_grids(grids, target, size, names) for target in targets]
+    best = max(named, key=lambda one: len(one.corners.pixel))
+    return best.corners, best
 
 
 def _look(picture: Looked, *, marked: Target | None) -> Glimpse | None:

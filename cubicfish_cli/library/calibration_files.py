@@ -101,6 +101,7 @@ class CalibratedFiles:
             **self.inputs.remarks(self.fitted.remarks),
             **({} if self.advice is None else {"advice": self.advice}),
             "summary": self.facts.line,
+            "chosen": self.fitted.made_by.get("chosen"),
             "verdict": self.verdict.as_record(),
             "report": self.files.get("report"),
             "files": self.files,
@@ -172,7 +173,7 @@ def calibrate_files(
             f"{goals['target']} would be replaced, and is what this calibration is made from: "
             "choose another folder with -o"
         )
-    photos = with_frames(paths, Path(folder) / "frames", source, best, run)
+    photos, chosen = with_frames(paths, Path(folder) / "frames", source, best, run)
     loaded = load_inputs(
         photos, source, run, correspondences=pairs, image_size=image_size, best=best
     )
@@ -180,6 +181,9 @@ def calibrate_files(
     drawn = loaded.drawn(source)
     named = {} if title is None else {"title": title}
     made_by = {**named, **made_by_record(command, asked, loaded.target_file, loaded.files)}
+    chosen = loaded.chosen or chosen
+    if chosen is not None:
+        made_by["chosen"] = chosen
     if drawn is not None:
         made_by["target"] = recorded_as(drawn, goals["drawn"])
     fitted = replace(fitted, made_by=made_by)

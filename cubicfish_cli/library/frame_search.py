@@ -16,17 +16,21 @@ import numpy as np
 from cubicfish_cli.advice.worth import Worth
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import GridCache, nameless_grids
+from cubicfish_cli.diagnosis.corner_count import squares_of_grids
+from cubicfish_cli.diagnosis.evidence import GridEvidence
 from cubicfish_cli.errors import DetectionError, FitError
 from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.films.choose import Choice, Patch, Seen, choose
+from cubicfish_cli.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.films.scan import still_px
-from cubicfish_cli.identification.glance import Looked, glance, named_at_a_glance
+from cubicfish_cli.identification.glance import glance, named_at_a_glance
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.detection import first_look
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 # Where fewer than these of the pictures show the target, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -42,12 +46,14 @@ class Found:
         patches: corners by the names of the pictures that have any.
         pairs: the same as pairs; None where no target is known.
         target: the calibration target that they are of.
+        findings: what is wrong with the target, as the pictures show it.
 
     """
 
     patches: dict[str, tuple[Patch, ...]] = field(default_factory=dict)
     pairs: Observations | None = None
     target: Target | None = None
+    findings: tuple[Finding, ...] = ()
 
     def with_more(self, more: Found) -> Found:
         """Of these and of other pictures."""
@@ -57,31 +63,51 @@ class Found:
             patches={**self.patches, **more.patches},
             pairs=both,
             target=more.target or self.target,
+            findings=(*self.findings, *more.findings),
         )
+
+    @property
+    def miscounted(self) -> Finding | None:
+        """That boards have other counts of corners than the target says."""
+        told = (one for one in self.findings if one.severity is not Severity.NOTE)
+        return next((one for one in told if one.code is Code.CORNER_COUNT), None)
 
 
 Look = Callable[[Sequence[int], Sequence[Target] | None], Found]
 
 
 def found_at_a_glance(
-    pictures: Sequence[Looked], targets: Sequence[Target] | None, size: tuple[int, int], work: Work
+    photos: Sequence[Photo], targets: Sequence[Target] | None, size: tuple[int, int], work: Work
 ) -> Found:
     """Corners of a target, or grids as they are, as far as a glance shows them.
 
     Args:
-        pictures: all of one size.
+        photos: all of one size.
         targets: what the target may be; None looks for any checkerboard.
-        size: (width, height) of the pictures.
+        size: (width, height) of the photos.
         work: who looks at them.
 
     """
-    seen = glance(pictures, targets[0] if targets else None, work)
-    names = [picture.name for picture in pictures]
-    if targets:
-        return _of_corners(named_at_a_glance(seen, targets, size, names))
-    return _of_grids(
-        {name: one for name, one in zip(names, seen, strict=True) if isinstance(one, FoundGrids)}
+    seen = glance(photos, targets[0] if targets else None, work)
+    names = [photo.name for photo in photos]
+    if not targets:
+        grids = zip(names, seen, strict=True)
+        return _of_grids({name: one for name, one in grids if isinstance(one, FoundGrids)})
+    corners, identified = named_at_a_glance(seen, targets, size, names)
+    found = _of_corners(corners)
+    if identified is None or found.target is None:
+        return found
+    evidence = GridEvidence(
+        photos=len(names),
+        names=names,
+        digests=(),
+        picture=lambda number: None,
+        target=found.target,
+        with_boards=len(names),
+        lost=(),
+        identified=identified,
     )
+    return replace(found, findings=tuple(squares_of_grids(evidence)))
 
 
 def found_in(
@@ -100,7 +126,8 @@ def found_in(
 
     """
     if targets:
-        return _of_corners(first_look(photos, targets, work, cache).corners)
+        detection = first_look(photos, targets, work, cache)
+        return replace(_of_corners(detection.corners), findings=detection.findings)
     kept = None if cache is None else GridCache(folder=cache)
     found = nameless_grids(photos, work, kept)
     return _of_grids({photo.name: one for photo, one in zip(photos, found, strict=True) if one})
@@ -114,7 +141,7 @@ def both_looks(
     *,
     glances: int | None = 1,
 ) -> tuple[Look, Look]:
-    """What :meth:`Search.look` takes: a glance at some of the pictures, and a close look at them.
+    """What :meth:`Search.look` takes: a glance at some of the photos, and a close look at them.
 
     Args:
         photos: all of one size.
@@ -130,9 +157,8 @@ def both_looks(
         return found_at_a_glance([photos[at] for at in numbers], targets, size, work)
 
     def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        return found_in(
-            [photos[at] for at in numbers], targets, run.work("Finding boards"), run.cache
-        )
+        some = [photos[at] for at in numbers]
+        return found_in(some, targets, run.work("Finding boards"), run.cache)
 
     return glanced, closely
 
@@ -200,7 +226,7 @@ class Search:
         size: (width, height) of them.
         most: how many may be chosen.
         targets: what the target may be; None where none is known.
-        at_once: how many are looked at before it is asked whether more would add anything.
+        at_once: how many are glanced at before it is asked whether more would add anything.
         looked_at: numbers of those that were looked at.
         choice: what is chosen of these.
 
@@ -215,56 +241,67 @@ class Search:
     looked_at: set[int] = field(default_factory=set)
     choice: Choice = field(init=False)
 
-    def look(self, ways: Sequence[Look], good: Sequence[int], others: Sequence[int]) -> None:
-        """Look at good pictures, and only where these show little, at others or more closely.
+    def look(self, glance: Look, closely: Look, good: Sequence[int], others: Sequence[int]) -> None:
+        """Look at good pictures, and only where these show little, at others and more closely.
 
         Args:
-            ways: how corners are found in pictures, by their numbers; the quickest first.
+            glance: how corners are found quickly in pictures, by their numbers.
+            closely: how they are found surely.
             good: numbers of pictures.
             others: those of worse ones.
 
         Raises:
-            DetectionError: none shows the target.
+            DetectionError: none shows the target, or they show another count of its corners.
 
         """
-        failure: DetectionError | None = None
-        self._is_enough(Found(), ())
-        for way in ways:
-            found, looked_at = Found(), 0
-            for numbers in (good, others):
-                rounds = math.ceil(len(numbers) / self.at_once)
-                for first in range(rounds):
-                    some = numbers[first::rounds]  # from the beginning to the end
-                    try:
-                        more = way(some, self.targets)
-                    except DetectionError as error:
-                        failure, more = error, Found()
-                    found = found.with_more(more)
-                    if more.pairs is not None and more.target is not None:
-                        self.targets = [more.target]
-                    looked_at += len(some)
-                    self.looked_at.update(some)
-                    if self._is_enough(found, some if first else ()):
-                        break
-                if len(found.patches) >= max(_FEW, _FEW_SHARE * looked_at):
-                    return
-        if failure is not None and not found.patches:
-            raise failure
+        found = Found()
+        self._choose(found)
+        for numbers in (good, others):
+            found = self._glanced(glance, numbers, found)
+            if self._is_well_seen(found):
+                return
+        # All at once: what is wrong with the target is told by many photos.
+        for numbers in (good, [*good, *others]) if others else (good,):
+            try:
+                found = closely(numbers, self.targets)
+            except DetectionError:
+                if len(numbers) == len(good) + len(others):
+                    raise
+                continue
+            self.looked_at.update(numbers)
+            self._choose(found)
+            if self._is_well_seen(found):
+                return
+        if found.miscounted is not None:
+            raise DetectionError(found.miscounted.why, do=found.miscounted.do)
 
-    def _is_enough(self, found: Found, last: Sequence[int]) -> bool:
-        """Choose; and whether more pictures would add hardly anything to those chosen.
+    def _glanced(self, glance: Look, numbers: Sequence[int], found: Found) -> Found:
+        """Glance at pictures from the beginning to the end, until more add hardly anything."""
+        rounds = math.ceil(len(numbers) / self.at_once)
+        for first in range(rounds):
+            some = numbers[first::rounds]
+            found = found.with_more(glance(some, self.targets))
+            if found.target is not None:
+                self.targets = [found.target]
+            self.looked_at.update(some)
+            self._choose(found)
+            chosen = set(self.choice.order)
+            new = chosen.intersection(some)
+            nothing_new = self.choice.ended == "enough" and len(new) <= _HARDLY_ANY * len(some)
+            if self.choice.ended == "asked" or (first and chosen - new and nothing_new):
+                break
+        return found
 
-        Args:
-            found: what was seen.
-            last: the pictures looked at last, where others were before.
+    def _is_well_seen(self, found: Found) -> bool:
+        """Whether what was seen tells of the target, and is enough for a camera."""
+        seen, looked_at = len(found.patches), len(self.looked_at)
+        if found.miscounted is not None or seen < max(_FEW, _FEW_SHARE * looked_at):
+            return False
+        return seen == looked_at or len(self.choice.order) >= min(FEWEST, self.most)
 
-        """
+    def _choose(self, found: Found) -> None:
         self.seen = [
             replace(one, patches=found.patches.get(name, ()))
             for one, name in zip(self.seen, self.names, strict=True)
         ]
         self.choice = choose_by_worth(self.names, self.seen, found, self.size, self.most)
-        chosen = set(self.choice.order)
-        new = len(chosen.intersection(last))
-        nothing_new = bool(last) and len(chosen) > new and new <= _HARDLY_ANY * len(last)
-        return len(chosen) >= self.most or nothing_new

@@ -13,7 +13,7 @@ from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.candidates import REPEATED, candidates, kept_of, passed_over
-from cubicfish_cli.films.choose import Seen
+from cubicfish_cli.films.choose import Choice, Seen
 from cubicfish_cli.films.measure import sharpness
 from cubicfish_cli.films.scan import Measured, room_for_frames, scan
 from cubicfish_cli.films.source import Film, open_films
@@ -22,7 +22,7 @@ from cubicfish_cli.films.written import (
     TABLE,
     Chosen,
     depends_on,
-    is_of,
+    ended_of,
     listed,
     photos_of_table,
     write_chosen,
@@ -50,6 +50,7 @@ class ChosenFrames:
         sheet: the contact sheet.
         frames: how many frames the films have.
         looked_at: in how many of them corners were looked for.
+        ended: why no more were chosen, in a sentence.
         films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
             told), missing (how many frames it announces, or has, that could not be decoded), and
             the problem with it in one line or None.
@@ -61,6 +62,7 @@ class ChosenFrames:
     sheet: Path
     frames: int
     looked_at: int
+    ended: str
     films: tuple[dict[str, Any], ...]
 
     def as_record(self) -> dict[str, Any]:
@@ -71,6 +73,7 @@ class ChosenFrames:
             "sheet": self.sheet,
             "frames": self.frames,
             "looked_at": self.looked_at,
+            "ended": self.ended,
             "films": self.films,
         }
 
@@ -120,6 +123,7 @@ def choose_frames(
         sheet=folder / SHEET,
         frames=sum(map(len, measured)),
         looked_at=len(chosen.looked_at),
+        ended=chosen.ended,
         films=tuple(_record(one) for one in measured),
     )
 
@@ -155,7 +159,7 @@ def _chosen(
     )
     try:
         search.look(
-            both_looks([frame.photo for frame in frames], size, "frames", run),
+            *both_looks([frame.photo for frame in frames], size, "frames", run),
             [at for at, word in enumerate(why) if word is None],
             [at for at, word in enumerate(why) if word not in (None, REPEATED)],
         )
@@ -174,6 +178,7 @@ def _chosen(
         looked_at=looked_at,
         seen=search.seen,
         gain=search.choice.gain,
+        ended=why_ended(search.choice, "frame"),
         why_not=[
             search.choice.why_not[at] if at in looked_at else (why[at] or _ENOUGH)
             for at in range(len(frames))
@@ -187,8 +192,11 @@ def earlier_frames(
     target: Target | Sequence[Target] | None = None,
     *,
     most: int = MOST,
-) -> tuple[Path, ...]:
+) -> tuple[tuple[Path, ...], str]:
     """Frames that an earlier :func:`choose_frames` of the same arguments chose; none if none did.
+
+    Returns:
+        The pictures, and why there are no more, in a sentence.
 
     Raises:
         PhotoError: a film cannot be used.
@@ -197,10 +205,11 @@ def earlier_frames(
     """
     path = Path(folder) / TABLE
     of = depends_on(open_films(_expanded(films)), most, _fingerprint(_targets(target)))
-    if not (path.is_file() and is_of(path, of)):
-        return ()
-    kept = tuple(path.parent / name for name in photos_of_table(path))
-    return kept if all(one.is_file() for one in kept) else ()
+    ended = ended_of(path, of)
+    kept = () if ended is None else tuple(path.parent / name for name in photos_of_table(path))
+    if ended is None or not all(one.is_file() for one in kept):
+        return (), ""
+    return kept, ended
 
 
 def choose_photos(
@@ -209,7 +218,7 @@ def choose_photos(
     run: Run,
     *,
     most: int,
-) -> list[Photo]:
+) -> tuple[list[Photo], str]:
     """Choose those of many photos that are worth calibrating from, in the order given.
 
     Args:
@@ -217,6 +226,9 @@ def choose_photos(
         target: the calibration target, or what it may be.
         run: how the work is done.
         most: how many photos may be chosen.
+
+    Returns:
+        The photos, and why there are no more, in a sentence.
 
     Raises:
         DetectionError: none shows the target.
@@ -238,8 +250,20 @@ def choose_photos(
         at_once=len(usual),
     )
     looks = both_looks(usual, size, "photos", run, glances=run.jobs)
-    search.look(looks, range(len(usual)), ())
-    return [usual[at] for at in sorted(search.choice.order)]
+    search.look(*looks, range(len(usual)), ())
+    return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
+
+
+_WHY_ENDED = {
+    "all": Event.CHOSEN_ALL,
+    "asked": Event.CHOSEN_ASKED,
+    "enough": Event.CHOSEN_ENOUGH,
+}
+
+
+def why_ended(choice: Choice, what: str) -> str:
+    """Why no more pictures were chosen, in a sentence; ``what`` they are."""
+    return _WHY_ENDED[choice.ended].line(chosen=len(choice.order), what=what)
 
 
 def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPath]) -> None:

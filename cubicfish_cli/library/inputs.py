@@ -53,6 +53,7 @@ class Inputs:
         detection: what was found in each photo; None for CSV files.
         files: every file that was read, in order, as it was before.
         target_file: the target's.
+        chosen: why no more photos were chosen, in a sentence; None where all were taken.
 
     """
 
@@ -61,6 +62,7 @@ class Inputs:
     corners: Observations | None = None
     detection: Detection | None = None
     target_file: Fingerprint | None = None
+    chosen: str | None = None
 
     @property
     def given(self) -> Detection | Observations:
@@ -165,10 +167,10 @@ def _from_photos(
     target_file = target.fingerprint()
     targets = target.load(run.listener)
     photos = named_photos(inputs, run.listener)
-    count = len(photos)
+    count, ended = len(photos), None
     if best is not None and count > best:
-        photos = choose_photos(photos, targets, run, most=best)
-        run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count)
+        photos, ended = choose_photos(photos, targets, run, most=best)
+        run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
     elif best is None and count > _MANY:
         run.listener.tell(Event.MANY_PHOTOS, photos=count)
     files = tuple(fingerprint(photo.path) for photo in photos)
@@ -179,6 +181,7 @@ def _from_photos(
         detection=detection,
         files=files,
         target_file=target_file,
+        chosen=ended,
     )
 
 
@@ -215,7 +218,7 @@ def films_among(inputs: Sequence[Path]) -> list[Path]:
 
 def with_frames(
     inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
-) -> Sequence[Path]:
+) -> tuple[Sequence[Path], str | None]:
     """The inputs, with frames that are chosen of films in their place.
 
     Those that an earlier run chose of the same films are taken as they are, unless nothing is kept.
@@ -227,27 +230,30 @@ def with_frames(
         best: how many frames are chosen at most; None for the usual number.
         run: how the work is done.
 
+    Returns:
+        The inputs, and why no more frames were chosen, in a sentence; None where there is no film.
+
     Raises:
         CubicfishError: a film cannot be used, or photos are of another size.
 
     """
     films, most = films_among(inputs), best or MOST
     if not films:
-        return inputs
+        return inputs, None
     from cubicfish_cli.library.frames import choose_frames, earlier_frames, refuse_other_photos
 
     photos = [path for path in inputs if path not in films]
     if photos:
         refuse_other_photos(named_photos(photos, run.listener), films)
     targets = target.load()
-    kept = () if run.anew else earlier_frames(films, folder, targets, most=most)
+    kept, ended = ((), "") if run.anew else earlier_frames(films, folder, targets, most=most)
     if kept:
-        run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder)
-        return [*photos, *kept]
+        run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder, ended=ended)
+        return [*photos, *kept], ended
     chosen = choose_frames(films, folder, targets, most=most, run=run)
     told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
-    run.listener.tell(Event.FRAMES_CHOSEN, **told)
-    return [*photos, *chosen.photos]
+    run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
+    return [*photos, *chosen.photos], chosen.ended
 
 
 def recorded_as(text: str, path: Path) -> dict[str, str]:

@@ -20,7 +20,7 @@ from cubicfish_cli.fitting.rig.clocks import Moving
 from cubicfish_cli.frame_names import frame_name
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.frame_search import found_in
-from cubicfish_cli.library.frames import tell_of_film
+from cubicfish_cli.library.frames import tell_of_film, why_ended
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import Photo, read_grey
@@ -216,7 +216,8 @@ def _chosen(
             )
     sizes = [one.film.size for one in measured]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
-    run.listener.tell(Event.SHOTS_CHOSEN, chosen=len(choice.order), shots=len(shots))
+    told = {"chosen": len(choice.order), "shots": len(shots)}
+    run.listener.tell(Event.SHOTS_CHOSEN, **told, ended=why_ended(choice, "shot"))
     return {
         row: [column for column, one in enumerate(shots[row]) if one is not None and one.corners]
         for row in sorted(choice.order)

@@ -30,14 +30,29 @@ def worth_of(pairs, quality=1.0) -> Worth:
 def test_a_photo_taken_again_adds_less_and_all_add_something(pairs) -> None:
     worth, photos = worth_of(pairs), range(len(pairs.images))
     before = [worth.of(photo) for photo in photos]
-    assert min(before) > worth.flat
+    assert min(before) > 0.01
     worth.take(0)
     assert worth.of(0) < 0.4 * before[0]
     for photo in photos[1:]:
         worth.take(photo)
     # Each for the second time, with 12 of as much before it.
     again = [worth.of(photo) for photo in photos]
-    assert worth.flat < np.median(again) < 1 / 12
+    assert 0.01 < np.median(again) < 1 / 12
+
+
+def test_what_is_wanted_is_the_goal_of_uncertainty(pairs) -> None:
+    """Above it counts by how many pixels uncertainty falls, below how much information there is."""
+    worth = worth_of(pairs)
+    for photo in range(len(pairs.images)):
+        worth.take(photo)
+    sigma, fallen = np.exp(worth._now / 2), np.exp(-0.02)
+    worth._goal = sigma / 4
+    assert worth.share(0.02) == pytest.approx(4 * (1 - fallen))
+    worth._goal = 4 * sigma
+    assert worth.share(0.02) == pytest.approx(16 * (fallen**-2 - 1) / 2)
+    worth._goal = sigma
+    assert worth.share(0.02) == pytest.approx(0.02, rel=0.05)
+    assert worth.share(0.0) == 0
 
 
 def test_what_is_seen_elsewhere_adds_more_than_what_was_seen(pairs) -> None:

@@ -17,6 +17,7 @@ from running import Run
 
 from cubicfish_cli.cli.options import keys_of
 from cubicfish_cli.films.written import PASSED_OVER
+from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.library import frame_search
 
 pytestmark = pytest.mark.slow
@@ -78,7 +79,8 @@ def test_every_frame_says_why_it_was_not_chosen(
     run: Run, film: Path, target: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "photos"
-    run("frames", film, "-o", out, "--most", 4, "--target", target, "-j", 1)
+    said = run("frames", film, "-o", out, "--most", 4, "--target", target, "-j", 1)
+    assert "\n4 frames: as many as were asked for\n" in said.stdout
     table = rows(out)
     assert sum(row["chosen"] == "yes" for row in table) == 4
     said = {row["chosen"] for row in table}
@@ -86,11 +88,36 @@ def test_every_frame_says_why_it_was_not_chosen(
     assert all(row["corners"] == "" for row in table if row["chosen"] == PASSED_OVER)
 
 
+@pytest.mark.parametrize(
+    ("board", "says"),
+    [
+        ("7x4", "photos show 7x5 inner corners of board board (the target says 7x4)"),
+        ("8x6", "found 7x5 inner corners in "),
+        ("5x3", "photos show 7x5 inner corners, the target says 5x3"),
+    ],
+)
+@pytest.mark.parametrize("command", ["frames", "calibrate"])
+def test_a_board_of_another_count_is_told_before_anything_is_chosen(
+    run: Run, tmp_path: Path, command: str, board: str, says: str
+) -> None:
+    """Also where a few frames show so little of the board that they fit it."""
+    frames = [photo for photo in (*photos(), *photos(3, 5, 3)) for _ in range(3)]
+    film = write_film(tmp_path / "film.mp4", frames)
+    said = run(
+        command, film, "--board", board, "--square", "40mm", "-o", tmp_path / "p", "-j", 1, code=1
+    )  # fmt: skip
+    error = said.stderr.splitlines()[-1]
+    assert error.startswith("Error: no frame can be chosen of film.mp4: ")
+    assert says in error
+    assert not list(tmp_path.rglob("*.png"))
+
+
 def test_json_has_its_keys(run: Run, short: Path, tmp_path: Path) -> None:
     said = run("frames", short, "-o", tmp_path / "p", "--json", "-j", 1).stdout
     record = json.loads(said)
     assert set(record) == set(keys_of("frames"))
     assert record["frames"] == 12
+    assert record["ended"] == "all 3 usable frames"
     assert [Path(one).exists() for one in record["photos"]] == [True] * 3
     (one,) = record["films"]
     assert (one["frames"], one["image_size"], one["problem"]) == (12, list(SIZE), None)
@@ -248,9 +275,11 @@ def test_calibrate_takes_a_film_and_keeps_its_frames(
     assert len(names) >= 7
     assert {row["image"] for row in record["per_image"]} <= names
     assert record["rms_px"] < 0.3
-    assert (out / "camera.yaml").exists()
+    assert record["chosen"] == f"all {len(names)} usable frames"
+    assert load_camera(out / "camera.yaml").made_by["chosen"] == record["chosen"]
     said = run(*args, "--overwrite").stderr
     assert "chosen before" in said
+    assert load_camera(out / "camera.yaml").made_by["chosen"] == record["chosen"]
     other = run("calibrate", film, "-t", target, "-o", out, "--best", 5, "-j", 1, code=1).stderr
     assert "exists already" in other
 
@@ -276,6 +305,8 @@ def test_the_best_of_many_photos_are_taken(
     args = ("calibrate", folder, "-t", target, "-o", out, "--best", 6, "-j", 1)
     said = run(*args).stderr
     assert "6 photos of 32 chosen" in said
+    assert "6 photos: as many as were asked for" in said
+    assert load_camera(out / "camera.yaml").made_by["chosen"].startswith("6 photos: ")
     from cubicfish_cli.corner_files.observations_csv import load_corners
     from cubicfish_cli.target import load_target
 

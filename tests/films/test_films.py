@@ -8,7 +8,7 @@ pytest.importorskip("av")
 
 from filming import photos
 
-from cubicfish_cli.films.choose import Patch, Seen, _tilt, choose
+from cubicfish_cli.films.choose import FEWEST, Patch, Seen, _tilt, choose
 from cubicfish_cli.films.measure import motion, sharpness, small_picture
 
 SIZE = (480, 360)
@@ -22,9 +22,7 @@ def at(x: float, y: float, sharp: float = 0.6, moved: float = 0.0) -> Seen:
 
 
 class Fixed:
-    """What three pictures add."""
-
-    flat = 0.1
+    """What pictures add, as shares of what is wanted."""
 
     def __init__(self, gains: list[float]) -> None:
         self._gains = gains
@@ -32,23 +30,34 @@ class Fixed:
     def of(self, picture: int) -> float:
         return self._gains[picture]
 
+    def share(self, gain: float) -> float:
+        return gain
+
     def take(self, picture: int) -> None:
         pass
 
 
 def test_what_adds_less_than_is_worth_its_time_is_not_chosen() -> None:
-    pictures = [at(40 + 40 * number, 40) for number in range(11)]
-    for last, chosen in ((0.05, 10), (0.2, 11)):
-        gains = [0.5] * 10 + [last]
+    pictures = [at(40 + 40 * number, 40) for number in range(12)]
+    for last, chosen, ended in ((0.005, 11, "enough"), (0.02, 12, "all")):
+        gains = [0.5] * 11 + [last]
         found = choose(pictures, SIZE, 20, 0.6, lambda quality, g=gains: Fixed(g))
-        assert found.order == tuple(range(chosen))
+        assert (found.order, found.ended) == (tuple(range(chosen)), ended)
+
+
+def test_as_many_are_chosen_as_were_asked_for_while_they_add_something() -> None:
+    pictures = [at(40 + 40 * number, 40 + 100 * row) for row in range(3) for number in range(10)]
+    for most, ended in ((12, "asked"), (29, "asked"), (30, "all"), (60, "all")):
+        found = choose(pictures, SIZE, most, 0.6, lambda quality: Fixed([0.011] * 30))
+        assert (len(found.order), found.ended) == (min(most, 30), ended)
 
 
 def test_different_views_are_taken_where_there_are_few() -> None:
     """A lens is told from the poses of one flat board by many views, which each add little."""
     pictures = [at(40, 40), at(300, 40), at(40, 240)]
-    for gains, order in (([0.5, 0.3, 0.05], (0, 1, 2)), ([0.5, 0.3, 0.0], (0, 1))):
-        assert choose(pictures, SIZE, 9, 0.6, lambda quality, g=gains: Fixed(g)).order == order
+    for last in (0.05, 0.0):
+        found = choose(pictures, SIZE, 9, 0.6, lambda quality, g=last: Fixed([0.5, 0.3, g]))
+        assert (found.order, found.ended) == ((0, 1, 2), "all")
 
 
 @pytest.mark.slow
@@ -86,14 +95,14 @@ def test_motion_grows_with_the_shift_and_not_with_the_light() -> None:
 
 
 def test_spoilt_pictures_come_last_and_only_where_good_ones_are_too_few() -> None:
-    good = [at(40, 40), at(300, 40), at(40, 240)]
+    good = [at(40 + 40 * number, 40) for number in range(FEWEST)]
     bad = [at(300, 240, sharp=0.3), at(180, 140, moved=9.0)]
-    made = choose([*bad, *good], SIZE, 9, 0.6)
-    assert sorted(made.order) == [2, 3, 4]
+    made = choose([*bad, *good], SIZE, 20, 0.6, lambda quality: Fixed([0.5] * 12))
+    assert sorted(made.order) == list(range(2, 12))
     assert made.why_not[:2] == ("blurred", "moving")
-    made = choose([*bad, *good[:2]], SIZE, 9, 0.6)
-    assert set(made.order[:2]) == {2, 3}
-    assert len(made.order) == 3
+    made = choose([*bad, *good[:-1]], SIZE, 20, 0.6, lambda quality: Fixed([0.5] * 11))
+    assert set(made.order[: FEWEST - 1]) == set(range(2, 11))
+    assert len(made.order) == FEWEST
 
 
 def test_near_copies_are_never_chosen_and_what_is_new_comes_first() -> None:

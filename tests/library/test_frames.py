@@ -20,15 +20,19 @@ from cubicfish_cli.library.frames import choose_frames, earlier_frames
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import read_picture
 from cubicfish_cli.target import Target
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding
 
 
 def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
     """A search, in rounds of two, of pictures some of which add something."""
 
     def choose(names, seen, found, size, most) -> Choice:
-        order = [at for at, one in enumerate(seen) if one.corners and adds[at]][:most]
+        shown = [at for at, one in enumerate(seen) if one.corners]
+        order = [at for at in shown if adds[at]][:most]
+        ended = "asked" if len(order) == most else "enough" if len(order) < len(shown) else "all"
         none = np.zeros(len(seen))
-        return Choice(order=tuple(order), gain=none, why_not=("",) * len(seen))
+        return Choice(order=tuple(order), gain=none, why_not=("",) * len(seen), ended=ended)
 
     monkeypatch.setattr(frame_search, "choose_by_worth", choose)
     return Search(
@@ -41,17 +45,19 @@ def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
     )
 
 
-def shows(what: list[bool]):
+def shows(what: list[bool], findings=()):
     """A look at pictures of which some show the object."""
     patch = Patch(board=0, cells=np.zeros((1, 2), int), pixel=np.zeros((1, 2)))
 
     def look(numbers, targets) -> Found:
         seen = [str(at) for at in numbers if what[at]]
-        if not seen:
-            raise DetectionError("nothing there")
-        return Found(patches=dict.fromkeys(seen, (patch,)))
+        return Found(patches=dict.fromkeys(seen, (patch,)), findings=findings)
 
     return look
+
+
+def shows_nothing(numbers, targets) -> Found:
+    raise DetectionError("nothing there")
 
 
 def test_what_is_uncertain_of_names_goes_along() -> None:
@@ -74,32 +80,34 @@ def test_pictures_are_looked_at_until_hardly_any_is_chosen(monkeypatch) -> None:
     # One that adds nothing, in the first round or in the second, says nothing of the others.
     for useless in (5, 6):
         looking = search(monkeypatch, [at != useless for at in range(10)])
-        looking.look([way], all_ten, [])
+        looking.look(way, way, all_ten, [])
         assert looking.looked_at == set(range(10))
     # Rounds are 0 and 5, 1 and 6, ...
     looking = search(monkeypatch, [at in (0, 5) for at in range(10)])
-    looking.look([way], all_ten, [])
+    looking.look(way, way, all_ten, [])
     assert looking.looked_at == {0, 5, 1, 6}
     looking = search(monkeypatch, [True] * 10, most=4)
-    looking.look([way], all_ten, [])
+    looking.look(way, way, all_ten, [])
     assert looking.looked_at == {0, 5, 1, 6}
 
 
 def test_pictures_that_show_nothing_do_not_end_the_search(monkeypatch) -> None:
     looking = search(monkeypatch, [True] * 10)
-    looking.look([shows([at in (4, 9) for at in range(10)])], range(10), [])
+    way = shows([at in (4, 9) for at in range(10)])
+    looking.look(way, way, range(10), [])
     assert looking.choice.order == (4, 9)
     with pytest.raises(DetectionError, match="nothing there"):
-        search(monkeypatch, [True] * 4).look([shows([False] * 4)], range(4), [])
+        search(monkeypatch, [True] * 4).look(shows([False] * 4), shows_nothing, range(4), [])
 
 
 def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -> None:
     good, others = [0, 1, 2, 3], [4, 5, 7]
     looking = search(monkeypatch, [True] * 8)
-    looking.look([shows([True] * 8)], good, others)
+    looking.look(shows([True] * 8), shows_nothing, good, others)
     assert looking.looked_at == set(good)
     looking = search(monkeypatch, [True] * 8)
-    looking.look([shows([False] * 3 + [True] * 5)], good, others)
+    way = shows([False] * 3 + [True] * 5)
+    looking.look(way, way, good, others)
     assert looking.looked_at == {*good, *others}
     assert looking.choice.order == (3, 4, 5, 7)
 
@@ -107,12 +115,38 @@ def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -
 def test_what_is_not_seen_at_a_glance_is_looked_at_closely(monkeypatch) -> None:
     glance, closely = shows([at == 0 for at in range(8)]), shows([at > 0 for at in range(8)])
     looking = search(monkeypatch, [True] * 8)
-    looking.look([glance, closely], range(8), [])
+    looking.look(glance, closely, range(8), [])
     assert looking.choice.order == tuple(range(1, 8))  # what a glance showed is forgotten
-    closer = []
     looking = search(monkeypatch, [True] * 8)
-    looking.look([shows([True] * 8), lambda *_: closer.append(1)], range(8), [])
-    assert not closer
+    looking.look(shows([True] * 8), shows_nothing, range(8), [])
+
+
+@pytest.mark.parametrize(("hidden", "chosen"), [(3, 11), (10, 13)])
+def test_more_are_looked_at_closely_where_a_glance_shows_fewer_than_the_verdict_asks_for(
+    monkeypatch, hidden: int, chosen: int
+) -> None:
+    seen = shows([at >= hidden for at in range(26)])
+    looking = search(monkeypatch, [at % 2 == 0 for at in range(26)])
+    looking.at_once = 26
+    looking.look(seen, shows([True] * 26), range(26), [])
+    assert len(looking.choice.order) == chosen
+
+
+def test_counts_of_corners_that_few_pictures_show_end_the_search(monkeypatch) -> None:
+    """Those few that can be named are of the wrong names, or show a part of the board."""
+    counts = Finding(
+        code=Code.CORNER_COUNT,
+        case="all_squares",
+        severity=Severity.BAD,
+        figures={"columns": 1, "rows": 2, "drawn_columns": 3, "drawn_rows": 4, "photos": 9},
+    )
+    few = shows([at < 2 for at in range(10)], (counts,))
+    with pytest.raises(DetectionError, match="found 1x2 inner corners in 9 photos"):
+        search(monkeypatch, [True] * 10).look(shows([False] * 10), few, range(10), [])
+    # At a glance it is a reason to look closely, which tells it or not.
+    looking = search(monkeypatch, [True] * 10)
+    looking.look(shows([True] * 10, (counts,)), shows([True] * 10), range(10), [])
+    assert len(looking.choice.order) == 10
 
 
 @pytest.fixture
@@ -139,11 +173,12 @@ def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: T
     assert reading == sorted(reading)
     assert "Glancing at frames" in {step[0] for step in heard.steps}
     again = earlier_frames(film, tmp_path / "photos", target, most=5)
-    assert again == chosen.photos
-    assert earlier_frames(film, tmp_path / "photos", target, most=6) == ()
-    assert earlier_frames(film, tmp_path / "photos", None, most=5) == ()
+    assert again == (chosen.photos, "5 frames: as many as were asked for")
+    assert chosen.ended == again[1]
+    assert earlier_frames(film, tmp_path / "photos", target, most=6) == ((), "")
+    assert earlier_frames(film, tmp_path / "photos", None, most=5) == ((), "")
     chosen.photos[0].unlink()
-    assert earlier_frames(film, tmp_path / "photos", target, most=5) == ()
+    assert earlier_frames(film, tmp_path / "photos", target, most=5) == ((), "")
 
 
 @pytest.mark.slow

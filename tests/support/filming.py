@@ -26,14 +26,16 @@ SIZE = (480, 360)
 
 
 @cache
-def photos(count: int = 8) -> tuple[np.ndarray, ...]:
+def photos(count: int = 8, columns: int = 7, rows: int = 5) -> tuple[np.ndarray, ...]:
     """Photos (360, 480) of a board of 7x5 corners from varied sides."""
-    target = Target(units="mm", boards=(checkerboard("board", 7, 5, 40.0),))
+    target = Target(units="mm", boards=(checkerboard("board", columns, rows, 40.0),))
     lens = lens_of_size(0.5)
     poses = {f"p{n}": pose for n, pose in enumerate(chosen_poses(target, lens, SIZE, 2 * count))}
     rendered = simulated_photos(target, lens, SIZE, poses, LookOptions(noise=1.0, blur=0.5))
     # At this size boards far out are too small to be found whole.
-    whole = (photo for _, photo in rendered if sum(map(len, find_grids(photo).grids)) == 35)
+    whole = (
+        photo for _, photo in rendered if sum(map(len, find_grids(photo).grids)) == columns * rows
+    )
     found = tuple(islice(whole, count))
     assert len(found) == count
     return found
