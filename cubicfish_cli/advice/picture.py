@@ -28,6 +28,7 @@ _STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.facecolor": "#c4c8cd",
     "figure.dpi": 100,
+    "savefig.dpi": 150,
 }
 # Uncertainty over the goal, and what a place with at most so much is filled with.
 _LEVELS, _COLOURS = (0, 0.5, 1, 2, 1e9), ("#c3e9cf", "#eef0b4", "#fad192", "#f1958c")
@@ -102,7 +103,7 @@ def _draw_map(axes: Axes, advice: Advice) -> None:
     corner = np.stack([column, row], axis=-1)[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     empty = PolyCollection(
         list(corner * advice.gaps.cells.cell - 0.5),
-        facecolor="none", edgecolor="#b3352a", hatch="//", linewidth=0.4,
+        facecolor="none", edgecolor="#b3352a", hatch="//", linewidth=0.4, zorder=2,
     )  # fmt: skip
     axes.add_collection(empty)
     empty.set_clip_path(field)
@@ -159,5 +160,7 @@ def _add_seen(
     pixel = lens.project(camera_points(proposal.view.pose, world))
     whole = pixel[np.isfinite(pixel).all(axis=(1, 2))]
     axes.add_collection(
-        PolyCollection(list(whole), facecolor=colour, edgecolor=colour, linewidth=0.5)
+        PolyCollection(
+            list(whole), facecolor=colour, edgecolor=colour, linewidth=0.5, rasterized=True
+        )
     )
