@@ -33,23 +33,6 @@ RADIAL_KEYS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 _MAX_DEPTH = 8  # the reader takes no more than a few levels
 
 
-def save_camera(
-    path: Path,
-    camera: CubicCamera | PointCamera,
-    *,
-    fit: Mapping[str, Any],
-    made_by: Mapping[str, Any],
-    overwrite: bool,
-) -> None:
-    """Write camera.yaml, numbers at full precision.
-
-    Raises:
-        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
-
-    """
-    write_text(path, camera_text(camera, fit=fit, made_by=made_by), overwrite=overwrite)
-
-
 def camera_text(
     camera: CubicCamera | PointCamera,
     *,

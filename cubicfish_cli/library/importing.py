@@ -11,14 +11,14 @@ from cubicfish_cli.arrays import Refusal
 from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.corner_files.vnlog import read_vnlogs
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.files import fingerprint, refuse_existing
+from cubicfish_cli.files import fingerprint, refuse_existing, write_text
 from cubicfish_cli.fitting.conversion.from_lens import (
     LARGEST_ANGLE_DEG,
     LARGEST_FIELD_DEG,
     ImportedCamera,
     from_lens,
 )
-from cubicfish_cli.formats.calibrated import save_camera
+from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 from cubicfish_cli.formats.registry import READABLE
@@ -84,7 +84,7 @@ def import_camera(
 
     Returns:
         ``camera``, and how near it comes to the lens of the file: ``conversion.error``, pixels.
-        ``save`` writes it, or :func:`save_camera`.
+        ``save`` writes it.
 
     Raises:
         CameraFileError: there is no such format, the file cannot be used, or it does not go with
@@ -194,7 +194,8 @@ def import_files(
         max_angle_deg=max_angle_deg,
     )
     made_by = {**made_by_record(command, {}, None, [source]), **imported.made_by}
-    save_camera(goal, imported.camera, fit={}, made_by=made_by, overwrite=run.overwrite)
+    text = camera_text(imported.camera, fit={}, made_by=made_by)
+    write_text(goal, text, overwrite=run.overwrite)
     return ImportedFiles(file=goal, imported=imported)
 
 

@@ -9,7 +9,7 @@ from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.point_fit import calibrate_points
-from cubicfish_cli.formats.calibrated import save_camera
+from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.target import load_target
 
@@ -41,6 +41,6 @@ def camera_files() -> Sequence[bytes]:
             path = Path(folder) / f"{number}.yaml"
             record = made.as_record()
             record["per_image"] = record["per_image"][:2]
-            save_camera(path, made.camera, fit=record, made_by=made_by, overwrite=False)
+            path.write_text(camera_text(made.camera, fit=record, made_by=made_by))
             files.append(path.read_bytes())
     return files
