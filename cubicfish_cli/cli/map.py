@@ -10,9 +10,8 @@ from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import (
-    MaskOptions,
     crop_option,
-    mask_options,
+    mask_option,
     say_what_is_unseen,
     view_options,
 )
@@ -60,7 +59,7 @@ class Asked:
     redistort: bool = option(
         "--redistort", "The way back: from the view to the photo of the camera."
     )
-    mask: MaskOptions = mask_options
+    mask: Path | None = mask_option
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
 
@@ -83,7 +82,6 @@ def command(given: Asked) -> None:
         one = {
             "--redistort": given.redistort,
             "--crop": given.crop,
-            "--mask-limit": given.mask.mask_limit,
         }
         options.refuse_given("is for the map of one camera: leave it out", one)
         made = call(map_rig_files, given, rig=given.rig or options.DEFAULT_RIG)

@@ -15,12 +15,11 @@ from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import SchedulerOptions, call, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
 from cubicfish_cli.cli.view_options import (
-    MaskOptions,
     RenderingOptions,
     SceneOptions,
     crf_option,
     crop_option,
-    mask_options,
+    mask_option,
     rendering_options,
     say_what_is_unseen,
     scene_options,
@@ -56,7 +55,7 @@ class Asked:
     crop: Crop | None = crop_option
     pixels: RenderingOptions = rendering_options
     crf: int | None = crf_option
-    mask: MaskOptions = mask_options
+    mask: Path | None = mask_option
     virtual_camera: Path | None = option(
         "--camera FILE",
         "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
@@ -106,7 +105,6 @@ def command(given: Asked) -> None:
             "is for the photos of one camera: leave it out",
             {
                 "--crop": given.crop,
-                "--mask-limit": given.mask.mask_limit,
                 "--skip-existing": given.skip_existing,
                 "--scheduler": given.scheduler.address,
             },

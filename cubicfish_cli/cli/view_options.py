@@ -212,23 +212,9 @@ class RenderingOptions:
 rendering_options = bundle(RenderingOptions)
 
 
-@record
-class MaskOptions:
-    """What the user asked of a mask; None where nothing was asked."""
-
-    mask: Path | None = option(
-        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
-    )
-    mask_limit: float | None = option(
-        "--mask-limit PX",
-        "With --mask: 0 also where the camera's own uncertainty is above this, in pixels of the "
-        "photo as calibrated.",
-        FloatRange(0, min_open=True),
-    )
-
-
-mask_options = bundle(MaskOptions)
-
+mask_option = option(
+    "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
+)
 
 crf_option = option(
     "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)

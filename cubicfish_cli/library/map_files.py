@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
 from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
 from cubicfish_cli.library.rig_pictures import rectify
-from cubicfish_cli.library.views import trusted_within
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, chosen_view
 from cubicfish_cli.undistortion.fit import sees
@@ -104,7 +102,6 @@ def map_files(
     crop: Crop | str | None = None,
     redistort: bool = False,
     mask: StrPath | None = None,
-    mask_limit: float | None = None,
     run: Run = RUN,
 ) -> MapFiles:
     """Write the map of a camera, and the camera of what it shows, as ``cubicfish map`` does.
@@ -118,7 +115,6 @@ def map_files(
         crop: the part of the calibrated photo that photos show, such as ``960x540+160+90``.
         redistort: makes the way back, from the view to the photo.
         mask: also writes where the map may be trusted.
-        mask_limit: there only where the camera's own uncertainty is at most so many pixels.
         run: how the work is done.
 
     Raises:
@@ -127,12 +123,6 @@ def map_files(
             not be replaced.
 
     """
-    if mask_limit is not None and (mask is None or redistort):
-        raise UsageError(
-            "--mask-limit goes with --mask: name the mask's file"
-            if mask is None
-            else "--mask-limit is for the map that undistorts: leave it out, or --redistort"
-        )
     goal = Path(output)
     parts = view.parts if isinstance(view, ViewOptions) else ("",)
     plan = map_paths(goal, parts)
@@ -141,13 +131,10 @@ def map_files(
     loaded, part = load_camera(path), parse_crop(crop) if isinstance(crop, str) else crop
     size = photo_size or ((part.width, part.height) if part else loaded.camera.image_size)
     there = camera_for_photos(loaded.camera, size, part)
-    masked = None
-    if mask_limit is not None:
-        masked = partial(trusted_within(mask_limit, loaded, path, part), size)
     chosen = chosen_view(there, view)
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}
-    views = view_files(maps, mask=path_or_none(mask), beside=goal, masked=masked)
+    views = view_files(maps, mask=path_or_none(mask), beside=goal)
     written = write_files({**_contents_of(plan, maps), **views}, overwrite=run.overwrite)
     is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(

@@ -6,7 +6,7 @@ A picture and a camera -> the undistorted picture.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -35,7 +35,6 @@ from cubicfish_cli.library.views import (
     Size,
     Views,
     ViewsBySize,
-    trusted_within,
 )
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
@@ -190,7 +189,6 @@ def undistort_files(
     quality: int | None = None,
     crf: int | None = None,
     mask: StrPath | None = None,
-    mask_limit: float | None = None,
     virtual_camera: StrPath | None = None,
     skip_existing: bool = False,
     run: Run = RUN,
@@ -213,7 +211,6 @@ def undistort_files(
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         crf: of videos: lower is better and larger; by default 18.
         mask: also writes where the results may be trusted: 255, and 0 elsewhere.
-        mask_limit: there only where the camera's own uncertainty is at most so many pixels.
         virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
             flat.view.opencv.yaml.
         skip_existing: leaves out photos whose result is there.
@@ -234,8 +231,6 @@ def undistort_files(
     rendering = Rendering(interpolation=interpolation, border=border, quality=quality)
     if skip_existing and run.overwrite:
         raise UsageError("--skip-existing and --overwrite exclude each other")
-    if mask_limit is not None and mask is None:
-        raise UsageError("--mask-limit goes with --mask: name the mask's file")
     plan = _planned(photos, Path(output), view, run.listener)
     if plan.videos and run.executor is not None:
         raise UsageError("--scheduler is for photos: do videos without it")
@@ -246,13 +241,10 @@ def undistort_files(
         views = PlanesOfPhotos(loaded, part, view)
     else:
         views = ViewsBySize(loaded.camera, part, view)
-    masked = None
-    if mask_limit is not None:
-        masked = trusted_within(mask_limit, loaded, path or "the camera", part)
     plan = plan.free(skip_existing=skip_existing, overwrite=run.overwrite)
     if isinstance(views, PlanesOfPhotos):
         views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
-    files = _extras(plan, views, path_or_none(mask), masked, path_or_none(virtual_camera))
+    files = _extras(plan, views, path_or_none(mask), path_or_none(virtual_camera))
     if skip_existing:
         files = {path: content for path, content in files.items() if not path.is_file()}
     refuse_existing(*files, overwrite=run.overwrite, can_skip=not skip_existing)
@@ -429,7 +421,6 @@ def _extras(
     plan: _Plan,
     views: Views,
     mask: Path | None,
-    masked: Callable[[Size, UndistortMap], Any] | None,
     virtual_camera: Path | None,
 ) -> dict[Path, Content]:
     """The mask and the virtual camera, which are the same for all photos of one size."""
@@ -445,8 +436,7 @@ def _extras(
     source, size = next(iter(sizes.items()))
     _, shown_view = views.chosen(source, size)
     maps = dict(zip(shown_view.views, views.maps(source, size), strict=True))
-    trusted = None if masked is None else partial(masked, size)
-    return view_files(maps, mask=mask, beside=virtual_camera, masked=trusted)
+    return view_files(maps, mask=mask, beside=virtual_camera)
 
 
 def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> dict[str, CubicfishError]:

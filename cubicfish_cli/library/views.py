@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.assess.uncertainty import recorded_grid, sigma_at
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
+from cubicfish_cli.errors import UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import Run
@@ -26,7 +25,6 @@ from cubicfish_cli.undistortion.maps import (
     Crop,
     UndistortMap,
     build_map,
-    calibrated_pixels,
     camera_for_photos,
 )
 from cubicfish_cli.undistortion.options import ViewOptions
@@ -272,60 +270,3 @@ def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     from cubicfish_cli.fitting.statistics import poses_on_record
 
     return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
-
-
-def trusted_within(
-    limit: float, loaded: CameraFile | PointCameraFile, path: Path | str, crop: Crop | None
-) -> Callable[[Size, UndistortMap], npt.NDArray[np.bool_]]:
-    """What says of each pixel of a map whether the camera may be trusted there to so many pixels.
-
-    Args:
-        limit: the largest uncertainty, pixels of the photo as calibrated.
-        loaded: the camera's file.
-        path: where that is, for messages, or what it is called.
-        crop: what part of the calibrated photo photos show.
-
-    Returns:
-        A function of the (width, height) of photos and a map for them: where the map is valid and
-        the uncertainty is known and within, (H, W).
-
-    Raises:
-        CameraFileError: the camera's file holds no uncertainty that can be used.
-
-    """
-    record, calibrated = _uncertainty_of(loaded, path), loaded.camera.image_size
-
-    def mask(size: Size, made: UndistortMap) -> npt.NDArray[np.bool_]:
-        within = np.zeros_like(made.valid)
-        rows_per_block = max(1, _PIXELS_PER_BLOCK // made.valid.shape[1])
-        for top in range(0, len(made.valid), rows_per_block):
-            rows = slice(top, top + rows_per_block)
-            valid = made.valid[rows]
-            pixel = np.stack([made.map_x[rows][valid], made.map_y[rows][valid]], axis=-1)
-            source = calibrated_pixels(pixel.astype(float), calibrated, size, crop)
-            # A comparison with NaN, where nothing is known, is false.
-            within[rows][valid] = sigma_at(record, source) <= limit
-        return within
-
-    return mask
-
-
-def _uncertainty_of(loaded: CameraFile | PointCameraFile, path: Path | str) -> Mapping[str, Any]:
-    """The uncertainty over the photo that a camera file holds."""
-    if isinstance(loaded, PointCameraFile):
-        raise CameraFileError(
-            f"{path} is of lift 'point', which has no uncertainty: leave out --mask-limit, or "
-            "calibrate with --lift ray"
-        )
-    if not isinstance(loaded.fit.get("uncertainty"), dict):
-        raise CameraFileError(
-            f"{path} does not hold the camera's uncertainty (fit.uncertainty): calibrate again "
-            "with this version, or leave out --mask-limit"
-        )
-    grid = recorded_grid(loaded.fit)
-    if grid is None:
-        raise CameraFileError(
-            f"{path}: fit.uncertainty is not a grid of numbers: calibrate again with this version, "
-            "or leave out --mask-limit"
-        )
-    return grid

@@ -183,9 +183,6 @@ _PAIRS: Mapping[str, Callable[[UndistortMap], tuple[Shorts, Shorts]]] = {
 
 FORMAT_VERSION = 1
 
-Masked = Callable[[UndistortMap], npt.NDArray[np.bool_]]
-"""Map -> where its picture may be trusted, (H, W)."""
-
 
 def part_name(path: Path, part: str) -> Path:
     """``flat.png`` and ``front`` -> ``flat_front.png``; as it is for a view of one part."""
@@ -197,7 +194,6 @@ def view_files(
     *,
     mask: Path | None,
     beside: Path | None,
-    masked: Masked | None = None,
 ) -> dict[Path, Content]:
     """The mask and the virtual camera of each part of a view, as :func:`write_files` takes them.
 
@@ -205,7 +201,6 @@ def view_files(
         maps: part -> its map.
         mask: where masks go; None for none.
         beside: what the cameras' files are called after; None for none.
-        masked: says what a mask shows; by default where the map is valid.
 
     Raises:
         OutputError: no picture can have the mask's name.
@@ -215,8 +210,7 @@ def view_files(
     for part, made in maps.items():
         if mask is not None:
             check_suffix(mask)
-            shown = mask_picture(masked(made) if masked else made.valid)
-            files[part_name(mask, part)] = encode_picture(mask, shown)
+            files[part_name(mask, part)] = encode_picture(mask, mask_picture(made.valid))
         if beside is not None:
             plain, opencv = view_file_names(part_name(beside, part))
             files[plain] = view_text(made.view)

@@ -189,20 +189,6 @@ def parse_crop(text: str) -> Crop:
     return Crop(x=x, y=y, width=width, height=height)
 
 
-def calibrated_pixels(
-    pixel: npt.NDArray[np.float64],
-    calibrated_size: tuple[int, int],
-    size: tuple[int, int],
-    crop: Crop | None = None,
-) -> npt.NDArray[np.float64]:
-    """Pixels (N, 2) of photos of ``size`` -> pixels (N, 2) of the photo as calibrated.
-
-    The way back from the photos that :func:`camera_for_photos` makes a camera for.
-    """
-    width, start = (crop.width, (crop.x, crop.y)) if crop else (calibrated_size[0], (0, 0))
-    return (pixel + 0.5) * (width / size[0]) - 0.5 + np.array(start)
-
-
 def camera_for_photos(
     camera: CubicCamera, size: tuple[int, int], crop: Crop | None = None
 ) -> CubicCamera:

@@ -86,7 +86,12 @@ def test_a_good_fit_is_good() -> None:
         ({"lift": "point", "rank": 19}, "care", "19 of 20", "--lift ray"),
         ({"uncertainty": {"median_px": 0.6}}, "care", "uncertain by 0.60 px", "sharper"),
         ({"uncertainty": {"median_px": 3.5}}, "bad", "uncertain by 3.50 px", "sharper"),
-        ({"uncertainty": {"median_px": 0.1, "max_px": 3}}, "care", "up to 3.00 px", "--mask-limit"),
+        (
+            {"uncertainty": {"median_px": 0.1, "max_px": 3}},
+            "care",
+            "up to 3.00 px",
+            "the map of uncertainty shows",
+        ),
         ({"dropped": 200}, "care", "200 of 2200 corners", "which boards"),
         ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),
         ({"images": 1, "unfit_images": {"a": "", "b": ""}}, "bad", "2 of 3 photos", "again"),

@@ -232,14 +232,13 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
     for name in "ab":
         (tmp_path / name).mkdir()
     a, b = tmp_path / "a", tmp_path / "b"
-    beside = ("--mask", a / "m.png", "--mask-limit", 0.05, "--camera", a / "flat.png")
+    beside = ("--mask", a / "m.png", "--camera", a / "flat.png")
     run_cli("undistort", photo, a / "flat.png", "-m", calibrated, *beside)
     made = undistort_files(
         photo,
         b / "flat.png",
         calibrated,
         mask=b / "m.png",
-        mask_limit=0.05,
         virtual_camera=b / "flat.png",
     )
     assert read(a) == read(b)
@@ -254,7 +253,6 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"mask_limit": 0.1}, "--mask-limit goes with --mask"),
         ({"view": PlaneOptions(board="flor", target=TARGET)}, "did you mean 'floor'"),
     ],
 )
@@ -300,8 +298,6 @@ def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None
     whole = ViewOptions(kind="equidistant", fit="outer")
     map_files(calibrated, b / "s.png", whole, redistort=True)
     assert read(a) == read(b)
-    with pytest.raises(UsageError, match="--mask-limit is for the map that undistorts"):
-        map_files(calibrated, b / "t.npz", redistort=True, mask=b / "l.png", mask_limit=1)
 
 
 def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
