@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import call
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import (
-    crop_option,
     mask_option,
     say_what_is_unseen,
     view_options,
 )
 from cubicfish_cli.undistortion.options import ViewOptions
-
-if TYPE_CHECKING:
-    from cubicfish_cli.undistortion.maps import Crop
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 
@@ -55,7 +50,6 @@ class Asked:
         "Size of the photos, when it is an exact rescale of the calibrated ones.",
         options.SIZE,
     )
-    crop: Crop | None = crop_option
     redistort: bool = option(
         "--redistort", "The way back: from the view to the photo of the camera."
     )
@@ -81,7 +75,6 @@ def command(given: Asked) -> None:
     if given.rig is not None or given.pair is not None:
         one = {
             "--redistort": given.redistort,
-            "--crop": given.crop,
         }
         options.refuse_given("is for the map of one camera: leave it out", one)
         made = call(map_rig_files, given, rig=given.rig or options.DEFAULT_RIG)

@@ -18,7 +18,6 @@ from cubicfish_cli.cli.view_options import (
     RenderingOptions,
     SceneOptions,
     crf_option,
-    crop_option,
     mask_option,
     rendering_options,
     say_what_is_unseen,
@@ -30,7 +29,6 @@ from cubicfish_cli.words.phrases import listed
 if TYPE_CHECKING:
     from cubicfish_cli.library.undistorting import UndistortedFiles
     from cubicfish_cli.undistortion.choose import ChosenView
-    from cubicfish_cli.undistortion.maps import Crop
 
 
 @record
@@ -52,7 +50,6 @@ class Asked:
     )
     model: Path | None = options.model_option
     scene: SceneOptions = scene_options
-    crop: Crop | None = crop_option
     pixels: RenderingOptions = rendering_options
     crf: int | None = crf_option
     mask: Path | None = mask_option
@@ -104,7 +101,6 @@ def command(given: Asked) -> None:
         options.refuse_given(
             "is for the photos of one camera: leave it out",
             {
-                "--crop": given.crop,
                 "--skip-existing": given.skip_existing,
                 "--scheduler": given.scheduler.address,
             },

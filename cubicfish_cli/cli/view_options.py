@@ -30,7 +30,6 @@ from cubicfish_cli.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.choose import SeenField
-    from cubicfish_cli.undistortion.maps import Crop
 
 
 def _three(what: str, text: str) -> tuple[float, ...]:
@@ -170,19 +169,6 @@ def _colour(text: str) -> tuple[float, float, float]:
         raise ValueError(f"{text!r} is not {', '.join(COLOURS)} or #RRGGBB")
     red, green, blue = (int(text[-6:][at : at + 2], 16) / 255 for at in (0, 2, 4))
     return red, green, blue
-
-
-def _crop(text: str) -> Crop:
-    from cubicfish_cli.undistortion.maps import parse_crop
-
-    return parse_crop(text)
-
-
-crop_option = option(
-    "--crop WxH+X+Y",
-    "The photos are this part of the calibrated photo (or an exact rescale of it).",
-    Parsed("WxH+X+Y", _crop),
-)
 
 
 @record

@@ -26,11 +26,9 @@ from cubicfish_cli.undistortion.map_formats import (
     view_files,
 )
 from cubicfish_cli.undistortion.maps import (
-    Crop,
     UndistortMap,
     build_map,
     camera_for_photos,
-    parse_crop,
 )
 from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.rigs import ROW_ALIGNED
@@ -99,7 +97,6 @@ def map_files(
     view: View | ViewOptions | None = None,
     *,
     photo_size: Size | None = None,
-    crop: Crop | str | None = None,
     redistort: bool = False,
     mask: StrPath | None = None,
     run: Run = RUN,
@@ -112,7 +109,6 @@ def map_files(
             names that begin alike.
         view: what the map shows, or what is asked of it, as for :func:`undistort_files`.
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        crop: the part of the calibrated photo that photos show, such as ``960x540+160+90``.
         redistort: makes the way back, from the view to the photo.
         mask: also writes where the map may be trusted.
         run: how the work is done.
@@ -128,9 +124,9 @@ def map_files(
     plan = map_paths(goal, parts)
     refuse_existing(*_files_of(plan), overwrite=run.overwrite)
     path = in_folder(Path(camera))
-    loaded, part = load_camera(path), parse_crop(crop) if isinstance(crop, str) else crop
-    size = photo_size or ((part.width, part.height) if part else loaded.camera.image_size)
-    there = camera_for_photos(loaded.camera, size, part)
+    loaded = load_camera(path).camera
+    size = photo_size or loaded.image_size
+    there = camera_for_photos(loaded, size)
     chosen = chosen_view(there, view)
     build = build_redistort_map if redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}

@@ -44,11 +44,9 @@ from cubicfish_cli.undistortion.choose import ChosenView, SeenField, build_view
 from cubicfish_cli.undistortion.images import Rendering, check_suffix, remap_picture
 from cubicfish_cli.undistortion.map_formats import part_name, view_files
 from cubicfish_cli.undistortion.maps import (
-    Crop,
     UndistortMap,
     build_map,
     camera_for_photos,
-    parse_crop,
 )
 from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, undistort_video, video_size
@@ -183,7 +181,6 @@ def undistort_files(
     camera: StrPath | Calibrated | CubicCamera,
     view: View | ViewOptions | PlaneOptions | None = None,
     *,
-    crop: Crop | str | None = None,
     interpolation: Interpolation = "linear",
     border: tuple[float, float, float] = (0.0, 0.0, 0.0),
     quality: int | None = None,
@@ -205,7 +202,6 @@ def undistort_files(
         camera: its file or the folder of that, or the camera or a fit.
         view: what to render, or what is asked of it; by default flat, as large as each photo and
             with its scale in the middle, up to 120° across.
-        crop: the part of the calibrated photo that photos show, such as ``960x540+160+90``.
         interpolation: how pixels are blended.
         border: (red, green, blue) of what the camera does not see, 0 to 1.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
@@ -235,12 +231,11 @@ def undistort_files(
     if plan.videos and run.executor is not None:
         raise UsageError("--scheduler is for photos: do videos without it")
     path, loaded = _loaded(camera, in_planes=isinstance(view, PlaneOptions))
-    part = parse_crop(crop) if isinstance(crop, str) else crop
     views: Views
     if isinstance(view, PlaneOptions):
-        views = PlanesOfPhotos(loaded, part, view)
+        views = PlanesOfPhotos(loaded, view)
     else:
-        views = ViewsBySize(loaded.camera, part, view)
+        views = ViewsBySize(loaded.camera, view)
     plan = plan.free(skip_existing=skip_existing, overwrite=run.overwrite)
     if isinstance(views, PlanesOfPhotos):
         views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)

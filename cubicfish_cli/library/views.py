@@ -22,7 +22,6 @@ from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.undistortion.maps import (
-    Crop,
     UndistortMap,
     build_map,
     camera_for_photos,
@@ -64,24 +63,21 @@ class Views(ABC):
 class ViewsBySize(Views):
     """A view from the camera's place: the same for all photos of a size."""
 
-    def __init__(
-        self, camera: CubicCamera, crop: Crop | None, asked: View | ViewOptions | None
-    ) -> None:
-        """Prepare for photos of this camera, or of a part of its pictures.
+    def __init__(self, camera: CubicCamera, asked: View | ViewOptions | None) -> None:
+        """Prepare for photos of this camera.
 
         Args:
             camera: the camera.
-            crop: the part; None for all.
             asked: the view, or what is asked of it.
 
         """
-        self._camera, self._crop, self._asked = camera, crop, asked
+        self._camera, self._asked = camera, asked
         self._made: dict[Size, Sequence[UndistortMap]] = {}
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel without the maps, which are quicker made than sent, and the lock."""
-        return ViewsBySize, (self._camera, self._crop, self._asked)
+        return ViewsBySize, (self._camera, self._asked)
 
     def group(self, source: Path, size: Size) -> Hashable:
         """The size."""
@@ -89,7 +85,7 @@ class ViewsBySize(Views):
 
     def chosen(self, source: Path, size: Size) -> tuple[CubicCamera, ChosenView]:
         """The view that is asked for."""
-        camera = camera_for_photos(self._camera, size, self._crop)
+        camera = camera_for_photos(self._camera, size)
         return camera, chosen_view(camera, self._asked)
 
     def maps(self, source: Path, size: Size) -> Sequence[UndistortMap]:
@@ -168,14 +164,11 @@ def board_with_plane(target: Target, name: str) -> Board:
 class PlanesOfPhotos(Views):
     """A board's plane, whose place is another one in each photo."""
 
-    def __init__(
-        self, loaded: CameraFile | PointCameraFile, crop: Crop | None, asked: PlaneOptions
-    ) -> None:
+    def __init__(self, loaded: CameraFile | PointCameraFile, asked: PlaneOptions) -> None:
         """Prepare for the board of a target.
 
         Args:
             loaded: the camera, and the poses of the photos that it was calibrated from.
-            crop: the part of the calibrated photos that the photos show.
             asked: of which board, and how.
 
         Raises:
@@ -186,7 +179,7 @@ class PlanesOfPhotos(Views):
         # Undistortion of a photo or two is done before scipy is loaded.
         from cubicfish_cli.fitting.statistics import photos_on_record
 
-        self._loaded, self._crop, self._asked, self._target = loaded, crop, asked, asked.loaded()
+        self._loaded, self._asked, self._target = loaded, asked, asked.loaded()
         try:
             board_with_plane(self._target, asked.board)
         except ViewError as problem:
@@ -261,7 +254,7 @@ class PlanesOfPhotos(Views):
             )
         vector, translation = self._poses[source.name]
         if isinstance(camera, CubicCamera):
-            camera = camera_for_photos(camera, size, self._crop)
+            camera = camera_for_photos(camera, size)
         return camera, matrix_of_rotation(vector), translation
 
 

@@ -90,7 +90,7 @@ def test_a_good_fit_is_good() -> None:
             {"uncertainty": {"median_px": 0.1, "max_px": 3}},
             "care",
             "up to 3.00 px",
-            "the map of uncertainty shows",
+            "corners there",
         ),
         ({"dropped": 200}, "care", "200 of 2200 corners", "which boards"),
         ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),

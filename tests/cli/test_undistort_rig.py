@@ -91,7 +91,6 @@ def test_photos_find_their_cameras(
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (["--crop", "10x10+0+0"], 2, "--crop is for the photos of one camera"),
         (["--margin", "1"], 2, "--margin goes with --plane"),
         (["--plane", "floor"], 2, "--plane is for the photos of one camera"),
         (["--view", "cube"], 2, "becomes one picture"),

@@ -282,17 +282,17 @@ def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None
     for name in "ab":
         (tmp_path / name).mkdir()
     a, b = tmp_path / "a", tmp_path / "b"
-    line = ("--fit", "inner", "--size", "90x60", "--crop", "600x400+100+90")
+    line = ("--fit", "inner", "--size", "90x60", "--photo-size", "480x360")
     said = run_cli("map", a / "m.npz", "-m", calibrated, *line, "--mask", a / "k.png", "--json")
     made = map_files(
         calibrated,
         b / "m.npz",
         ViewOptions(fit="inner", size=(90, 60)),
-        crop="600x400+100+90",
+        photo_size=(480, 360),
         mask=b / "k.png",
     )
     assert read(a) == read(b)
-    assert json.loads(said.stdout)["image_size"] == [600, 400] == list(made.image_size)
+    assert json.loads(said.stdout)["image_size"] == [480, 360] == list(made.image_size)
     line = ("--view", "equidistant", "--fit", "outer", "--redistort")
     run_cli("map", a / "s.png", "-m", calibrated, *line)
     whole = ViewOptions(kind="equidistant", fit="outer")

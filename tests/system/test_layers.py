@@ -190,7 +190,7 @@ def test_libraries_stay_in_the_parts_that_need_them() -> None:
 
 # What commands take of the package beside one call of a public name: names resolved, words read.
 RESOLVING = {
-    "as_text", "check_inputs", "connect", "in_folder", "length_mm", "parse_crop", "parse_size",
+    "as_text", "check_inputs", "connect", "in_folder", "length_mm", "parse_size",
     "read_bytes", "rig_in",
 }  # fmt: skip
 PRINTING = {
