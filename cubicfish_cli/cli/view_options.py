@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -159,18 +158,6 @@ def say_what_is_unseen(seen: SeenField | None) -> None:
         say(f"the camera sees {seen.describe()}: the rest is empty")
 
 
-COLOURS = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0), "grey": (0.5, 0.5, 0.5)}
-
-
-def _colour(text: str) -> tuple[float, float, float]:
-    if text in COLOURS:
-        return COLOURS[text]
-    if not re.fullmatch(r"#?[0-9A-Fa-f]{6}", text):
-        raise ValueError(f"{text!r} is not {', '.join(COLOURS)} or #RRGGBB")
-    red, green, blue = (int(text[-6:][at : at + 2], 16) / 255 for at in (0, 2, 4))
-    return red, green, blue
-
-
 @record
 class RenderingOptions:
     """What the user asked of the pixels."""
@@ -180,13 +167,6 @@ class RenderingOptions:
         "How pixels are read between pixels.",
         click.Choice(["nearest", "linear", "cubic", "lanczos"]),
         "linear",
-    )
-    border: tuple[float, float, float] = option(
-        "--border",
-        "What the camera does not see: black, white, grey or #RRGGBB. [default: black]",
-        Parsed("COLOUR", _colour),
-        (0.0, 0.0, 0.0),
-        show_default=False,
     )
     quality: int | None = option(
         "--quality 1-100",

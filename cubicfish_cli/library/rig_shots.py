@@ -131,7 +131,6 @@ def undistort_rig_files(
     *,
     distance: float | None = None,
     interpolation: Interpolation = "linear",
-    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
     quality: int | None = None,
     mask: StrPath | None = None,
     virtual_camera: StrPath | None = None,
@@ -150,7 +149,6 @@ def undistort_rig_files(
         distance: how far away things are that the cameras' pictures join at, in the rig's unit;
             None for far away.
         interpolation: how pixels are blended.
-        border: (red, green, blue) of what no camera sees, 0 to 1.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photos.
         mask: also writes where the results may be trusted: 255, and 0 elsewhere.
         virtual_camera: also writes the camera of the results, as :func:`undistort_files`.
@@ -166,7 +164,7 @@ def undistort_rig_files(
         CubicfishError: the rig or all photos cannot be used.
 
     """
-    rendering = Rendering(interpolation=interpolation, border=border, quality=quality)
+    rendering = Rendering(interpolation=interpolation, quality=quality)
     if view is None or (isinstance(view, ViewOptions) and view.kind is None):
         view = replace(view or ViewOptions(), kind="equirectangular")
     if isinstance(view, ViewOptions) and view.parts != ("",):

@@ -65,7 +65,6 @@ def undistort(
     view: View | None = None,
     *,
     interpolation: Interpolation = "linear",
-    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Image:
     """Render a view from a photo, as ``cubicfish undistort`` does.
 
@@ -78,7 +77,6 @@ def undistort(
         view: what to render; by default flat, as large as the photo and with the photo's scale in
             its middle, up to 120° across.
         interpolation: how pixels are blended.
-        border: (red, green, blue) of what the camera does not see, 0 to 1; pictures are BGR.
 
     Returns:
         (h, w) or (h, w, channels), of the view's size and the picture's dtype.
@@ -89,7 +87,7 @@ def undistort(
 
     """
     _refuse_no_picture(picture)
-    rendering = Rendering(interpolation=interpolation, border=border)
+    rendering = Rendering(interpolation=interpolation)
     if isinstance(by, UndistortMap):
         if view is not None:
             raise ViewError("a map has its view already: leave the view out, or pass the camera")
@@ -182,7 +180,6 @@ def undistort_files(
     view: View | ViewOptions | PlaneOptions | None = None,
     *,
     interpolation: Interpolation = "linear",
-    border: tuple[float, float, float] = (0.0, 0.0, 0.0),
     quality: int | None = None,
     crf: int | None = None,
     mask: StrPath | None = None,
@@ -203,7 +200,6 @@ def undistort_files(
         view: what to render, or what is asked of it; by default flat, as large as each photo and
             with its scale in the middle, up to 120° across.
         interpolation: how pixels are blended.
-        border: (red, green, blue) of what the camera does not see, 0 to 1.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         crf: of videos: lower is better and larger; by default 18.
         mask: also writes where the results may be trusted: 255, and 0 elsewhere.
@@ -224,7 +220,7 @@ def undistort_files(
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
-    rendering = Rendering(interpolation=interpolation, border=border, quality=quality)
+    rendering = Rendering(interpolation=interpolation, quality=quality)
     if skip_existing and run.overwrite:
         raise UsageError("--skip-existing and --overwrite exclude each other")
     plan = _planned(photos, Path(output), view, run.listener)

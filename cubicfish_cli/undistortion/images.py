@@ -24,7 +24,6 @@ from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.picture_headers import jpeg_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
-from cubicfish_cli.undistortion.options import is_numbers
 from cubicfish_cli.wording import did_you_mean, quoted
 
 INTERPOLATIONS = {
@@ -56,7 +55,6 @@ class Rendering:
 
     Attributes:
         interpolation: a key of :data:`INTERPOLATIONS`.
-        border: (red, green, blue) of pixels that the camera does not see, 0 to 1.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
 
     Raises:
@@ -65,7 +63,6 @@ class Rendering:
     """
 
     interpolation: str = "linear"
-    border: tuple[float, float, float] = (0.0, 0.0, 0.0)
     quality: int | None = None
 
     def __post_init__(self) -> None:
@@ -74,9 +71,6 @@ class Rendering:
                 f"interpolation {quoted(self.interpolation)} is not known: "
                 f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
             )
-        colour = tuple(self.border)
-        if not is_numbers(colour, 3) or not all(0 <= part <= 1 for part in colour):
-            raise ViewError(f"border must be three numbers from 0 to 1, not {quoted(colour)}")
         if self.quality is not None and self.quality not in range(1, 101):
             raise ViewError(
                 f"quality must be a whole number from 1 to 100, not {quoted(self.quality)}"
@@ -110,7 +104,6 @@ def remap_picture(
             f"{undistort_map.image_size[0]}x{undistort_map.image_size[1]}: "
             "use photos of that size, neither scaled nor cropped nor turned"
         )
-    border = _border_value(picture, rendering.border)
     wide = rendering.interpolation in ("cubic", "lanczos")
     out = cv2.remap(
         picture,
@@ -118,24 +111,13 @@ def remap_picture(
         undistort_map.map_y,
         INTERPOLATIONS[rendering.interpolation],
         # Wider kernels reach over the photo's edge: mirror the photo there, rather than
-        # blend it with the border's colour.
+        # blend it with black.
         borderMode=cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT,
-        borderValue=border,
     )
     out = np.asarray(out)
     if wide:
-        channels = 1 if out.ndim == 2 else out.shape[2]
-        colour = np.array(border[:channels], out.dtype)
-        out[~undistort_map.valid] = colour if out.ndim == 3 else colour[0]
+        out[~undistort_map.valid] = 0
     return out
-
-
-def _border_value(picture: Picture, colour: tuple[float, float, float]) -> tuple[float, ...]:
-    full = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65_535.0}.get(picture.dtype, 1.0)
-    red, green, blue = (round(full * part, 6) for part in colour)
-    if picture.ndim == 2:
-        return (0.299 * red + 0.587 * green + 0.114 * blue, 0.0, 0.0, 0.0)
-    return (blue, green, red, 0.0)
 
 
 @contextmanager

@@ -283,7 +283,6 @@ class _PlaneRemapper:
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
         self._bits = bits
         self._interpolation = INTERPOLATIONS[rendering.interpolation]
-        self._border = rendering.border
         self._wide = rendering.interpolation in ("cubic", "lanczos")
         self._maps = [(undistort_map.map_x, undistort_map.map_y)]
         if across:
@@ -297,7 +296,7 @@ class _PlaneRemapper:
         given = frame if frame.format.name == self._format else frame.reformat(format=self._format)
         made = pyav.VideoFrame(*self._size, self._format)
         if self._values is None:
-            self._values = _border_values(self._border, self._bits, frame)
+            self._values = _black(self._bits, frame)
         for plane, out, (map_x, map_y), value in zip(
             given.planes, made.planes, self._maps, self._values, strict=False
         ):
@@ -345,20 +344,8 @@ def _chroma_maps(
     return x.astype(np.float32), y.astype(np.float32)
 
 
-def _border_values(
-    colour: tuple[float, float, float], bits: int, frame: av.VideoFrame
-) -> tuple[int, int, int]:
-    """(red, green, blue) from 0 to 1 -> brightness and two colour differences of this video."""
-    # ITU-R BT.709 for high definition and BT.601 below, as players take it when told nothing.
-    red_share, blue_share = (0.2126, 0.0722) if frame.height >= 720 else (0.299, 0.114)
-    red, green, blue = colour
-    bright = red_share * red + (1 - red_share - blue_share) * green + blue_share * blue
-    blueness = (blue - bright) / (2 * (1 - blue_share))
-    redness = (red - bright) / (2 * (1 - red_share))
+def _black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
+    """Brightness and two colour differences of what is black in this video."""
     full = frame.format.name.startswith("yuvj") or int(getattr(frame, "color_range", 0) or 0) == 2
-    low, span, colour_span = (0, 255, 255) if full else (16, 219, 224)
-    scale = 2 ** (bits - 8)
-    values = (low + span * bright, 128 + colour_span * blueness, 128 + colour_span * redness)
-    top = 2**bits - 1
-    y, u, v = (min(top, round(scale * value)) for value in values)
-    return y, u, v
+    middle = 2 ** (bits - 1)
+    return 0 if full else 2 ** (bits - 4), middle, middle

@@ -132,7 +132,6 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
         (["undistort", PHOTO, "out.png", "--fit", "1.5"], 2, "a share from 0 to 1"),
         (["undistort", PHOTO, "out.png", "--rotate", "1,2,3,4"], 2, "yaw,pitch,roll"),
         (["undistort", PHOTO, "out.png", "--rotate", "nan"], 2, "yaw,pitch,roll"),
-        (["undistort", PHOTO, "out.png", "--border", "redd"], 2, "#RRGGBB"),
         (["undistort", PHOTO, "out.png", "--view", "cube", "--fov", "90"], 2, "leave out --hfov"),
         (["undistort", PHOTO, "out.png", "--view", "cube", "--size", "9x8"], 2, "NxN"),
         (["undistort", PHOTO, "o.png", "--skip-existing", "--overwrite"], 2, "exclude"),
@@ -368,13 +367,13 @@ def test_rescaled_photos_show_the_same(run: Run, model: Path, tmp_path: Path) ->
 
 def test_the_mask_and_the_camera_go_along(run: Run, model: Path, tmp_path: Path) -> None:
     mask, out = tmp_path / "mask.png", tmp_path / "o.png"
-    args = ["-m", model, "--hfov", 150, "--border", "#ff8000", "--rotate", "30,0,0"]
+    args = ["-m", model, "--hfov", 150, "--rotate", "30,0,0"]
     said = run("undistort", PHOTO, out, *args, "--mask", mask, "--camera", out).stdout
     files = [mask, out.with_suffix(".view.yaml"), out.with_suffix(".view.opencv.yaml")]
     assert said.splitlines()[1:] == [f"wrote {path}" for path in files]
     trusted = picture(mask)
     assert set(np.unique(trusted)) == {0, 255}
-    np.testing.assert_array_equal(np.unique(picture(out)[trusted == 0], axis=0), [[0, 128, 255]])
+    assert not picture(out)[trusted == 0].any()
     storage = cv2.FileStorage(str(files[2]), cv2.FILE_STORAGE_READ)
     assert storage.getNode("model").string() == "pinhole"
     matrix = storage.getNode("camera_matrix").mat()

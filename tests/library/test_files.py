@@ -200,9 +200,9 @@ def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
             {},
         ),
         (
-            ("--view", "cube", "--size", "40x40", "--border", "white", "--interpolation", "cubic"),
+            ("--view", "cube", "--size", "40x40", "--interpolation", "cubic"),
             ViewOptions(kind="cube", size=(40, 40)),
-            {"border": (1, 1, 1), "interpolation": "cubic"},
+            {"interpolation": "cubic"},
         ),
         (
             (

@@ -574,7 +574,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         (photos / photo.name).write_bytes(photo.read_bytes())
     (photos / "broken.png").write_bytes(b"no picture")
     view = build_view(fitted.camera, "cylindrical", hfov_deg=270, size=(300, 200))
-    line = ("--view", "cylindrical", "--hfov", 270, "--size", "300x200", "--border", "#FF0000")
+    line = ("--view", "cylindrical", "--hfov", 270, "--size", "300x200")
     run_cli("undistort", photos, tmp_path / "a", "-m", tmp_path, *line, code=1)
     heard = Heard()
     folder = tmp_path / "b"
@@ -583,7 +583,6 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         folder,
         fitted,
         view,
-        border=(1, 0, 0),
         run=Run(jobs=1, listener=heard),
     )
     assert made.files == tuple(folder / photo.name for photo in PHOTOS)
@@ -769,8 +768,8 @@ def test_pictures_of_other_kinds_are_undistorted_alike(
     half = undistort(picture[::2, ::2], camera)  # an exact rescale of the calibrated size
     assert half.shape == (360, 480)
     assert half.mean() == pytest.approx(undistort(picture, camera).mean(), rel=0.1)
-    outside = undistort(picture, camera, build_view(camera, "equidistant"), border=(1, 1, 1))
-    assert outside[0, 0] == 255
+    outside = undistort(picture, camera, build_view(camera, "equidistant"))
+    assert outside[0, 0] == 0
 
 
 def test_pictures_and_views_that_cannot_be_are_refused(
@@ -792,7 +791,6 @@ def test_pictures_and_views_that_cannot_be_are_refused(
     assert "the map is for 960x720" in said(picture[::2, ::2], made)
     assert "a map has its view already" in said(picture, made, view)
     assert "did you mean 'linear'" in said(picture, camera, interpolation="linaer")
-    assert "border must be three numbers" in said(picture, camera, border=(0, 0, 2))
 
     def no_view(*given: Any, **more: Any) -> str:
         return refusal(UsageError, lambda: build_view(camera, *given, **more))

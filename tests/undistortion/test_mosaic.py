@@ -15,7 +15,6 @@ from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.truth import rotation_matrix
-from cubicfish_cli.undistortion.images import Rendering
 from cubicfish_cli.undistortion.maps import camera_for_photos
 from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
 from cubicfish_cli.undistortion.rigs import Body, BodyCamera, edge_distance, mosaic_of
@@ -123,18 +122,17 @@ def test_things_at_the_distance_that_is_named_join(ring: Body) -> None:
     assert np.median(np.abs(wrong - true)[shown]) > 1
 
 
-def test_photos_keep_their_nature_and_what_nobody_sees_is_the_border(ring: Body) -> None:
+def test_photos_keep_their_nature_and_what_nobody_sees_is_black(ring: Body) -> None:
     two = Body(cameras=ring.cameras[:1])
     made = mosaic_of(two, PANORAMA)
     size = two.cameras[0].camera.image_size[::-1]
     for dtype, shape in ((np.uint8, ()), (np.uint8, (3,)), (np.uint16, (3,)), (np.uint8, (4,))):
         photo = np.full((*size, *shape), 77, dtype)
-        picture, shown = made.render({"front": photo}, Rendering(border=(1.0, 1.0, 1.0)))
+        picture, shown = made.render({"front": photo})
         assert picture.dtype == dtype
         assert picture.shape == (200, 400, *shape)
-        assert (picture[shown] == 77).mean() > 0.99  # the rest mixes with the border's colour
-        white = np.iinfo(dtype).max
-        assert (picture[~shown][..., :3] == white).all()
+        assert (picture[shown] == 77).mean() > 0.99  # the rest mixes with black
+        assert not picture[~shown].any()
         assert 0.3 < shown.mean() < 0.7
 
 
