@@ -27,9 +27,9 @@ import numpy as np  # noqa: E402
 
 from cubicfish_cli.formats.camera_yaml import load_camera  # noqa: E402
 from cubicfish_cli.lenses.cubic import CubicCamera  # noqa: E402
-from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos  # noqa: E402
+from cubicfish_cli.undistortion.batch import Job, write_many  # noqa: E402
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS  # noqa: E402
-from cubicfish_cli.undistortion.images import PLAIN  # noqa: E402
+from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 from cubicfish_cli.undistortion.maps import (  # noqa: E402
     UndistortMap,
     build_map,
@@ -138,11 +138,10 @@ def plain(source: Path, out: Path, made: UndistortMap, options: list[int]) -> No
 
 
 def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) -> None:
-    jobs = [PhotoJob(name=p.name, source=p, outputs=(folder / p.name,)) for p in sources]
-    failures = undistort_photos(
+    jobs = [Job(name=p.name, photos={"": p}, outputs={"": folder / p.name}) for p in sources]
+    failures = write_many(
         jobs,
-        lambda source, size: [made],
-        PLAIN,
+        lambda job, photos: {"": remap_picture(photos[""], made)},
         workers=workers,
         overwrite=True,
         progress=lambda done, total: None,
@@ -249,7 +248,7 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish_cli.undistortion.video import Encoding, undistort_video
+    from cubicfish_cli.undistortion.video import undistort_video
 
     size = (1920, 1080)
     made = build_map(of_size(camera, size), PerspectiveView.with_field(110, size))
@@ -278,7 +277,7 @@ def measure_video(camera: CubicCamera, folder: Path) -> None:
     flat = folder / "out.mp4"
 
     def undistort() -> None:
-        undistort_video(source, flat, lambda _: made, PLAIN, Encoding(), overwrite=True)
+        undistort_video(source, flat, lambda _: made, overwrite=True)
 
     undistort()
     seconds = turn_by_turn({"copy": copy, "ours": undistort}, 3)

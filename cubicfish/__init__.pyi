@@ -12,6 +12,7 @@ from cubicfish_cli import Event as Event
 from cubicfish_cli import Finding as Finding
 from cubicfish_cli import Listener as Listener
 from cubicfish_cli import LookOptions as LookOptions
+from cubicfish_cli import MapOptions as MapOptions
 from cubicfish_cli import Observations as Observations
 from cubicfish_cli import PlaneOptions as PlaneOptions
 from cubicfish_cli import RectifiedPair as RectifiedPair
@@ -20,6 +21,7 @@ from cubicfish_cli import RigFile as RigFile
 from cubicfish_cli import Run as Run
 from cubicfish_cli import Target as Target
 from cubicfish_cli import UndistortMap as UndistortMap
+from cubicfish_cli import UndistortOptions as UndistortOptions
 from cubicfish_cli import Verdict as Verdict
 from cubicfish_cli import View as View
 from cubicfish_cli import ViewOptions as ViewOptions
@@ -55,7 +57,6 @@ from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
 from cubicfish_cli import load_rig as load_rig
 from cubicfish_cli import map_files as map_files
-from cubicfish_cli import map_rig_files as map_rig_files
 from cubicfish_cli import print_target_files as print_target_files
 from cubicfish_cli import read_picture as read_picture
 from cubicfish_cli import rectify as rectify
@@ -69,7 +70,6 @@ from cubicfish_cli import simulate_files as simulate_files
 from cubicfish_cli import stitch as stitch
 from cubicfish_cli import undistort as undistort
 from cubicfish_cli import undistort_files as undistort_files
-from cubicfish_cli import undistort_rig_files as undistort_rig_files
 
 __version__: str
 __all__: list[str]

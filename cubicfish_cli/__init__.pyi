@@ -17,7 +17,9 @@ from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.asked import Run as Run
+from cubicfish_cli.library.asked_pictures import MapOptions as MapOptions
 from cubicfish_cli.library.asked_pictures import PlaneOptions as PlaneOptions
+from cubicfish_cli.library.asked_pictures import UndistortOptions as UndistortOptions
 from cubicfish_cli.library.calibration import calibrate as calibrate
 from cubicfish_cli.library.calibration import evaluate as evaluate
 from cubicfish_cli.library.calibration import save_camera as save_camera
@@ -37,14 +39,12 @@ from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.importing import import_corner_files as import_corner_files
 from cubicfish_cli.library.importing import import_files as import_files
 from cubicfish_cli.library.map_files import map_files as map_files
-from cubicfish_cli.library.map_files import map_rig_files as map_rig_files
 from cubicfish_cli.library.report_files import advise_files as advise_files
 from cubicfish_cli.library.report_files import report_files as report_files
 from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig_files
 from cubicfish_cli.library.rig_files import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.library.rig_pictures import rectify as rectify
 from cubicfish_cli.library.rig_pictures import stitch as stitch
-from cubicfish_cli.library.rig_shots import undistort_rig_files as undistort_rig_files
 from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
 from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
 from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig

@@ -168,7 +168,7 @@ def rig(folder: Path) -> None:
         cv2.imwrite(str(folder / name / "shot_001.png"), photo)
         photos.append(cv2.resize(photo, (302, 302 * photo.shape[0] // photo.shape[1])))
     shot = [f"{name}/shot_001.png" for name in names]
-    cubicfish("undistort", *shot, "all.png", "--rig", "rig", "--distance", 800, folder=folder)
+    cubicfish("undistort", *shot, "all.png", "-m", "rig", "--distance", 800, folder=folder)
     height = min(len(photo) for photo in photos)
     row = beside(*(cv2.cvtColor(photo[:height], cv2.COLOR_GRAY2BGR) for photo in photos))
     all_round = scaled(cv2.imread(str(folder / "all.png")), row.shape[1])

@@ -5,15 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import call
+from cubicfish_cli.cli.options import as_command, bundle, option, record
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
-from cubicfish_cli.cli.view_options import (
-    mask_option,
-    say_what_is_unseen,
-    view_options,
-)
-from cubicfish_cli.undistortion.options import ViewOptions
+from cubicfish_cli.cli.view_options import say_what_is_unseen, view_options
+from cubicfish_cli.library.asked import Run
+from cubicfish_cli.library.asked_pictures import MapOptions
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 
@@ -24,12 +20,25 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
 .pgm  the pair that ffmpeg's remap filter takes; the command is printed
 
-With --pair two maps of a rig, OUT_left.npz and OUT_right.npz, after which what one camera shows in
-a row the other shows in the same row. Flat pictures end before 180°; --view cylindrical and
-equirectangular are then about the line between the cameras and go on all around it. OUT.stereo.yaml
-has what it takes to get from disparities to points: baseline, focal length, and of flat ones P1,
-P2 and Q.
+Where --model names a rig, two maps of the cameras that --pair names, OUT_left.npz and
+OUT_right.npz, after which what one camera shows in a row the other shows in the same row. Flat
+pictures end before 180°; --view cylindrical and equirectangular are then about the line between
+the cameras and go on all around it. OUT.stereo.yaml has what it takes to get from disparities to
+points: baseline, focal length, and of flat ones P1, P2 and Q.
 """
+
+
+map_options = bundle(
+    MapOptions,
+    view_options,
+    option(
+        "--photo-size",
+        "Size of the photos, when it is an exact rescale of the calibrated ones.",
+        options.SIZE,
+    ),
+    option("--redistort", "The way back: from the view to the photo of the camera."),
+    options.pair_option,
+)
 
 
 @record
@@ -42,18 +51,7 @@ class Asked:
         missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
     )
     model: Path | None = options.model_option
-    rig: Path | None = options.rig_option
-    pair: tuple[str, str] | None = options.pair_option
-    view: ViewOptions = view_options
-    photo_size: tuple[int, int] | None = option(
-        "--photo-size",
-        "Size of the photos, when it is an exact rescale of the calibrated ones.",
-        options.SIZE,
-    )
-    redistort: bool = option(
-        "--redistort", "The way back: from the view to the photo of the camera."
-    )
-    mask: Path | None = mask_option
+    asked: MapOptions = map_options
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
 
@@ -65,21 +63,15 @@ class Asked:
     "cubicfish map undistort.exr --fit outer",
     "cubicfish map redistort.exr --fit outer --redistort",
     "cubicfish map flat.pgm --size 1920x1080",
-    "cubicfish map stereo.npz --pair left,right --rig rig --view equirectangular",
+    "cubicfish map stereo.npz --pair left,right --model rig --view equirectangular",
     help=_HELP,
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.library.map_files import map_files, map_rig_files
+    from cubicfish_cli.library.map_files import map_files
 
-    if given.rig is not None or given.pair is not None:
-        one = {
-            "--redistort": given.redistort,
-        }
-        options.refuse_given("is for the map of one camera: leave it out", one)
-        made = call(map_rig_files, given, rig=given.rig or options.DEFAULT_RIG)
-    else:
-        made = call(map_files, given, camera=options.model_path(given.model))
+    camera = options.calibration_path(given.model)
+    made = map_files(camera, given.output, given.asked, run=Run(overwrite=given.overwrite))
     if given.as_json:
         print_json(made.as_record())
         return

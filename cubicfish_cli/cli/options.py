@@ -122,7 +122,6 @@ DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"
 DEFAULT_MODEL = Path("calibration") / "camera.yaml"
 DEFAULT_TARGET = Path("target.yaml")
-DEFAULT_RIG = Path("rig") / "rig.yaml"
 
 FILE = click.Path(path_type=Path)
 _ENDS_OF_FILES = {
@@ -586,13 +585,6 @@ pair_option = option(
     "--pair NAME,NAME",
     "Two cameras of the rig, such as left,right. [default: those that it has]",
     Parsed("NAME,NAME", _pair),
-)
-
-rig_option = option(
-    "--rig FILE",
-    "Several cameras on one body: the rig.yaml, or the folder that rig wrote. "
-    "[default, where a rig is needed: rig/rig.yaml]",
-    FILE,
 )
 
 

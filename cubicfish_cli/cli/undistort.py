@@ -11,19 +11,12 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import SchedulerOptions, call, scheduler_options
+from cubicfish_cli.cli.options import as_command, record
+from cubicfish_cli.cli.progress import SchedulerOptions, running, scheduler_options
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say, tell
-from cubicfish_cli.cli.view_options import (
-    RenderingOptions,
-    SceneOptions,
-    crf_option,
-    mask_option,
-    rendering_options,
-    say_what_is_unseen,
-    scene_options,
-)
+from cubicfish_cli.cli.view_options import say_what_is_unseen, undistort_options
 from cubicfish_cli.errors import CubicfishError, OutputError, PhotoError
+from cubicfish_cli.library.asked_pictures import UndistortOptions
 from cubicfish_cli.words.phrases import listed
 
 if TYPE_CHECKING:
@@ -49,17 +42,7 @@ class Asked:
         metavar="OUT",
     )
     model: Path | None = options.model_option
-    scene: SceneOptions = scene_options
-    pixels: RenderingOptions = rendering_options
-    crf: int | None = crf_option
-    mask: Path | None = mask_option
-    virtual_camera: Path | None = option(
-        "--camera FILE",
-        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
-        "flat.view.opencv.yaml.",
-        options.FILE,
-    )
-    skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists.")
+    asked: UndistortOptions = undistort_options
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
@@ -74,11 +57,11 @@ class Asked:
     "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",
     "cubicfish undistort photos/ all/ --view equidistant --fit outer --skip-existing",
     "find . -name '*.jpg' | cubicfish undistort - flat/ -j 4",
-    "cubicfish undistort photo.jpg floor.png --plane floor --target target.yaml",
+    "cubicfish undistort photo.jpg floor.png --view plane:floor --target target.yaml",
     "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
-    "cubicfish undistort left/1.png right/1.png all.png --rig rig",
-    "cubicfish undistort shots/ around/ --rig rig --view cylindrical",
+    "cubicfish undistort left/1.png right/1.png all.png --model rig",
+    "cubicfish undistort shots/ around/ --model rig --view cylindrical",
 )
 def command(given: Asked) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
@@ -88,27 +71,16 @@ def command(given: Asked) -> None:
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
 
-    With --rig the photos are those of a rig's cameras, and each shot becomes one picture, a
-    panorama in any --view (equirectangular unless another is named).
+    Where --model names a rig, the photos are those of its cameras, and each shot becomes one
+    picture, a panorama in any --view (equirectangular unless another is named).
     """
     from cubicfish_cli.library.undistorting import undistort_files
 
-    photos, scene = _photos(given.sources), given.scene
     given.scheduler.check(given.jobs)
-    if scene.rig is not None:
-        from cubicfish_cli.library.rig_shots import undistort_rig_files
-
-        options.refuse_given(
-            "is for the photos of one camera: leave it out",
-            {
-                "--skip-existing": given.skip_existing,
-                "--scheduler": given.scheduler.address,
-            },
-        )
-        made = call(undistort_rig_files, given, photos=photos, view=scene.shown)
-    else:
-        camera = options.model_path(given.model)
-        made = call(undistort_files, given, photos=photos, camera=camera, view=scene.shown)
+    photos = _named_sources(given.sources)
+    camera = options.calibration_path(given.model)
+    with running(jobs=given.jobs, overwrite=given.overwrite, scheduler=given.scheduler) as run:
+        made = undistort_files(photos, given.output, camera, given.asked, run=run)
     if given.as_json:
         print_json(made.as_record())
     if not given.as_json:
@@ -116,7 +88,7 @@ def command(given: Asked) -> None:
     _end_with(made, as_json=given.as_json)
 
 
-def _photos(sources: Sequence[str]) -> str | list[str]:
+def _named_sources(sources: Sequence[str]) -> str | list[str]:
     """The sources, with the names that stdin lists in the place of '-'; one that is named alone."""
     if len(sources) == 1 and sources[0] != "-":
         return sources[0]

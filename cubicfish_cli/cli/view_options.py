@@ -1,8 +1,9 @@
-"""Options that say what a picture shows (a view, a plane, what a rig sees), and how it is made."""
+"""Options that say what a picture shows (a view, a board's plane), and how it is made."""
 
 from __future__ import annotations
 
 import math
+import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,28 +18,28 @@ from cubicfish_cli.cli.options import (
     Parsed,
     bundle,
     option,
-    record,
-    refuse_given,
-    rig_option,
     target_path,
 )
 from cubicfish_cli.cli.terminal import say
-from cubicfish_cli.library.asked_pictures import PlaneOptions
-from cubicfish_cli.undistortion.options import KINDS, ViewOptions
-from cubicfish_cli.wording import either
+from cubicfish_cli.errors import UsageError
+from cubicfish_cli.library.asked_pictures import PlaneOptions, UndistortOptions
+from cubicfish_cli.undistortion.options import INTERPOLATIONS, KINDS, ViewOptions
+from cubicfish_cli.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.undistortion.choose import SeenField
 
+_PLANE = "plane:"
 
-def _three(what: str, text: str) -> tuple[float, ...]:
-    """Up to three numbers with commas between them; what is left out is 0."""
+
+def _turn(text: str) -> tuple[float, ...]:
+    """Up to three angles with commas between them; what is left out is 0."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
     if not 1 <= len(numbers) <= 3 or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{text!r} is not {what}")
+        raise ValueError(f"{text!r} is not yaw,pitch,roll in degrees, such as -60,0,0")
     return (*numbers, 0.0, 0.0)[:3]
 
 
@@ -50,28 +51,81 @@ def _share(text: str) -> float | str:
         return text
 
 
-view_options = bundle(
-    ViewOptions,
-    option(
-        "--view KIND",
-        f"What the result is: {either(KINDS)}. [default: perspective, in which straight "
-        "lines are straight]",
-        click.Choice(KINDS),
-    ),
+def _field(text: str) -> tuple[float, ...]:
+    """``90`` -> (90,), ``360x70`` -> (360, 70)."""
+    parts = re.split("[xX×]", text)
+    try:
+        field = tuple(map(float, parts))
+    except ValueError:
+        field = ()
+    if not 1 <= len(field) <= 2 or not all(0 < angle <= 360 for angle in field):
+        raise ValueError(
+            f"{quoted(text)} is not a number of degrees above 0 and up to 360, such as 90, or two "
+            "of them, such as 360x70"
+        )
+    return field
+
+
+def _kind(planes: bool, text: str) -> str:
+    if planes and text.startswith(_PLANE) and len(text) > len(_PLANE):
+        return text
+    if text not in KINDS:
+        kinds = (*KINDS, f"{_PLANE}BOARD") if planes else KINDS
+        raise ValueError(f"{quoted(text)} is no view: {did_you_mean(text, kinds)}")
+    return text
+
+
+def _view_of(
+    kind: str | None,
+    size: tuple[int, int] | None,
+    field: tuple[float, ...] | None,
+    scale: float | None,
+    fit: float | str | None,
+    rotate: tuple[float, float, float] | None,
+) -> ViewOptions:
+    across, down = (*(field or ()), None, None)[:2]
+    asked: dict[str, Any] = {"fit": fit, "rotate_deg": rotate or (0.0, 0.0, 0.0)}
+    return ViewOptions(kind=kind, size=size, hfov_deg=across, vfov_deg=down, focal=scale, **asked)
+
+
+def _view_or_plane(
+    kind: str | None,
+    size: tuple[int, int] | None,
+    field: tuple[float, ...] | None,
+    scale: float | None,
+    fit: float | str | None,
+    rotate: tuple[float, float, float] | None,
+    target: Path | None,
+) -> ViewOptions | PlaneOptions:
+    if kind is None or not kind.startswith(_PLANE):
+        if target is not None:
+            raise UsageError("--target goes with --view plane:BOARD: leave it out")
+        return _view_of(kind, size, field, scale, fit, rotate)
+    others = {"--size": size, "--hfov": field, "--fit": fit, "--rotate": rotate}
+    for name, value in others.items():
+        if value is not None:
+            raise UsageError(f"{name} does not go with --view {kind}: choose --scale instead")
+    path = target_path(target)
+    if path is None:
+        raise UsageError(f"--view {kind} needs the target: name it with --target target.yaml")
+    board = kind.removeprefix(_PLANE)
+    return PlaneOptions(board=board, target=path, pixels_per_unit=scale)
+
+
+_VIEW = (
     option("--size", "Size of the result. [default: the photo's]", SIZE),
     option(
-        "--hfov --fov DEG",
-        "Field of view across the width. [default: perspective keeps the photo's scale "
-        "in its middle, up to 120 along the longer side; others take --fit outer]",
-        FloatRange(0, 360, min_open=True, unit="degrees"),
+        "--hfov --fov DEG[xDEG]",
+        "Field of view across the width, in degrees; a second one is down the height, which it "
+        "sets. [default: perspective keeps the photo's scale in its middle, up to 120 along the "
+        "longer side; others take --fit outer]",
+        Parsed("DEG[xDEG]", _field),
     ),
     option(
-        "--vfov DEG",
-        "Field of view down the height; with --hfov it sets the height.",
-        FloatRange(0, 360, min_open=True, unit="degrees"),
-    ),
-    option(
-        "--focal PX", "Focal length: pixels per radian in the middle.", FloatRange(0.01, 1_000_000)
+        "--scale PX",
+        "Pixels per radian in the middle, a flat picture's focal length; of a plane pixels per "
+        "mm, or whatever the target's units are.",
+        FloatRange(1e-9, 1_000_000_000),
     ),
     option(
         "--fit inner|outer|SHARE",
@@ -82,106 +136,66 @@ view_options = bundle(
     option(
         "--rotate YAW,PITCH,ROLL",
         "Look right, then up, then turn the view clockwise: degrees.",
-        Parsed("YAW,PITCH,ROLL", partial(_three, "yaw,pitch,roll in degrees, such as -60,0,0")),
-        ViewOptions.rotate_deg,
-        show_default=False,
+        Parsed("YAW,PITCH,ROLL", _turn),
     ),
 )
 
 
-@record
-class SceneOptions:
-    """What the user asked to be shown, and of a rig; None where nothing was asked."""
+def _kind_option(*, planes: bool) -> Any:
+    return option(
+        "--view KIND",
+        f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric picture of "
+        "a board's plane. [default: perspective, in which straight lines are straight]",
+        Parsed("KIND", partial(_kind, planes)),
+    )
 
-    rig: Path | None = rig_option
-    distance: float | None = option(
+
+view_options = bundle(_view_of, _kind_option(planes=False), *_VIEW)
+
+undistort_options = bundle(
+    UndistortOptions,
+    bundle(
+        _view_or_plane,
+        _kind_option(planes=True),
+        *_VIEW,
+        option(
+            "-t --target FILE",
+            "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
+            "one is needed, ./target.yaml stands for it; for planes.",
+            FILE,
+        ),
+    ),
+    option(
         "--distance UNITS",
         "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
         FloatRange(0, min_open=True),
-    )
-    view: ViewOptions = view_options
-    plane: str | None = option(
-        "--plane BOARD", "The metric picture of a board's plane instead of a view; needs --target."
-    )
-    target: Path | None = option(
-        "-t --target FILE",
-        "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
-        "one is needed, ./target.yaml stands for it; for --plane.",
+    ),
+    option(
+        "--interpolation",
+        "How pixels are read between pixels.",
+        click.Choice(INTERPOLATIONS),
+        "linear",
+    ),
+    option(
+        "--quality 1-100",
+        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        IntRange(1, 100),
+    ),
+    option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
+    option(
+        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
+    ),
+    option(
+        "--camera FILE",
+        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+        "flat.view.opencv.yaml.",
         FILE,
-    )
-    pixels_per_unit: float | None = option(
-        "--pixels-per-unit N",
-        "Scale of a plane: pixels per mm, or whatever the target's units are. [default: "
-        "the largest that the photo has there]",
-        FloatRange(1e-9, 1_000_000_000),
-    )
-    margin: float | None = option(
-        "--margin UNITS",
-        "Of a plane: how far it goes on beyond the outer corners. [default: a square]",
-        FloatRange(0, 1_000_000),
-    )
-
-    def __post_init__(self) -> None:
-        if self.rig is None and self.distance is not None:
-            raise click.UsageError("--distance goes with --rig: name the rig.yaml")
-        if self.plane is None:
-            scale = {"--pixels-per-unit": self.pixels_per_unit, "--margin": self.margin}
-            given = {name: value is not None for name, value in scale.items()}
-            refuse_given("goes with --plane", given)
-            return
-        if self.rig is not None:
-            raise click.UsageError("--plane is for the photos of one camera: leave it out")
-        if self.view not in (ViewOptions(), ViewOptions(kind=KINDS[0])):
-            raise click.UsageError(
-                "--plane sets size and direction: leave out the view's options, or choose "
-                "--pixels-per-unit and --margin"
-            )
-        if target_path(self.target) is None:
-            raise click.UsageError("--plane needs the target: name it with --target target.yaml")
-
-    @property
-    def shown(self) -> Any:
-        """What is to be shown, as the library takes it."""
-        scale = {"pixels_per_unit": self.pixels_per_unit, "margin": self.margin}
-        target = target_path(self.target)
-        if self.plane is not None and target is not None:
-            return PlaneOptions(board=self.plane, target=target, **scale)
-        return self.view
-
-
-scene_options = bundle(SceneOptions)
+    ),
+    option("--skip-existing", "Leave out photos whose result exists."),
+)
 
 
 def say_what_is_unseen(seen: SeenField | None) -> None:
     """Tell the user where the camera's field ends before the view's does."""
     if seen is not None and not seen.is_whole:
         say(f"the camera sees {seen.describe()}: the rest is empty")
-
-
-@record
-class RenderingOptions:
-    """What the user asked of the pixels."""
-
-    interpolation: str = option(
-        "--interpolation",
-        "How pixels are read between pixels.",
-        click.Choice(["nearest", "linear", "cubic", "lanczos"]),
-        "linear",
-    )
-    quality: int | None = option(
-        "--quality 1-100",
-        "Of JPEG and lossy WebP files. [default: the photo's own]",
-        IntRange(1, 100),
-    )
-
-
-rendering_options = bundle(RenderingOptions)
-
-
-mask_option = option(
-    "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
-)
-
-crf_option = option(
-    "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
-)

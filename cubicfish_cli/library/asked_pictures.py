@@ -1,36 +1,43 @@
-"""What pictures are asked to show beside a view: a plane.
+"""What pictures and maps are asked to be: one record for each of the two functions that make them.
 
 Nothing is loaded for it, so that a command line can make it before it is known to be right.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from cubicfish_cli.errors import UsageError
 from cubicfish_cli.library.asked import StrPath, target_in
+from cubicfish_cli.undistortion.options import INTERPOLATIONS, ViewOptions
+from cubicfish_cli.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.target import Target
+    from cubicfish_cli.undistortion.view import View
+
+Kind = Literal["photo", "video", "shot"]
+Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
+
+_WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneOptions:
-    """The plane of a board in each photo, squarely from its front.
+    """The plane of a board in each photo, squarely from its front, a square around its corners.
 
     Attributes:
         board: the name of one of the target's boards.
         target: the target, or its file.
         pixels_per_unit: the picture's scale; by default the largest that the photo has there.
-        margin: how far the picture goes on beyond the outer corners, in the target's unit; by
-            default a square.
 
     """
 
     board: str
     target: Target | StrPath
     pixels_per_unit: float | None = None
-    margin: float | None = None
 
     def loaded(self) -> Target:
         """The target.
@@ -40,3 +47,115 @@ class PlaneOptions:
 
         """
         return target_in(self.target)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UndistortOptions:
+    """What becomes of photos, of videos, or of the shots of a rig.
+
+    Attributes:
+        view: what to render, or what is asked of it; by default flat, as large as each photo and
+            with its scale in the middle, up to 120° across; of a rig all around, as longitude and
+            latitude.
+        distance: of a rig: how far away things are that the cameras' pictures join at, in the
+            rig's unit; None for far away.
+        interpolation: how pixels are blended.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
+        crf: of videos: lower is better and larger; by default 18.
+        mask: also writes where the results may be trusted: 255, and 0 elsewhere.
+        virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
+            flat.view.opencv.yaml.
+        skip_existing: leaves out what has its result already.
+
+    Raises:
+        UsageError: one is not usable.
+
+    """
+
+    view: View | ViewOptions | PlaneOptions | None = None
+    distance: float | None = None
+    interpolation: Interpolation = "linear"
+    quality: int | None = None
+    crf: int | None = None
+    mask: StrPath | None = None
+    virtual_camera: StrPath | None = None
+    skip_existing: bool = False
+
+    def __post_init__(self) -> None:
+        if self.interpolation not in INTERPOLATIONS:
+            raise UsageError(
+                f"interpolation {quoted(self.interpolation)} is not known: "
+                f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
+            )
+        for name, value, low, high in (
+            ("--quality", self.quality, 1, 100),
+            ("--crf", self.crf, 0, 63),
+        ):
+            if value is not None and value not in range(low, high + 1):
+                raise UsageError(
+                    f"{name} must be a whole number from {low} to {high}, not {quoted(value)}"
+                )
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
+        return self.view.parts if isinstance(self.view, ViewOptions) else ("",)
+
+    def refuse_unused(self, kind: Kind, suffixes: Collection[str]) -> None:
+        """Refuse what says nothing about such sources and results.
+
+        Args:
+            kind: what the sources are.
+            suffixes: how the names of the results end.
+
+        Raises:
+            UsageError: something is asked that would not be done.
+
+        """
+        if self.distance is not None and kind != "shot":
+            raise UsageError("--distance goes with a rig: name its rig.yaml with --model")
+        if isinstance(self.view, PlaneOptions) and kind != "photo":
+            raise UsageError(
+                "--view plane is for the photos of one camera, each of which has its own pose: "
+                f"choose another for {kind}s"
+            )
+        if len(self.parts) > 1 and kind != "photo":
+            raise UsageError(f"--view cube is for photos of one camera: choose another for {kind}s")
+        if self.crf is not None and kind != "video":
+            raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
+        if self.quality is not None and not _WITH_QUALITY & {end.lower() for end in suffixes}:
+            instead = "use --crf" if kind == "video" else "leave it out"
+            raise UsageError(
+                f"--quality goes with JPEG and WebP files, not with "
+                f"{' and '.join(sorted(suffixes))}: {instead}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapOptions:
+    """What a map of a camera shows, or the two maps of a rig.
+
+    Attributes:
+        view: what it shows, or what is asked of it; by default flat, as for photos.
+        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
+        redistort: makes the way back, from the view to the photo.
+        pair: names of two cameras of a rig; None for a rig of two.
+
+    """
+
+    view: View | ViewOptions | None = None
+    photo_size: tuple[int, int] | None = None
+    redistort: bool = False
+    pair: tuple[str, str] | None = None
+
+    def refuse_unused(self, *, of_rig: bool) -> None:
+        """Refuse what says nothing about the maps of a rig, or of one camera.
+
+        Raises:
+            UsageError: something is asked that would not be done.
+
+        """
+        if of_rig and self.redistort:
+            raise UsageError("--redistort is for the map of one camera: leave it out")
+        if not of_rig and self.pair is not None:
+            raise UsageError("--pair goes with a rig: name its rig.yaml with --model")

@@ -13,7 +13,8 @@ from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.rig_yaml import RigFile, load_rig
-from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_file_in
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
+from cubicfish_cli.library.asked_pictures import MapOptions
 from cubicfish_cli.library.rig_pictures import rectify
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, chosen_view
@@ -55,7 +56,7 @@ def _files_of(plan: Mapping[str, Sequence[Path]]) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class MapFiles:
-    """What became of :func:`map_files` and :func:`map_rig_files`.
+    """What became of :func:`map_files`.
 
     Attributes:
         model: the file of the camera or the rig.
@@ -92,99 +93,76 @@ class MapFiles:
 
 
 def map_files(
-    camera: StrPath,
-    output: StrPath,
-    view: View | ViewOptions | None = None,
-    *,
-    photo_size: Size | None = None,
-    redistort: bool = False,
-    mask: StrPath | None = None,
-    run: Run = RUN,
+    camera: StrPath, output: StrPath, options: MapOptions | None = None, *, run: Run = RUN
 ) -> MapFiles:
     """Write the map of a camera, and the camera of what it shows, as ``cubicfish map`` does.
 
+    Of a rig it writes a map for each of two cameras, after which both show things in equal rows.
+
     Args:
-        camera: its file, or the folder of that.
-        output: where the map goes: a name in .npz, .exr, .png or .pgm; the files beside it have
-            names that begin alike.
-        view: what the map shows, or what is asked of it, as for :func:`undistort_files`.
-        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        redistort: makes the way back, from the view to the photo.
-        mask: also writes where the map may be trusted.
+        camera: its file, or the folder of that; or the file of a rig.
+        output: where the map goes: a name in .npz, .exr, .png or .pgm; the files beside it, and
+            the maps of two cameras, have names that begin alike.
+        options: what it shows.
         run: how the work is done.
 
+    Returns:
+        The files, and of a rig in ``stereo`` what it takes to get from disparities to points.
+
     Raises:
-        UsageError: what is asked does not go together.
-        CubicfishError: the camera cannot be used, there is no such view, or a file exists and may
-            not be replaced.
+        UsageError: what is asked does not go together, or rows of such views do not agree between
+            cameras.
+        CubicfishError: the camera or the rig cannot be used, there is no such view, the two
+            cameras see nothing in common, or a file exists and may not be replaced.
 
     """
-    goal = Path(output)
-    parts = view.parts if isinstance(view, ViewOptions) else ("",)
-    plan = map_paths(goal, parts)
+    asked, goal = options or MapOptions(), Path(output)
+    map_paths(goal)  # its name is refused first
+    rig = rig_in(Path(camera))
+    asked.refuse_unused(of_rig=rig is not None)
+    return (
+        _map_of_camera(camera, goal, asked, run)
+        if rig is None
+        else _map_pair(rig, goal, asked, run)
+    )
+
+
+def _map_of_camera(camera: StrPath, goal: Path, asked: MapOptions, run: Run) -> MapFiles:
+    view = asked.view
+    plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
     refuse_existing(*_files_of(plan), overwrite=run.overwrite)
     path = in_folder(Path(camera))
     loaded = load_camera(path).camera
-    size = photo_size or loaded.image_size
+    size = asked.photo_size or loaded.image_size
     there = camera_for_photos(loaded, size)
     chosen = chosen_view(there, view)
-    build = build_redistort_map if redistort else build_map
+    build = build_redistort_map if asked.redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}
-    views = view_files(maps, mask=path_or_none(mask), beside=goal)
-    written = write_files({**_contents_of(plan, maps), **views}, overwrite=run.overwrite)
+    files = {**_contents_of(plan, maps), **view_files(maps, mask=None, beside=goal)}
     is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(
         model=path,
         own=_files_of(plan),
-        written=written,
+        written=write_files(files, overwrite=run.overwrite),
         image_size=size,
         view=chosen,
-        seen=None if redistort else chosen.seen_by(there),
+        seen=None if asked.redistort else chosen.seen_by(there),
         ffmpeg=[ffmpeg_command(*paths) for paths in plan.values()] if is_pair else [],
     )
 
 
-def map_rig_files(
-    rig: StrPath,
-    output: StrPath,
-    view: ViewOptions | None = None,
-    *,
-    pair: tuple[str, str] | None = None,
-    photo_size: Size | None = None,
-    mask: StrPath | None = None,
-    run: Run = RUN,
-) -> MapFiles:
-    """Write a map for each of two cameras of a rig, after which both show things in equal rows.
-
-    Args:
-        rig: its file, or the folder of that.
-        output: what maps are called, as for :func:`map_files`, before the cameras' names.
-        view: what is asked of both pictures; by default flat.
-        pair: names of its cameras; None for a rig of two.
-        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        mask: also writes where each map may be trusted.
-        run: how the work is done.
-
-    Returns:
-        The files, and in ``stereo`` what it takes to get from disparities to points.
-
-    Raises:
-        UsageError: rows of such views do not agree between cameras.
-        CubicfishError: the rig cannot be used, or has no such cameras; the two see nothing in
-            common; a file exists and may not be replaced.
-
-    """
-    goal = Path(output)
-    map_paths(goal)  # its name is refused first
-    asked, path = _row_aligned(view or ViewOptions()), rig_file_in(Path(rig))
+def _map_pair(path: Path, goal: Path, options: MapOptions, run: Run) -> MapFiles:
+    asked = _row_aligned(options.view)
     loaded = load_rig(path)
-    both = _two_cameras(loaded, pair)
+    both = _two_cameras(loaded, options.pair)
     about = goal.with_suffix(".stereo.yaml")
     plan = map_paths(goal, both)
     refuse_existing(*_files_of(plan), about, overwrite=run.overwrite)
     between = rectify(loaded, *both)
-    if photo_size is not None:
-        one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)
+    if options.photo_size is not None:
+        one, other = (
+            camera_for_photos(loaded.camera(name).camera, options.photo_size) for name in both
+        )
         between = replace(between, cameras=(one, other))
     if not sees(between, np.array([0.0, 0.0, 1.0])):
         raise ViewError(
@@ -194,7 +172,11 @@ def map_rig_files(
     common = chosen.first
     if not isinstance(common, CentralView):
         raise ViewError("rows of both pictures agree in one central view only")
-    if asked.leaves_field_open and asked.kind == "epipolar-equirectangular":
+    if (
+        isinstance(asked, ViewOptions)
+        and asked.leaves_field_open
+        and asked.kind == "epipolar-equirectangular"
+    ):
         common = between.field_view(common)
         chosen = ChosenView(views={"": common})
     turned = zip(both, between.cameras, between.views(common), strict=True)
@@ -205,21 +187,25 @@ def map_rig_files(
         "photo_sizes": [list(camera.image_size) for camera in between.cameras],
         **between.as_record(common),
     }
-    views = view_files(maps, mask=path_or_none(mask), beside=goal)
+    views = view_files(maps, mask=None, beside=goal)
     files = {**_contents_of(plan, maps), about: plain_yaml_text(record), **views}
-    written = write_files(files, overwrite=run.overwrite)
+    is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(
         model=path,
         own=_files_of(plan),
-        written=written,
+        written=write_files(files, overwrite=run.overwrite),
         image_size=between.image_size,
         view=chosen,
+        ffmpeg=[ffmpeg_command(*paths) for paths in plan.values()] if is_pair else [],
         stereo=record,
     )
 
 
-def _row_aligned(view: ViewOptions) -> ViewOptions:
+def _row_aligned(view: View | ViewOptions | None) -> View | ViewOptions:
     """What was asked of a picture, as of one whose rows agree with another camera's."""
+    if isinstance(view, View):
+        return view
+    view = view or ViewOptions()
     yaw, _, roll = view.rotate_deg
     if yaw or roll:
         raise UsageError(

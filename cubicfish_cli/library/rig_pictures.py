@@ -50,7 +50,7 @@ def stitch(
     *,
     distance: float | None = None,
 ) -> Picture:
-    """One picture of a shot, as ``undistort --rig`` renders it.
+    """One picture of a shot, as ``undistort`` renders it.
 
     Args:
         rig: the rig.

@@ -8,9 +8,8 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +27,14 @@ from cubicfish_cli.library.asked import (
     named_photos,
     path_or_none,
     paths_of,
+    rig_in,
 )
-from cubicfish_cli.library.asked_pictures import PlaneOptions
+from cubicfish_cli.library.asked_pictures import (
+    Interpolation,
+    Kind,
+    PlaneOptions,
+    UndistortOptions,
+)
 from cubicfish_cli.library.views import (
     PlanesOfPhotos,
     Size,
@@ -39,16 +44,15 @@ from cubicfish_cli.library.views import (
 from cubicfish_cli.listener import Listener
 from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
-from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
+from cubicfish_cli.undistortion.batch import Job, write_many
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, build_view
-from cubicfish_cli.undistortion.images import Rendering, check_suffix, remap_picture
+from cubicfish_cli.undistortion.images import check_suffix, remap_picture
 from cubicfish_cli.undistortion.map_formats import part_name, view_files
 from cubicfish_cli.undistortion.maps import (
     UndistortMap,
     build_map,
     camera_for_photos,
 )
-from cubicfish_cli.undistortion.options import ViewOptions
 from cubicfish_cli.undistortion.video import DEFAULT_CRF, undistort_video, video_size
 from cubicfish_cli.undistortion.view import View
 from cubicfish_cli.words.codes import Code, Event, Severity
@@ -56,7 +60,6 @@ from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import plural
 
 Image = npt.NDArray[Any]
-Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
 
 
 def undistort(
@@ -87,7 +90,6 @@ def undistort(
 
     """
     _refuse_no_picture(picture)
-    rendering = Rendering(interpolation=interpolation)
     if isinstance(by, UndistortMap):
         if view is not None:
             raise ViewError("a map has its view already: leave the view out, or pass the camera")
@@ -95,7 +97,7 @@ def undistort(
     else:
         camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
         undistort_map = build_map(camera, build_view(camera) if view is None else view)
-    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, rendering)
+    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, interpolation)
     return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
 
 
@@ -127,7 +129,7 @@ class UndistortedFiles:
 
     """
 
-    kind: str
+    kind: Kind
     output: Path
     written: Mapping[str, Sequence[Path]]
     failures: Mapping[str, CubicfishError]
@@ -177,35 +179,24 @@ def undistort_files(
     photos: StrPath | Sequence[StrPath],
     output: StrPath,
     camera: StrPath | Calibrated | CubicCamera,
-    view: View | ViewOptions | PlaneOptions | None = None,
+    options: UndistortOptions | None = None,
     *,
-    interpolation: Interpolation = "linear",
-    quality: int | None = None,
-    crf: int | None = None,
-    mask: StrPath | None = None,
-    virtual_camera: StrPath | None = None,
-    skip_existing: bool = False,
     run: Run = RUN,
 ) -> UndistortedFiles:
-    """Undistort photos or videos in files, as ``cubicfish undistort`` does.
+    """Undistort photos, videos or the shots of a rig in files, as ``cubicfish undistort`` does.
 
     Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's
     EXIF record. One that fails does not stop the others.
 
     Args:
         photos: files, folders and globs of photos, or files and globs of videos; of the size that
-            the camera was calibrated for, or an exact rescale of it.
-        output: a folder; of one photo or video that is named alone, also a name for its result.
-        camera: its file or the folder of that, or the camera or a fit.
-        view: what to render, or what is asked of it; by default flat, as large as each photo and
-            with its scale in the middle, up to 120° across.
-        interpolation: how pixels are blended.
-        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
-        crf: of videos: lower is better and larger; by default 18.
-        mask: also writes where the results may be trusted: 255, and 0 elsewhere.
-        virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
-            flat.view.opencv.yaml.
-        skip_existing: leaves out photos whose result is there.
+            the camera was calibrated for, or an exact rescale of it. Photos of a rig are of the
+            camera that their folder is called after, or that their own name begins with; where
+            nothing is called after a camera, they are in the cameras' order.
+        output: a folder; of one photo, video or shot that is named alone, also a name for its
+            result.
+        camera: its file or the folder of that, or the camera or a fit; or the file of a rig.
+        options: what becomes of them.
         run: how the work is done.
 
     Returns:
@@ -216,40 +207,176 @@ def undistort_files(
         PhotoError: there are none.
         OutputError: a result exists, and it may be neither replaced nor left, or it would replace
             its own photo.
-        ViewError: an option is not known, or photos have a mask or a camera each.
-        CubicfishError: the camera, the target or the executor cannot be used.
+        ViewError: photos have a mask or a camera each.
+        CubicfishError: the camera, the rig, the target or the executor cannot be used.
 
     """
-    rendering = Rendering(interpolation=interpolation, quality=quality)
-    if skip_existing and run.overwrite:
+    asked, goal = options or UndistortOptions(), Path(output)
+    if asked.skip_existing and run.overwrite:
         raise UsageError("--skip-existing and --overwrite exclude each other")
-    plan = _planned(photos, Path(output), view, run.listener)
-    if plan.videos and run.executor is not None:
-        raise UsageError("--scheduler is for photos: do videos without it")
-    path, loaded = _loaded(camera, in_planes=isinstance(view, PlaneOptions))
-    views: Views
-    if isinstance(view, PlaneOptions):
-        views = PlanesOfPhotos(loaded, view)
-    else:
-        views = ViewsBySize(loaded.camera, view)
-    plan = plan.free(skip_existing=skip_existing, overwrite=run.overwrite)
+    path, views, plan = _planned(photos, goal, camera, asked, run)
+    plan = plan.free(skip_existing=asked.skip_existing, overwrite=run.overwrite)
     if isinstance(views, PlanesOfPhotos):
         views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
-    files = _extras(plan, views, path_or_none(mask), path_or_none(virtual_camera))
-    if skip_existing:
+    files = _files_beside(plan, views, asked)
+    if asked.skip_existing:
         files = {path: content for path, content in files.items() if not path.is_file()}
-    refuse_existing(*files, overwrite=run.overwrite, can_skip=not skip_existing)
+    refuse_existing(*files, overwrite=run.overwrite, can_skip=not asked.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    if plan.videos:
-        crf = DEFAULT_CRF if crf is None else crf
-        made = plan.became(_videos(plan, views, rendering, crf, run))
-    else:
-        made = plan.became(_photos(plan, views, rendering, run))
-    done = next((job for job in plan.jobs if job.name in made.written), None)
+    write = _write_videos if plan.kind == "video" else _write_pictures
+    failures = write(plan, views, asked, run)
+    written = {
+        job.name: tuple(job.outputs.values()) for job in plan.jobs if job.name not in failures
+    }
+    view = seen = None
+    done = next((job for job in plan.jobs if job.name in written), None)
     if done is not None:
-        there, shown_view = views.chosen(done.source, plan.size_of(done))
-        made = replace(made, view=shown_view, seen=shown_view.seen_by(there))
-    return replace(made, model=path, extras=extras)
+        there, view = views.chosen(done.source, plan.size_of(done))
+        seen = None if there is None else view.seen_by(there)
+    return UndistortedFiles(
+        kind=plan.kind,
+        output=goal,
+        written=written,
+        failures=failures,
+        skipped=tuple(job.name for job in plan.skipped),
+        model=path,
+        view=view,
+        seen=seen,
+        extras=extras,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Plan:
+    """Which photos, videos or shots become which files.
+
+    Attributes:
+        kind: what the jobs are.
+        jobs: those that are to be done.
+        skipped: those that are left out, since their results exist.
+
+    """
+
+    kind: Kind
+    jobs: Sequence[Job]
+    skipped: Sequence[Job] = ()
+
+    def size_of(self, job: Job) -> Size:
+        """(width, height) of a photo, or of a video's frames."""
+        return video_size(job.source) if self.kind == "video" else photo_size(job.source)
+
+    def free(self, *, skip_existing: bool, overwrite: bool) -> _Plan:
+        """Leave out what exists, or refuse to go on.
+
+        Raises:
+            OutputError: a file cannot be written, or exists and may be neither replaced nor left.
+
+        """
+        jobs, skipped = [], []
+        for job in self.jobs:
+            for path in job.outputs.values():
+                if self.kind != "video":
+                    check_suffix(path)
+            if skip_existing:  # a run that was killed may have left some of a cube's pictures
+                left = {part: path for part, path in job.outputs.items() if not path.is_file()}
+                if not left:
+                    skipped.append(job)
+                    continue
+                job = replace(job, outputs=left)
+            wanted = job.outputs.values()
+            refuse_existing(*wanted, overwrite=overwrite, can_skip=not skip_existing)
+            jobs.append(job)
+        return replace(self, jobs=jobs, skipped=skipped)
+
+
+def _planned(
+    photos: StrPath | Sequence[StrPath],
+    output: Path,
+    camera: StrPath | Calibrated | CubicCamera,
+    asked: UndistortOptions,
+    run: Run,
+) -> tuple[Path | None, Views, _Plan]:
+    """The file of the camera or the rig, what is rendered, and which photos become what.
+
+    Raises:
+        UsageError: photos and videos are mixed, ``output`` is none for them, or something is asked
+            that says nothing about them.
+        PhotoError: there are none.
+        OutputError: two have one name, or one would be replaced by its own result.
+        CubicfishError: the camera or the rig cannot be used.
+
+    """
+    rig = None if isinstance(camera, CubicCamera | Calibrated) else rig_in(Path(camera))
+    if rig is not None:
+        from cubicfish_cli.formats.rig_yaml import load_rig
+        from cubicfish_cli.library.rig_pictures import body_of_rig
+        from cubicfish_cli.library.rig_shots import shots_of, views_of_rig
+
+        loaded = load_rig(rig)
+        names = [one.name for one in loaded.cameras]
+        shots = shots_of(paths_of(photos), names, run.listener)
+        suffix = next(iter(next(iter(shots.values())).values())).suffix
+        jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
+        plan = _plan("shot", jobs, output, len(shots) == 1, asked)
+        return rig, views_of_rig(body_of_rig(loaded), shots, asked), plan
+    kind, sources, alone = _named_sources(photos, run.listener)
+    plan = _plan(kind, {name: (name, {"": one}) for name, one in sources}, output, alone, asked)
+    if kind == "video" and (run.executor is not None or run.jobs is not None):
+        name = "--jobs" if run.executor is None else "--scheduler"
+        raise UsageError(f"{name} is for photos: do videos without it")
+    view = asked.view
+    path, known = _loaded(camera, in_planes=isinstance(view, PlaneOptions))
+    if isinstance(view, PlaneOptions):
+        return path, PlanesOfPhotos(known, view, asked.interpolation), plan
+    return path, ViewsBySize(known.camera, view, asked.interpolation), plan
+
+
+def _plan(
+    kind: Kind,
+    sources: Mapping[str, tuple[str, Mapping[str, Path]]],
+    output: Path,
+    alone: bool,
+    asked: UndistortOptions,
+) -> _Plan:
+    """What becomes of sources: name -> the name of the result in a folder, and photos."""
+    to_folder = is_folder(output, "" if alone else plural(len(sources), kind))
+    if kind == "video" and not to_folder and output.suffix.lower() not in VIDEO_SUFFIXES:
+        raise UsageError(
+            f"{shown(output)} is no video: name a video such as {shown(output.with_suffix('.mp4'))}"
+        )
+    jobs = []
+    for name, (result, photos) in sources.items():
+        path = output / result if to_folder else output
+        outputs = {part: part_name(path, part) for part in asked.parts}
+        refuse_itself(list(outputs.values()), list(photos.values()))
+        jobs.append(Job(name=name, photos=photos, outputs=outputs))
+    asked.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
+    return _Plan(kind=kind, jobs=jobs)
+
+
+def _named_sources(
+    photos: StrPath | Sequence[StrPath], listener: Listener
+) -> tuple[Kind, list[tuple[str, Path]], bool]:
+    """What photos or videos are meant, by their names; and whether one was named alone.
+
+    Raises:
+        UsageError: photos and videos are mixed.
+        PhotoError: there are none.
+        OutputError: two videos have one name.
+
+    """
+    names = [os.fspath(one) for one in paths_of(photos)]
+    paths = [path for name in names for path in expanded(name)]
+    videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
+    if videos and len(videos) < len(paths):
+        raise UsageError("photos and videos together: do them one after the other")
+    sources = [(path.name, path) for path in videos]
+    sources = sources or [(one.name, one.path) for one in named_photos(names, listener)]
+    if len({name for name, _ in sources}) < len(sources):
+        raise OutputError("two videos have the same name: do them one at a time")
+    alone = isinstance(photos, str | os.PathLike) and len(sources) == 1
+    alone = alone and os.fspath(sources[0][1]) == names[0]
+    return "video" if videos else "photo", sources, alone
 
 
 def _loaded(
@@ -262,115 +389,6 @@ def _loaded(
         return None, CameraFile(camera=camera.camera, fit=camera.as_record(), made_by={})
     path = in_folder(Path(camera))
     return path, load_any_camera(path) if in_planes else load_camera(path)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Plan:
-    """Which photo or video becomes which files.
-
-    Attributes:
-        output: a folder or a file, as it was asked for.
-        jobs: the photos or videos.
-        videos: whether they are videos.
-        skipped: those that are left out, since their results exist.
-
-    """
-
-    output: Path
-    jobs: Sequence[PhotoJob]
-    videos: bool
-    skipped: Sequence[PhotoJob] = ()
-
-    @property
-    def kind(self) -> str:
-        """What the jobs are, in a word."""
-        return "video" if self.videos else "photo"
-
-    def size_of(self, job: PhotoJob) -> Size:
-        """(width, height) of a photo, or of a video's frames."""
-        return video_size(job.source) if self.videos else photo_size(job.source)
-
-    def free(self, *, skip_existing: bool, overwrite: bool) -> _Plan:
-        """Leave out what exists, or refuse to go on.
-
-        Raises:
-            OutputError: a file cannot be written, or exists and may be neither replaced nor left.
-
-        """
-        jobs, skipped = [], []
-        for job in self.jobs:
-            for path in job.outputs:
-                if not self.videos:
-                    check_suffix(path)
-            if skip_existing:  # a run that was killed may have left some of a cube's pictures
-                there = frozenset(n for n, path in enumerate(job.outputs) if path.is_file())
-                if len(there) == len(job.outputs):
-                    skipped.append(job)
-                    continue
-                job = replace(job, kept=there)
-            refuse_existing(*job.wanted, overwrite=overwrite, can_skip=not skip_existing)
-            jobs.append(job)
-        return replace(self, jobs=jobs, skipped=skipped)
-
-    def became(self, failures: Mapping[str, CubicfishError]) -> UndistortedFiles:
-        """What was written where these could not be done."""
-        return UndistortedFiles(
-            kind=self.kind,
-            output=self.output,
-            written={one.name: one.wanted for one in self.jobs if one.name not in failures},
-            failures=failures,
-            skipped=tuple(job.name for job in self.skipped),
-        )
-
-
-def _planned(
-    photos: StrPath | Sequence[StrPath],
-    output: Path,
-    view: View | ViewOptions | PlaneOptions | None,
-    listener: Listener,
-) -> _Plan:
-    """The photos or videos that names, folders and patterns mean, and what they become.
-
-    Raises:
-        UsageError: photos and videos are mixed, or ``output`` is none for them.
-        PhotoError: there are none.
-        OutputError: two have one name, or one would be replaced by its own result.
-
-    """
-    alone = isinstance(photos, str | os.PathLike)
-    names = [os.fspath(one) for one in paths_of(photos)]
-    parts = view.parts if isinstance(view, ViewOptions) else ("",)
-    videos, others = _videos_among(names)
-    if videos and others:
-        raise UsageError("photos and videos together: do them one after the other")
-    if videos and parts != ("",):
-        raise UsageError("a video becomes one video: choose another --view than cube")
-    if videos and isinstance(view, PlaneOptions):
-        raise UsageError("--plane is for photos, each of which has its own pose")
-    sources = [(path.name, path) for path in videos]
-    sources = sources or [(one.name, one.path) for one in named_photos(names, listener)]
-    if len({name for name, _ in sources}) < len(sources):
-        raise OutputError("two videos have the same name: do them one at a time")
-    one = alone and len(sources) == 1 and os.fspath(sources[0][1]) == names[0]
-    to_folder = is_folder(output, "" if one else plural(len(sources), "photo"))
-    if videos and not to_folder and output.suffix.lower() not in VIDEO_SUFFIXES:
-        raise UsageError(
-            f"{shown(output)} is no video: name a video such as {shown(output.with_suffix('.mp4'))}"
-        )
-    jobs = []
-    for name, source in sources:
-        path = output / name if to_folder else output
-        outputs = tuple(part_name(path, part) for part in parts)
-        refuse_itself(outputs, [source])
-        jobs.append(PhotoJob(name=name, source=source, outputs=outputs))
-    return _Plan(output=output, jobs=jobs, videos=bool(videos))
-
-
-def _videos_among(names: Sequence[str]) -> tuple[list[Path], bool]:
-    """The videos that names and patterns mean, and whether they mean something else too."""
-    paths = [path for name in names for path in expanded(name)]
-    videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
-    return videos, len(videos) < len(paths)
 
 
 def is_folder(output: Path, several: str) -> bool:
@@ -408,13 +426,9 @@ def refuse_itself(outputs: Sequence[Path], photos: Sequence[Path]) -> None:
             )
 
 
-def _extras(
-    plan: _Plan,
-    views: Views,
-    mask: Path | None,
-    virtual_camera: Path | None,
-) -> dict[Path, Content]:
+def _files_beside(plan: _Plan, views: Views, asked: UndistortOptions) -> dict[Path, Content]:
     """The mask and the virtual camera, which are the same for all photos of one size."""
+    mask, virtual_camera = path_or_none(asked.mask), path_or_none(asked.virtual_camera)
     jobs = [*plan.jobs, *plan.skipped]
     if (mask is None and virtual_camera is None) or not jobs:
         return {}
@@ -425,44 +439,45 @@ def _extras(
             "differ: do them one at a time"
         )
     source, size = next(iter(sizes.items()))
-    _, shown_view = views.chosen(source, size)
-    maps = dict(zip(shown_view.views, views.maps(source, size), strict=True))
-    return view_files(maps, mask=mask, beside=virtual_camera)
+    return view_files(views.maps(source, size), mask=mask, beside=virtual_camera)
 
 
-def _photos(plan: _Plan, views: Views, rendering: Rendering, run: Run) -> dict[str, CubicfishError]:
-    """All photos at once: what could not be done, and why."""
+def _write_pictures(
+    plan: _Plan, views: Views, asked: UndistortOptions, run: Run
+) -> dict[str, CubicfishError]:
+    """All photos or shots at once: what could not be done, and why."""
     executor = run.executor if plan.jobs else None
-    failures = undistort_photos(
+    failures = write_many(
         plan.jobs,
-        views.maps,
-        rendering,
+        views,
+        quality=asked.quality,
         workers=run.jobs or os.cpu_count() or 1,
         overwrite=run.overwrite,
         progress=run.listener.counting("Undistorting"),
         executor=executor,
     )
     for job in plan.jobs if executor is None else ():
-        missing = next((path for path in job.wanted if not path.is_file()), None)
+        missing = next((path for path in job.outputs.values() if not path.is_file()), None)
         if missing is not None and job.name not in failures:  # somebody removed their folder
             why = "is gone again: was its folder removed or renamed meanwhile?"
             failures[job.name] = OutputError(f"{missing} {why}")
     return failures
 
 
-def _videos(
-    plan: _Plan, views: Views, rendering: Rendering, crf: int, run: Run
+def _write_videos(
+    plan: _Plan, views: Views, asked: UndistortOptions, run: Run
 ) -> dict[str, CubicfishError]:
     """One video after the other: what could not be done, and why."""
     failures = {}
     for job in plan.jobs:
+        output = job.outputs[""]
         try:
             done = undistort_video(
                 job.source,
-                job.outputs[0],
-                partial(_first_map, views, job.source),
-                rendering,
-                crf=crf,
+                output,
+                lambda size, source=job.source: views.maps(source, size)[""],  # type: ignore[misc]
+                asked.interpolation,
+                crf=DEFAULT_CRF if asked.crf is None else asked.crf,
                 overwrite=run.overwrite,
                 progress=run.listener.counting(job.name),
             )
@@ -470,10 +485,5 @@ def _videos(
             failures[job.name] = error
             continue
         if done.turned_deg:
-            told = {"video": job.outputs[0], "turned_deg": done.turned_deg}
-            run.listener.tell(Event.VIDEO_TURNED, **told)
+            run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
     return failures
-
-
-def _first_map(views: Views, source: Path, size: Size) -> UndistortMap:
-    return views.maps(source, size)[0]

@@ -18,9 +18,11 @@ from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.asked_pictures import PlaneOptions
-from cubicfish_cli.photos import Photo
+from cubicfish_cli.photos import Photo, Picture
 from cubicfish_cli.target import Target
+from cubicfish_cli.undistortion.batch import Job
 from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
+from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import (
     UndistortMap,
     build_map,
@@ -39,7 +41,12 @@ _ROTATION_TOLERANCE = 1e-6
 
 
 class Views(ABC):
-    """What a run renders of each photo; sizes are (width, height), pixels."""
+    """What a run renders of each photo, or of each shot of a rig; called, it renders one.
+
+    Sizes are (width, height), pixels.
+    """
+
+    interpolation: str
 
     @abstractmethod
     def group(self, source: Path, size: Size) -> Hashable:
@@ -47,37 +54,47 @@ class Views(ABC):
 
     @abstractmethod
     def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
-        """The camera that took a photo of ``size``, and the view of it.
+        """The camera that took a photo of ``size``, None for several, and the view of it.
 
         Raises:
             ViewError: there is no such view of this photo.
 
         """
 
-    def maps(self, source: Path, size: Size) -> Sequence[UndistortMap]:
-        """Its maps, one for each part of the view."""
+    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
+        """Part of the view -> its map."""
         camera, view = self.chosen(source, size)
-        return [build_map(camera, part) for part in view.views.values()]
+        return {part: build_map(camera, one) for part, one in view.views.items()}
+
+    def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
+        """The pictures of a job, as :func:`write_many` asks for them."""
+        picture = photos[""]
+        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
+        how = self.interpolation
+        return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
 
 
 class ViewsBySize(Views):
     """A view from the camera's place: the same for all photos of a size."""
 
-    def __init__(self, camera: CubicCamera, asked: View | ViewOptions | None) -> None:
+    def __init__(
+        self, camera: CubicCamera, asked: View | ViewOptions | None, interpolation: str
+    ) -> None:
         """Prepare for photos of this camera.
 
         Args:
             camera: the camera.
             asked: the view, or what is asked of it.
+            interpolation: how pixels are blended.
 
         """
-        self._camera, self._asked = camera, asked
-        self._made: dict[Size, Sequence[UndistortMap]] = {}
+        self._camera, self._asked, self.interpolation = camera, asked, interpolation
+        self._made: dict[Size, Mapping[str, UndistortMap]] = {}
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel without the maps, which are quicker made than sent, and the lock."""
-        return ViewsBySize, (self._camera, self._asked)
+        return ViewsBySize, (self._camera, self._asked, self.interpolation)
 
     def group(self, source: Path, size: Size) -> Hashable:
         """The size."""
@@ -88,7 +105,7 @@ class ViewsBySize(Views):
         camera = camera_for_photos(self._camera, size)
         return camera, chosen_view(camera, self._asked)
 
-    def maps(self, source: Path, size: Size) -> Sequence[UndistortMap]:
+    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """Made once for each size, from any thread."""
         with self._lock:
             if size not in self._made:
@@ -106,7 +123,7 @@ def build_plane(
     pixels_per_unit: float | None = None,
     margin: float | None = None,
 ) -> PlaneView:
-    """The plane of a board, seen squarely from its front, as ``undistort --plane`` renders it.
+    """The plane of a board, seen squarely from its front, as ``undistort`` renders it.
 
     Args:
         camera: the camera that took the photo.
@@ -164,12 +181,15 @@ def board_with_plane(target: Target, name: str) -> Board:
 class PlanesOfPhotos(Views):
     """A board's plane, whose place is another one in each photo."""
 
-    def __init__(self, loaded: CameraFile | PointCameraFile, asked: PlaneOptions) -> None:
+    def __init__(
+        self, loaded: CameraFile | PointCameraFile, asked: PlaneOptions, interpolation: str
+    ) -> None:
         """Prepare for the board of a target.
 
         Args:
             loaded: the camera, and the poses of the photos that it was calibrated from.
             asked: of which board, and how.
+            interpolation: how pixels are blended.
 
         Raises:
             UsageError: the target has no such board, or the board has no plane.
@@ -180,6 +200,7 @@ class PlanesOfPhotos(Views):
         from cubicfish_cli.fitting.statistics import photos_on_record
 
         self._loaded, self._asked, self._target = loaded, asked, asked.loaded()
+        self.interpolation = interpolation
         try:
             board_with_plane(self._target, asked.board)
         except ViewError as problem:
@@ -219,15 +240,13 @@ class PlanesOfPhotos(Views):
     def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
         """The board's plane in this photo."""
         camera, rotation, translation = self._placed(source, size)
-        scale, margin = self._asked.pixels_per_unit, self._asked.margin
         plane = build_plane(
             camera,
             self._target,
             self._asked.board,
             rotation,
             translation,
-            pixels_per_unit=scale,
-            margin=margin,
+            pixels_per_unit=self._asked.pixels_per_unit,
         )
         return camera, ChosenView(views={"": plane}, unit=self._target.units)
 

@@ -6,7 +6,7 @@ some wait for it the others go on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
@@ -20,65 +20,57 @@ from typing import Any
 from cubicfish_cli.errors import ClusterError, CubicfishError
 from cubicfish_cli.executors.pool import Executor
 from cubicfish_cli.files import remove_orphans, write_files
-from cubicfish_cli.photos import decode_picture, one_opencv_thread, read_file, shown
-from cubicfish_cli.undistortion.images import (
-    Rendering,
-    check_outputs,
-    encode_picture,
-    naming,
-    remap_picture,
-)
-from cubicfish_cli.undistortion.maps import UndistortMap
-
-MapsOf = Callable[[Path, tuple[int, int]], Sequence[UndistortMap]]
-"""(photo, its (width, height)) -> the maps that render it, one for each of its outputs."""
+from cubicfish_cli.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
+from cubicfish_cli.undistortion.images import check_outputs, encode_picture, naming
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhotoJob:
-    """A photo to undistort.
+class Job:
+    """A photo, or the photos of a rig's shot, and the pictures that become of it.
 
     Attributes:
         name: what messages call it.
-        source: the photo.
-        outputs: where its views go, in the order of its maps.
-        kept: the numbers of those outputs that are there already and stay as they are.
+        photos: name of the camera -> its photo; of one camera alone its name is "".
+        outputs: part of the view -> where its picture goes; of a view of one part that is "".
 
     """
 
     name: str
-    source: Path
-    outputs: tuple[Path, ...]
-    kept: frozenset[int] = frozenset()
+    photos: Mapping[str, Path]
+    outputs: Mapping[str, Path]
 
     @property
-    def wanted(self) -> list[Path]:
-        """The outputs that are to be written."""
-        return [path for number, path in enumerate(self.outputs) if number not in self.kept]
+    def source(self) -> Path:
+        """The photo, or the first of several."""
+        return next(iter(self.photos.values()))
 
 
-def undistort_photos(
-    jobs: Sequence[PhotoJob],
-    maps: MapsOf,
-    rendering: Rendering,
+Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
+"""(job, its photos by their cameras' names) -> the pictures of all parts that it wants."""
+
+
+def write_many(
+    jobs: Sequence[Job],
+    render: Render,
     *,
+    quality: int | None = None,
     workers: int,
     overwrite: bool,
     progress: Callable[[int, int], None],
     executor: Executor | None = None,
 ) -> dict[str, CubicfishError]:
-    """Undistort photos; one that fails does not stop the others.
+    """Write the pictures of many photos or shots; one that fails does not stop the others.
 
     Every output appears whole or not at all, also when this is interrupted.
 
     Args:
         jobs: the photos.
-        maps: how each is rendered.
-        rendering: how pixels are made.
+        render: makes pictures of them.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         workers: photos to work on at a time.
         overwrite: whether outputs may be replaced.
         progress: called with the number of photos done and of all.
-        executor: who does the work instead of this process; ``maps`` must then be picklable, and
+        executor: who does the work instead of this process; ``render`` must then be picklable, and
             ``workers`` says nothing.
 
     Returns:
@@ -88,7 +80,7 @@ def undistort_photos(
         ClusterError: ``executor`` cannot do the work.
 
     """
-    work = partial(_problem_of, maps=maps, rendering=rendering)
+    work = partial(_problem_of, render=render, quality=quality)
     if executor is None:
         slots = BoundedSemaphore(workers)
         answers = _by_threads(partial(work, overwrite=overwrite, slots=slots), jobs, workers)
@@ -104,50 +96,52 @@ def undistort_photos(
     return {name: problem for name, problem in failed if problem is not None}
 
 
-def undistort_photo(
-    job: PhotoJob,
-    maps: MapsOf,
-    rendering: Rendering,
+def write_one(
+    job: Job,
+    render: Render,
     *,
+    quality: int | None = None,
     overwrite: bool,
     slots: AbstractContextManager[object] | None = None,
 ) -> None:
-    """Undistort one photo into all its outputs, but for those that are kept.
+    """Write the pictures of one photo or shot.
 
     Args:
         job: the photo.
-        maps: how it is rendered.
-        rendering: how pixels are made.
+        render: makes pictures of it.
+        quality: as for :func:`write_many`.
         overwrite: whether outputs may be replaced.
         slots: entered while there is work for a processor, and left to wait for the disk.
 
     Raises:
-        PhotoError: the photo cannot be read.
-        ViewError: a map is not for photos of this size; ``maps`` may raise others.
+        PhotoError: a photo cannot be read.
+        ViewError: there are no pictures of photos of this size; ``render`` may raise others.
         OutputError: an output exists and ``overwrite`` is false, or cannot be written, or cannot
             hold such a picture.
 
     """
-    check_outputs(job.wanted, overwrite=overwrite)
-    data = read_file(job.source)
+    outputs = list(job.outputs.values())
+    check_outputs(outputs, overwrite=overwrite)
+    data = {camera: read_file(path) for camera, path in job.photos.items()}
     with slots or nullcontext():
-        picture = decode_picture(job.source, data, floats=True)
-        height, width = picture.shape[:2]
-        with naming(job.source):
-            own = maps(job.source, (width, height))
-        files = {}
-        for number, (path, made) in enumerate(zip(job.outputs, own, strict=True)):
-            if number not in job.kept:
-                with naming(job.source):
-                    part = remap_picture(picture, made, rendering)
-                files[path] = encode_picture(path, part, quality=rendering.quality, like=data)
-        del data, picture  # the disk may take its time
+        photos = {
+            camera: decode_picture(job.photos[camera], content, floats=True)
+            for camera, content in data.items()
+        }
+        like = next(iter(data.values()))
+        with naming(job.source) if "" in job.photos else nullcontext():
+            pictures = render(job, photos)
+        files = {
+            path: encode_picture(path, pictures[part], quality=quality, like=like)
+            for part, path in job.outputs.items()
+        }
+        del data, photos, pictures  # the disk may take its time
     write_files(files, overwrite=overwrite)
 
 
-def _problem_of(job: PhotoJob, **how: Any) -> CubicfishError | None:
+def _problem_of(job: Job, **how: Any) -> CubicfishError | None:
     try:
-        undistort_photo(job, **how)
+        write_one(job, **how)
     except CubicfishError as problem:
         return problem
     return None
@@ -158,7 +152,7 @@ Answers = Generator[tuple[int, CubicfishError | None], None, None]
 
 
 def _by_threads(
-    work: Callable[[PhotoJob], CubicfishError | None], jobs: Sequence[PhotoJob], workers: int
+    work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
     """Do the work here, never more than twice as many jobs begun as there are workers."""
     if workers == 1 or len(jobs) == 1:
@@ -179,8 +173,8 @@ def _by_threads(
 
 
 def _by_executor(
-    work: Callable[[PhotoJob], CubicfishError | None],
-    jobs: Sequence[PhotoJob],
+    work: Callable[[Job], CubicfishError | None],
+    jobs: Sequence[Job],
     executor: Executor,
     *,
     overwrite: bool,
@@ -190,17 +184,18 @@ def _by_executor(
     What may be written is decided here, before the work: what a machine finds there later is
     what another one wrote that was lost before it could say so.
     """
-    free: dict[int, PhotoJob] = {}
+    free: dict[int, Job] = {}
     for number, job in enumerate(jobs):
         try:
-            check_outputs(job.wanted, overwrite=overwrite)
+            check_outputs(list(job.outputs.values()), overwrite=overwrite)
         except CubicfishError as refused:
             yield number, refused
         else:
             free[number] = _absolute(job)
     if not free:
         return
-    numbers, folders = list(free), {path.parent for job in free.values() for path in job.outputs}
+    numbers = list(free)
+    folders = {path.parent for job in free.values() for path in job.outputs.values()}
     below, any_done = Path(commonpath(folders)), False
     try:
         for index, problem in executor.each(work, list(free.values()), writes_below=below):
@@ -219,6 +214,9 @@ def _by_executor(
             remove_orphans(folder)
 
 
-def _absolute(job: PhotoJob) -> PhotoJob:
-    outputs = tuple(Path(abspath(path)) for path in job.outputs)
-    return replace(job, source=Path(abspath(job.source)), outputs=outputs)
+def _absolute(job: Job) -> Job:
+    photos, outputs = (
+        {key: Path(abspath(path)) for key, path in paths.items()}
+        for paths in (job.photos, job.outputs)
+    )
+    return replace(job, photos=photos, outputs=outputs)

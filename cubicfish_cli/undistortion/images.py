@@ -24,14 +24,16 @@ from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.picture_headers import jpeg_segments
 from cubicfish_cli.undistortion.maps import UndistortMap
+from cubicfish_cli.undistortion.options import INTERPOLATIONS
 from cubicfish_cli.wording import did_you_mean, quoted
 
-INTERPOLATIONS = {
-    "nearest": cv2.INTER_NEAREST,
-    "linear": cv2.INTER_LINEAR,
-    "cubic": cv2.INTER_CUBIC,
-    "lanczos": cv2.INTER_LANCZOS4,
-}
+CV2_FLAGS = dict(
+    zip(
+        INTERPOLATIONS,
+        (cv2.INTER_NEAREST, cv2.INTER_LINEAR, cv2.INTER_CUBIC, cv2.INTER_LANCZOS4),
+        strict=True,
+    )
+)
 
 # What each kind of file can hold: bits a channel, and channels (4 is with transparency).
 # 32 bits are floating point numbers.
@@ -49,35 +51,6 @@ _HOLDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rendering:
-    """How pixels are made.
-
-    Attributes:
-        interpolation: a key of :data:`INTERPOLATIONS`.
-        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
-
-    Raises:
-        ViewError: an option is not known.
-
-    """
-
-    interpolation: str = "linear"
-    quality: int | None = None
-
-    def __post_init__(self) -> None:
-        if self.interpolation not in INTERPOLATIONS:
-            raise ViewError(
-                f"interpolation {quoted(self.interpolation)} is not known: "
-                f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
-            )
-        if self.quality is not None and self.quality not in range(1, 101):
-            raise ViewError(
-                f"quality must be a whole number from 1 to 100, not {quoted(self.quality)}"
-            )
-
-
-PLAIN = Rendering()
 _TIFF_LZW = 5
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY_WITH_ALPHA = 4
@@ -86,7 +59,7 @@ _PNG_LEVEL = 4
 
 
 def remap_picture(
-    picture: Picture, undistort_map: UndistortMap, rendering: Rendering = PLAIN
+    picture: Picture, undistort_map: UndistortMap, interpolation: str = "linear"
 ) -> Picture:
     """Render the map's view from a picture: (H, W[, C]) -> (h, w[, C]), the same depth.
 
@@ -94,9 +67,15 @@ def remap_picture(
     map's file. A fourth channel is 0 where the map has nothing.
 
     Raises:
-        ViewError: the picture does not have the size that the map is for.
+        ViewError: the picture does not have the size that the map is for, or the interpolation is
+            not known.
 
     """
+    if interpolation not in INTERPOLATIONS:
+        raise ViewError(
+            f"interpolation {quoted(interpolation)} is not known: "
+            f"{did_you_mean(str(interpolation), INTERPOLATIONS)}"
+        )
     height, width = picture.shape[:2]
     if (width, height) != undistort_map.image_size:
         raise ViewError(
@@ -104,12 +83,12 @@ def remap_picture(
             f"{undistort_map.image_size[0]}x{undistort_map.image_size[1]}: "
             "use photos of that size, neither scaled nor cropped nor turned"
         )
-    wide = rendering.interpolation in ("cubic", "lanczos")
+    wide = interpolation in ("cubic", "lanczos")
     out = cv2.remap(
         picture,
         undistort_map.map_x,
         undistort_map.map_y,
-        INTERPOLATIONS[rendering.interpolation],
+        CV2_FLAGS[interpolation],
         # Wider kernels reach over the photo's edge: mirror the photo there, rather than
         # blend it with black.
         borderMode=cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT,

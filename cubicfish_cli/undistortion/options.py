@@ -48,6 +48,8 @@ FACES: Mapping[str, tuple[float, float]] = {
 }
 """Where each face of a cube looks: yaw, pitch."""
 
+INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
+
 INNER, OUTER = 0.0, 1.0
 _ENDS = {"inner": INNER, "outer": OUTER}
 _FIELD = ("hfov_deg", "vfov_deg", "focal", "fit")
@@ -64,8 +66,8 @@ def _is_share(number: float) -> bool:
 _NUMBERS: Mapping[str, tuple[str, str, int, Callable[[float], bool]]] = {
     "size": ("--size", "WIDTHxHEIGHT in whole pixels", 2, float.is_integer),
     "hfov_deg": ("--hfov", "a number of degrees above 0", 1, _above_0),
-    "vfov_deg": ("--vfov", "a number of degrees above 0", 1, _above_0),
-    "focal": ("--focal", "a number of pixels per radian above 0", 1, _above_0),
+    "vfov_deg": ("--hfov", "a number of degrees above 0", 1, _above_0),
+    "focal": ("--scale", "a number of pixels per radian above 0", 1, _above_0),
     "fit": ("--fit", "'inner', 'outer' or a share from 0 to 1", 1, _is_share),
     "rotate_deg": ("--rotate", "yaw,pitch,roll in degrees", 3, math.isfinite),
 }
@@ -106,7 +108,8 @@ class ViewOptions:
         for name in _NUMBERS:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._number(name))
-        asked = [_NUMBERS[name][0] for name in _FIELD if getattr(self, name) is not None]
+        given = [name for name in _FIELD if getattr(self, name) is not None]
+        asked = [*dict.fromkeys(_NUMBERS[name][0] for name in given)]
         if kind == "cube":
             if asked:
                 raise UsageError(
@@ -114,10 +117,12 @@ class ViewOptions:
                 )
             if self.size and self.size[0] != self.size[1]:
                 raise UsageError("a cube's faces are square: give --size as NxN")
-        if asked == ["--hfov", "--vfov"] and self.size is not None:
-            asked.append("--size")
-        if len(asked) > 1 and asked != ["--hfov", "--vfov"]:
+        if len(asked) > 1:
             raise UsageError(f"{' and '.join(asked)} say the same thing twice: leave one out")
+        if {"hfov_deg", "vfov_deg"} <= {*given} and self.size is not None:
+            raise UsageError(
+                "--hfov 90x60 sets how high the picture is: leave out --size, or the second angle"
+            )
         for axis, angle in enumerate((self.hfov_deg, self.vfov_deg)):
             if angle is not None and not _shows(kind, axis, angle):
                 raise UsageError(_too_wide(kind, axis, angle))
@@ -160,14 +165,14 @@ def _too_wide(kind: str, axis: int, angle_deg: float) -> str:
     most = f"{limit:g}° at most" if closed else f"less than {limit:g}°"
     flat = "about 120 or less, or " * (kind == "perspective")
     view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
-    name, way = (("--hfov", "across"), ("--vfov", "down"))[axis]
+    given, way = (("", "across"), ("...x", "down"))[axis]
     others = [
         name
         for name in WIDEST
         if _shows(name, axis, angle_deg) and kind.startswith("epi") >= name.startswith("epi")
     ]
     choose = f"{flat}--view {either(others)}" if others else "less"
-    return f"{name} {angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
+    return f"--hfov {given}{angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
 
 
 def is_numbers(values: object, count: int) -> bool:

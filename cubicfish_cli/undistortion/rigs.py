@@ -28,7 +28,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.photos import Picture
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.fit import seen_field_deg, sees
-from cubicfish_cli.undistortion.images import PLAIN, Rendering, remap_picture
+from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import UndistortMap, build_map
 from cubicfish_cli.undistortion.projections import (
     EpipolarCylindricalView,
@@ -184,14 +184,14 @@ class Mosaic:
         return replace(self.maps[0], valid=self.valid)
 
     def render(
-        self, photos: dict[str, Picture], rendering: Rendering = PLAIN
+        self, photos: Mapping[str, Picture], interpolation: str = "linear"
     ) -> tuple[Picture, npt.NDArray[np.bool_]]:
         """One picture of the photos of a shot, and where it shows something (H, W).
 
         Args:
             photos: by the camera's name, all of one depth and as many channels; a camera without
                 one takes no part.
-            rendering: how pixels are made.
+            interpolation: how pixels are blended.
 
         Raises:
             ViewError: a photo has another size than its camera's, or they differ in nature.
@@ -210,7 +210,7 @@ class Mosaic:
         for number in there:
             name = self.cameras[number]
             try:
-                parts.append(remap_picture(photos[name], self.maps[number], rendering))
+                parts.append(remap_picture(photos[name], self.maps[number], interpolation))
             except ViewError as problem:
                 raise ViewError(f"camera {name}: {problem}") from problem
         wide = (slice(None), slice(None), *(None,) * (parts[0].ndim - 2))

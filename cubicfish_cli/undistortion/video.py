@@ -25,7 +25,7 @@ from cubicfish_cli.files import whole_file
 from cubicfish_cli.films.decoding import decode, is_frame
 from cubicfish_cli.films.source import frame_count, library, opened
 from cubicfish_cli.photos import shown
-from cubicfish_cli.undistortion.images import INTERPOLATIONS, PLAIN, Rendering, naming
+from cubicfish_cli.undistortion.images import CV2_FLAGS, naming
 from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def undistort_video(
     source: Path,
     destination: Path,
     make_map: Callable[[tuple[int, int]], UndistortMap],
-    rendering: Rendering = PLAIN,
+    interpolation: str = "linear",
     *,
     crf: int = DEFAULT_CRF,
     overwrite: bool,
@@ -105,7 +105,7 @@ def undistort_video(
         source: the video.
         destination: where the result goes; its suffix says what kind of file.
         make_map: frames' (width, height) -> the map for them.
-        rendering: how pixels are made.
+        interpolation: how pixels are blended.
         crf: constant rate factor of the encoder; lower is better and larger.
         overwrite: whether ``destination`` may be replaced.
         progress: called with the number of frames done and of all (0 when unknown).
@@ -124,7 +124,7 @@ def undistort_video(
         writer = _Writer(temporary, destination, container, stream, undistort_map, crf)
         with closing(writer):
             codec = stream.codec_context.name
-            remapper = _PlaneRemapper(undistort_map, rendering, writer.pixel_format, codec)
+            remapper = _PlaneRemapper(undistort_map, interpolation, writer.pixel_format, codec)
             return _pipeline(source, container, stream, remapper, writer, progress)
 
 
@@ -273,7 +273,7 @@ class _PlaneRemapper:
     def __init__(
         self,
         undistort_map: UndistortMap,
-        rendering: Rendering,
+        interpolation: str,
         pixel_format: str,
         codec: str,
     ) -> None:
@@ -282,8 +282,8 @@ class _PlaneRemapper:
         self._format, self._size = pixel_format, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
         self._bits = bits
-        self._interpolation = INTERPOLATIONS[rendering.interpolation]
-        self._wide = rendering.interpolation in ("cubic", "lanczos")
+        self._interpolation = CV2_FLAGS[interpolation]
+        self._wide = interpolation in ("cubic", "lanczos")
         self._maps = [(undistort_map.map_x, undistort_map.map_y)]
         if across:
             chroma = _chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)

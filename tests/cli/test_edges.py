@@ -77,9 +77,8 @@ def test_a_narrow_camera_has_a_field_in_common_with_itself(
 @pytest.mark.parametrize(
     "option",
     [
-        ("--focal", "1e-300"),
-        ("--plane", "floor", "-t", TARGET, "--pixels-per-unit", "1e308"),
-        ("--plane", "floor", "-t", TARGET, "--margin", "1e308"),
+        ("--scale", "1e-300"),
+        ("--view", "plane:floor", "-t", TARGET, "--scale", "1e308"),
     ],
 )
 def test_numbers_beyond_sense_are_wrong_usage(
@@ -209,14 +208,14 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
 def test_results_whose_folder_was_removed_are_not_counted(
     run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flat, real = tmp_path / "flat", undistorting.undistort_photos
+    flat, real = tmp_path / "flat", undistorting.write_many
 
     def remove_one(*args: object, **options: object) -> object:
         failures = real(*args, **options)  # type: ignore[arg-type]
         (flat / "corner_03.jpg").unlink()
         return failures
 
-    monkeypatch.setattr(undistorting, "undistort_photos", remove_one)
+    monkeypatch.setattr(undistorting, "write_many", remove_one)
     line = ("undistort", SAMPLE / "photos", flat, "-m", calibrated, "--size", "64x48")
     said = run(*line, code=1)
     assert "wrote 9 pictures" in said.stdout

@@ -112,23 +112,24 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
             "120 or less, or --view cylindrical, equirectangular, stereographic or equidistant\n",
         ),
         (
-            ["map", "out.npz", "--view", "cylindrical", "--vfov", "181"],
+            ["map", "out.npz", "--view", "cylindrical", "--hfov", "9x181"],
             2,
-            "--vfov 181 is too wide: a cylindrical view shows less than 180° down: choose --view "
-            "stereographic or equidistant\n",
+            "--hfov ...x181 is too wide: a cylindrical view shows less than 180° down: choose "
+            "--view stereographic or equidistant\n",
         ),
         (
-            ["undistort", PHOTO, "out.png", "--view", "equirectangular", "--vfov", "360"],
+            ["undistort", PHOTO, "out.png", "--view", "equirectangular", "--hfov", "9x360"],
             2,
             "an equirectangular view shows 180° at most down: choose --view equidistant\n",
         ),
         (
             ["undistort", PHOTO, "out.png", "--hfov", "abc"],
             2,
-            "'abc' is not a number of degrees above 0 and up to 360\n",
+            "'abc' is not a number of degrees above 0 and up to 360, such as 90, or two of them, "
+            "such as 360x70\n",
         ),
-        (["undistort", PHOTO, "out.png", "--hfov", "90", "--focal", "9"], 2, "the same thing"),
-        (["undistort", PHOTO, "out.png", "--hfov=9", "--vfov=9", "--size=9x9"], 2, "twice"),
+        (["undistort", PHOTO, "out.png", "--hfov", "90", "--scale", "9"], 2, "the same thing"),
+        (["undistort", PHOTO, "out.png", "--hfov=9x9", "--size=9x9"], 2, "sets how high"),
         (["undistort", PHOTO, "out.png", "--fit", "1.5"], 2, "a share from 0 to 1"),
         (["undistort", PHOTO, "out.png", "--rotate", "1,2,3,4"], 2, "yaw,pitch,roll"),
         (["undistort", PHOTO, "out.png", "--rotate", "nan"], 2, "yaw,pitch,roll"),
@@ -472,6 +473,6 @@ def test_a_bad_video_is_named_and_the_rest_done(run: Run, model: Path, tmp_path:
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.mp4"]
     cube = ["--view", "cube"]
     said = run("undistort", tmp_path / "a.mp4", "o.mp4", "-m", model, *cube, code=2).stderr
-    assert "a video becomes one video" in said
+    assert "choose another for videos" in said
     said = run("undistort", tmp_path / "a.mp4", PHOTO, tmp_path / "out", *args, code=2).stderr
     assert "photos and videos together" in said

@@ -1,4 +1,4 @@
-"""``undistort --plane``: a board's plane at its true scale, wherever the photo was taken."""
+"""A board's plane at its true scale, wherever the photo was taken."""
 
 import shutil
 from pathlib import Path
@@ -45,23 +45,23 @@ def likeness(picture: np.ndarray, board: np.ndarray) -> float:
 def test_a_boards_plane_is_the_drawing_of_the_board(
     run: Run, model: Path, tmp_path: Path, board: str
 ) -> None:
-    args = ["-m", model, "--plane", board, "--target", TARGET, "--pixels-per-unit", SCALE]
+    args = ["-m", model, "--view", f"plane:{board}", "--target", TARGET, "--scale", SCALE]
     said = run("undistort", PHOTO, tmp_path / "o.png", *args).stdout
     assert "the plane at 3 pixels per mm" in said
     assert likeness(read_picture(tmp_path / "o.png"), drawn(board)) > 0.93
 
 
-def test_the_margin_and_the_scale_set_the_size(run: Run, model: Path, tmp_path: Path) -> None:
-    args = ["-m", model, "--plane", "floor", "-t", TARGET]
-    run("undistort", PHOTO, tmp_path / "o.png", *args, "--pixels-per-unit", 2, "--margin", 0)
-    # 9x6 inner corners of 25 mm.
-    assert read_picture(tmp_path / "o.png").shape == (5 * 50, 8 * 50, 3)
+def test_the_scale_sets_the_size(run: Run, model: Path, tmp_path: Path) -> None:
+    args = ["-m", model, "--view", "plane:floor", "-t", TARGET]
+    run("undistort", PHOTO, tmp_path / "o.png", *args, "--scale", 2)
+    # 9x6 inner corners of 25 mm, and a square around them.
+    assert read_picture(tmp_path / "o.png").shape == (7 * 50, 10 * 50, 3)
 
 
 @pytest.mark.slow
 def test_without_a_pose_the_boards_corners_give_it(run: Run, model: Path, tmp_path: Path) -> None:
     shutil.copy(PHOTO, tmp_path / "unknown.jpg")
-    args = ["-m", model, "--plane", "floor", "-t", TARGET, "--pixels-per-unit", SCALE]
+    args = ["-m", model, "--view", "plane:floor", "-t", TARGET, "--scale", SCALE]
     done = run("undistort", tmp_path / "unknown.jpg", tmp_path / "o.png", *args)
     assert "Looking for corners in 1 photo" in done.stderr
     run("undistort", PHOTO, tmp_path / "known.png", *args)
@@ -76,8 +76,8 @@ def test_a_camera_of_points_shows_its_boards(run: Run, tmp_path: Path) -> None:
     (tmp_path / "one.csv").write_text("\n".join(own) + "\n")
     points = ["--lift", "point", "-o", tmp_path / "p"]
     run("calibrate", tmp_path / "one.csv", "-t", TARGET, *points)
-    args = ["-m", tmp_path / "p" / "camera.yaml", "--plane", "floor", "-t", TARGET]
-    args += ["--pixels-per-unit", SCALE]
+    args = ["-m", tmp_path / "p" / "camera.yaml", "--view", "plane:floor", "-t", TARGET]
+    args += ["--scale", SCALE]
     run("undistort", PHOTO, tmp_path / "o.png", *args)
     assert likeness(read_picture(tmp_path / "o.png"), drawn("floor")) > 0.93
     other = PHOTO.with_name("corner_02.jpg")
@@ -88,10 +88,12 @@ def test_a_camera_of_points_shows_its_boards(run: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (["--plane", "floor"], "--plane needs the target"),
-        (["--plane", "flor", "-t", TARGET], "did you mean 'floor'"),
-        (["--plane", "floor", "-t", TARGET, "--hfov", "90"], "leave out the view's options"),
-        (["--pixels-per-unit", "3"], "goes with --plane"),
+        (["--view", "plane:floor"], "--view plane:floor needs the target"),
+        (["--view", "plane:flor", "-t", TARGET], "did you mean 'floor'"),
+        (["--view", "plane:floor", "-t", TARGET, "--hfov", "90"], "--hfov does not go with"),
+        (["--view", "plane:floor", "-t", TARGET, "--size", "9x9"], "--size does not go with"),
+        (["--view", "plane:"], "is no view"),
+        (["--target", TARGET], "--target goes with --view plane:BOARD"),
     ],
 )
 def test_what_does_not_go_together_is_wrong_usage(

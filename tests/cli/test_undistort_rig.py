@@ -1,4 +1,4 @@
-"""undistort --rig: which photos make a shot, what becomes of it, and nothing replaced unasked."""
+"""Which photos make a rig's shot, what becomes of it, and nothing is replaced unasked."""
 
 import json
 import shutil
@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from running import Run
+from running import SAMPLE, Run
 
 from cubicfish_cli import load_rig
 from cubicfish_cli.cli.options import keys_of
@@ -42,7 +42,7 @@ def shots(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_shot_becomes_a_panorama(run: Run, rig: Path, shots: Path, tmp_path: Path) -> None:
     out = tmp_path / "all.png"
     photos = [shots / name / "0001.png" for name in ("right", "left")]
-    args = ["--rig", rig, "--mask", tmp_path / "mask.png", "--camera", out, "--json"]
+    args = ["-m", rig, "--mask", tmp_path / "mask.png", "--camera", out, "--json"]
     record = json.loads(run("undistort", *photos, out, *args).stdout)
     assert set(record) <= set(keys_of("undistort"))
     assert record["view"]["kind"] == "equirectangular"
@@ -78,10 +78,10 @@ def test_photos_find_their_cameras(
             camera = "left" if path.name.startswith(("a", "l")) else "right"
             shutil.copy(shots / camera / "0001.png", path)
     if how in ("by order", "names"):
-        run("undistort", *given, out, "--rig", rig, *SMALL)
+        run("undistort", *given, out, "-m", rig, *SMALL)
         assert len(list(out.iterdir())) == 1
     else:
-        run("undistort", *given, out, "--rig", rig, *SMALL)
+        run("undistort", *given, out, "-m", rig, *SMALL)
         assert sorted(file.name for file in out.iterdir()) == ["0001.png", "0002.png"]
     picture = cv2.imread(str(next(out.iterdir()))).astype(float)
     # Straight ahead: z is 1, x and y are 0; of one camera alone the same.
@@ -91,16 +91,17 @@ def test_photos_find_their_cameras(
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (["--margin", "1"], 2, "--margin goes with --plane"),
-        (["--plane", "floor"], 2, "--plane is for the photos of one camera"),
-        (["--view", "cube"], 2, "becomes one picture"),
+        (["--view", "plane:floor", "-t", SAMPLE / "target.yaml"], 2, "of one camera"),
+        (["--view", "cube"], 2, "--view cube is for photos of one camera"),
+        (["--crf", "20"], 2, "--crf goes with videos"),
+        (["--quality", "50"], 2, "--quality goes with JPEG and WebP files, not with .png"),
     ],
 )
 def test_what_does_not_go_together_is_said(
-    run: Run, rig: Path, shots: Path, tmp_path: Path, args: list[str], code: int, words: str
+    run: Run, rig: Path, shots: Path, tmp_path: Path, args: list[object], code: int, words: str
 ) -> None:
     photos = [shots / name / "0001.png" for name in ("left", "right")]
-    said = run("undistort", *photos, tmp_path / "x.png", "--rig", rig, *args, code=code).stderr
+    said = run("undistort", *photos, tmp_path / "x.png", "-m", rig, *args, code=code).stderr
     assert words in said
     assert list(tmp_path.iterdir()) == []
 
@@ -111,7 +112,7 @@ def test_photos_may_be_an_exact_rescale(run: Run, rig: Path, shots: Path, tmp_pa
     for path, small in zip(photos, half, strict=True):
         picture = cv2.imread(str(path))
         cv2.imwrite(str(small), cv2.resize(picture, (480, 360), interpolation=cv2.INTER_AREA))
-    args = ["--rig", rig, *SMALL]
+    args = ["-m", rig, *SMALL]
     run("undistort", *photos, tmp_path / "a.png", *args)
     run("undistort", *half, tmp_path / "b.png", *args)
     a, b = (cv2.imread(str(tmp_path / f"{name}.png")).astype(int) for name in "ab")
@@ -121,15 +122,17 @@ def test_photos_may_be_an_exact_rescale(run: Run, rig: Path, shots: Path, tmp_pa
     assert "Error: camera right: " in said
 
 
-def test_options_of_rigs_need_one(run: Run, shots: Path, tmp_path: Path) -> None:
+def test_options_of_rigs_need_one(run: Run, calibrated: Path, shots: Path, tmp_path: Path) -> None:
     photo = shots / "left" / "0001.png"
-    said = run("undistort", photo, tmp_path / "x.png", "--distance", "5", code=2).stderr
-    assert "--distance goes with --rig" in said
+    said = run(
+        "undistort", photo, tmp_path / "x.png", "-m", calibrated, "--distance", 5, code=2
+    ).stderr
+    assert "--distance goes with a rig" in said
 
 
 def test_whose_a_photo_is_must_be_known(run: Run, rig: Path, shots: Path, tmp_path: Path) -> None:
     shutil.copy(shots / "left" / "0001.png", tmp_path / "a.png")
-    args = [tmp_path / "a.png", tmp_path / "x.png", "--rig", rig]
+    args = [tmp_path / "a.png", tmp_path / "x.png", "-m", rig]
     said = run("undistort", *args, code=2).stderr
     assert "a.png" in said
     assert "left, right" in said
@@ -141,12 +144,26 @@ def test_shots_that_fail_are_named_and_the_others_done(
     folder = shutil.copytree(shots, tmp_path / "shots")
     cv2.imwrite(str(folder / "right" / "0002.png"), np.zeros((50, 60, 3), np.uint8))
     out = tmp_path / "out"
-    said = run("undistort", folder, out, "--rig", rig, *SMALL, code=1).stderr
+    said = run("undistort", folder, out, "-m", rig, *SMALL, code=1).stderr
     assert "failed: shot 0002: camera right: the photo has 60x50 pixels" in said
     ending = "1 of 2 shots could not be undistorted: the reason is above, the other is done"
     assert said.endswith(f"Error: {ending}\n")
     assert [file.name for file in out.iterdir()] == ["0001.png"]
-    said = run("undistort", folder, out, "--rig", rig, *SMALL, code=1).stderr
+    said = run("undistort", folder, out, "-m", rig, *SMALL, code=1).stderr
     assert "0001.png exists" in said
-    said = run("undistort", folder, tmp_path / "x.png", "--rig", rig, code=2).stderr
+    said = run("undistort", folder, tmp_path / "x.png", "-m", rig, code=2).stderr
     assert "2 shots become a folder" in said
+
+
+def test_shots_that_exist_are_skipped_and_the_others_done_by_threads(
+    run: Run, rig: Path, shots: Path, tmp_path: Path
+) -> None:
+    args = ["undistort", shots, tmp_path / "out", "-m", rig, *SMALL, "-j", 2, "--skip-existing"]
+    run(*args)
+    one, two = tmp_path / "out" / "0001.png", tmp_path / "out" / "0002.png"
+    made = two.read_bytes()
+    one.write_bytes(b"mine")
+    two.unlink()
+    done = run(*args)
+    assert "skipped 1 shot whose result exists" in done.stderr
+    assert (one.read_bytes(), two.read_bytes()) == (b"mine", made)

@@ -13,9 +13,11 @@ from running import SAMPLE, run_cli
 
 from cubicfish_cli import (
     Event,
+    MapOptions,
     PlaneOptions,
     Run,
     Target,
+    UndistortOptions,
     ViewOptions,
     advise_files,
     calibrate_files,
@@ -31,10 +33,8 @@ from cubicfish_cli import (
     info_files,
     load_camera,
     map_files,
-    map_rig_files,
     report_files,
     undistort_files,
-    undistort_rig_files,
 )
 from cubicfish_cli.advice import advise
 from cubicfish_cli.cli.terminal import print_json
@@ -186,40 +186,36 @@ def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None
 def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="maps are written as"):
         map_files(tmp_path / "none.yaml", tmp_path / "a.txt")
-    with pytest.raises(UsageError, match="maps are written as"):
-        map_rig_files(tmp_path / "none.yaml", tmp_path / "a.txt")
 
 
 @pytest.mark.parametrize(
-    ("line", "view", "options"),
+    ("line", "options"),
     [
-        ((), None, {}),
+        ((), UndistortOptions()),
         (
             ("--view", "stereographic", "--fit", "outer", "--rotate", "10,5,0"),
-            ViewOptions(kind="stereographic", fit="outer", rotate_deg=(10, 5, 0)),
-            {},
+            UndistortOptions(
+                view=ViewOptions(kind="stereographic", fit="outer", rotate_deg=(10, 5, 0))
+            ),
         ),
         (
             ("--view", "cube", "--size", "40x40", "--interpolation", "cubic"),
-            ViewOptions(kind="cube", size=(40, 40)),
-            {"interpolation": "cubic"},
+            UndistortOptions(view=ViewOptions(kind="cube", size=(40, 40)), interpolation="cubic"),
         ),
         (
-            (
-                *("--plane", "floor", "-t", TARGET, "--pixels-per-unit", 0.3, "--margin", 20),
-                *("--quality", 40),
+            ("--view", "plane:floor", "-t", TARGET, "--scale", 0.3, "--quality", 40),
+            UndistortOptions(
+                view=PlaneOptions(board="floor", target=TARGET, pixels_per_unit=0.3), quality=40
             ),
-            PlaneOptions(board="floor", target=TARGET, pixels_per_unit=0.3, margin=20),
-            {"quality": 40},
         ),
     ],
 )
 def test_pictures_are_those_of_the_command(
-    calibrated: Path, tmp_path: Path, line: tuple[object, ...], view: Any, options: dict[str, Any]
+    calibrated: Path, tmp_path: Path, line: tuple[object, ...], options: UndistortOptions
 ) -> None:
     photos = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 2)]
     said = run_cli("undistort", *photos, tmp_path / "a", "-m", calibrated, *line, "--json")
-    made = undistort_files(photos, tmp_path / "b", calibrated, view, **options)
+    made = undistort_files(photos, tmp_path / "b", calibrated, options)
     assert read(tmp_path / "a") == read(tmp_path / "b") != {}
     record = as_json(made)
     files = [file.replace(str(tmp_path / "b"), str(tmp_path / "a")) for file in record["files"]]
@@ -234,13 +230,8 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
     a, b = tmp_path / "a", tmp_path / "b"
     beside = ("--mask", a / "m.png", "--camera", a / "flat.png")
     run_cli("undistort", photo, a / "flat.png", "-m", calibrated, *beside)
-    made = undistort_files(
-        photo,
-        b / "flat.png",
-        calibrated,
-        mask=b / "m.png",
-        virtual_camera=b / "flat.png",
-    )
+    options = UndistortOptions(mask=b / "m.png", virtual_camera=b / "flat.png")
+    made = undistort_files(photo, b / "flat.png", calibrated, options)
     assert read(a) == read(b)
     assert made.files == (b / "flat.png",)
     assert sorted(file.name for file in made.extras) == [
@@ -250,31 +241,27 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
     ]
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"view": PlaneOptions(board="flor", target=TARGET)}, "did you mean 'floor'"),
-    ],
-)
-def test_pictures_that_cannot_be_are_refused(
-    calibrated: Path, tmp_path: Path, options: dict[str, Any], said: str
-) -> None:
-    with pytest.raises(UsageError, match=said):
-        undistort_files(SAMPLE / "photos", tmp_path / "a", calibrated, **options)
+def test_a_board_that_there_is_not_is_refused(calibrated: Path, tmp_path: Path) -> None:
+    options = UndistortOptions(view=PlaneOptions(board="flor", target=TARGET))
+    with pytest.raises(UsageError, match="did you mean 'floor'"):
+        undistort_files(SAMPLE / "photos", tmp_path / "a", calibrated, options)
     assert not (tmp_path / "a").exists()
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("kind", "asked", "said"),
     [
-        ({"kind": "cubes"}, "did you mean 'cube'"),
-        ({"focal": 100, "fit": 0.5}, "--focal and --fit say the same thing twice"),
-        ({"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less than 180"),
+        (ViewOptions, {"kind": "cubes"}, "did you mean 'cube'"),
+        (ViewOptions, {"focal": 100, "fit": 0.5}, "--scale and --fit say the same thing twice"),
+        (ViewOptions, {"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less"),
+        (UndistortOptions, {"quality": 101}, "--quality must be a whole number from 1 to 100"),
+        (UndistortOptions, {"crf": -1}, "--crf must be a whole number from 0 to 63"),
+        (UndistortOptions, {"interpolation": "linaer"}, "did you mean 'linear'"),
     ],
 )
-def test_views_that_cannot_be_are_refused(asked: dict[str, Any], said: str) -> None:
+def test_options_that_cannot_be_are_refused(kind: Any, asked: dict[str, Any], said: str) -> None:
     with pytest.raises(UsageError, match=said):
-        ViewOptions(**asked)
+        kind(**asked)
 
 
 @pytest.mark.slow
@@ -283,20 +270,15 @@ def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None
         (tmp_path / name).mkdir()
     a, b = tmp_path / "a", tmp_path / "b"
     line = ("--fit", "inner", "--size", "90x60", "--photo-size", "480x360")
-    said = run_cli("map", a / "m.npz", "-m", calibrated, *line, "--mask", a / "k.png", "--json")
-    made = map_files(
-        calibrated,
-        b / "m.npz",
-        ViewOptions(fit="inner", size=(90, 60)),
-        photo_size=(480, 360),
-        mask=b / "k.png",
-    )
+    said = run_cli("map", a / "m.npz", "-m", calibrated, *line, "--json")
+    options = MapOptions(view=ViewOptions(fit="inner", size=(90, 60)), photo_size=(480, 360))
+    made = map_files(calibrated, b / "m.npz", options)
     assert read(a) == read(b)
     assert json.loads(said.stdout)["image_size"] == [480, 360] == list(made.image_size)
     line = ("--view", "equidistant", "--fit", "outer", "--redistort")
     run_cli("map", a / "s.png", "-m", calibrated, *line)
     whole = ViewOptions(kind="equidistant", fit="outer")
-    map_files(calibrated, b / "s.png", whole, redistort=True)
+    map_files(calibrated, b / "s.png", MapOptions(view=whole, redistort=True))
     assert read(a) == read(b)
 
 
@@ -313,19 +295,20 @@ def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
     for name in "ab":
         (tmp_path / name).mkdir()
     a, b = tmp_path / "a", tmp_path / "b"
-    run_cli("undistort", photos, a, "--rig", rig, "--size", "80x40", "--distance", 900)
-    made = undistort_rig_files(photos, b, rig.parent, ViewOptions(size=(80, 40)), distance=900)
+    run_cli("undistort", photos, a, "-m", rig, "--size", "80x40", "--distance", 900)
+    options = UndistortOptions(view=ViewOptions(size=(80, 40)), distance=900)
+    made = undistort_files(photos, b, rig.parent, options)
     assert read(a) == read(b)
     assert [*made.written] == ["1", "2"]
     for folder in (a, b):
         (folder / "m").mkdir()
-    run_cli("map", a / "m" / "m.npz", "--rig", rig, "--view", "cylindrical", "--size", "60x40")
+    run_cli("map", a / "m" / "m.npz", "-m", rig, "--view", "cylindrical", "--size", "60x40")
     view = ViewOptions(kind="cylindrical", size=(60, 40))
-    maps = map_rig_files(rig, b / "m" / "m.npz", view, pair=("left", "right"))
+    maps = map_files(rig, b / "m" / "m.npz", MapOptions(view=view, pair=("left", "right")))
     assert read(a / "m") == read(b / "m")
     assert maps.stereo is not None
     with pytest.raises(UsageError, match="rows of stereographic pictures do not agree"):
-        map_rig_files(rig, b / "n.npz", ViewOptions(kind="stereographic"))
+        map_files(rig, b / "n.npz", MapOptions(view=ViewOptions(kind="stereographic")))
 
 
 @pytest.mark.slow

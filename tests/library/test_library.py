@@ -31,6 +31,7 @@ from cubicfish_cli import (
     Observations,
     Run,
     Target,
+    UndistortOptions,
     build_map,
     build_plane,
     build_view,
@@ -582,7 +583,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         photos,
         folder,
         fitted,
-        view,
+        UndistortOptions(view=view),
         run=Run(jobs=1, listener=heard),
     )
     assert made.files == tuple(folder / photo.name for photo in PHOTOS)
@@ -594,7 +595,8 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     written = made.files[0].read_bytes()
     again: list[Any] = [PHOTOS, folder, fitted.camera]
     assert "exists already" in refusal(OutputError, lambda: undistort_files(*again))
-    assert undistort_files(*again, skip_existing=True).skipped == tuple(p.name for p in PHOTOS)
+    skipping = UndistortOptions(skip_existing=True)
+    assert undistort_files(*again, skipping).skipped == tuple(p.name for p in PHOTOS)
     assert made.files[0].read_bytes() == written
     own = undistort_files(*again, run=Run(overwrite=True)).files[0]
     flat = undistort(read_picture(PHOTOS[0]), fitted.camera)
@@ -609,9 +611,8 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     [
         ("none", {}, "none"),
         (["a.mp4", "b.jpg"], {}, "photos and videos together"),
-        (PHOTOS, {"quality": 0}, "quality must be a whole number from 1 to 100"),
-        (PHOTOS, {"interpolation": "linaer"}, "did you mean 'linear'?"),
-        (PHOTOS, {"run": Run(overwrite=True), "skip_existing": True}, "exclude each other"),
+        (PHOTOS, {"crf": 20}, "--crf goes with videos"),
+        (PHOTOS, {"distance": 20}, "--distance goes with a rig"),
     ],
 )
 def test_files_that_cannot_be_undistorted_are_refused(
@@ -619,7 +620,11 @@ def test_files_that_cannot_be_undistorted_are_refused(
 ) -> None:
     folder = tmp_path / "flat"
     assert said in refusal(
-        CubicfishError, lambda: undistort_files(photos, folder, fitted, **options)
+        CubicfishError, lambda: undistort_files(photos, folder, fitted, UndistortOptions(**options))
+    )
+    skipping, run = UndistortOptions(skip_existing=True), Run(overwrite=True)
+    assert "exclude each other" in refusal(
+        UsageError, lambda: undistort_files(photos, folder, fitted, skipping, run=run)
     )
     assert not folder.exists()
 
@@ -798,8 +803,8 @@ def test_pictures_and_views_that_cannot_be_are_refused(
     assert "did you mean 'cylindrical'" in no_view("cylinder")
     assert "unknown kind of view '3'" in no_view(3)
     assert "a cube is several views" in no_view("cube")
-    assert "--hfov and --focal say the same thing twice" in no_view(hfov_deg=90, focal=300)
-    assert "--hfov and --vfov and --size" in no_view(hfov_deg=90, vfov_deg=60, size=(9, 9))
+    assert "--hfov and --scale say the same thing twice" in no_view(hfov_deg=90, focal=300)
+    assert "sets how high the picture is" in no_view(hfov_deg=90, vfov_deg=60, size=(9, 9))
     for share in ("middle", "0.5", 1.5, float("nan"), (0.5,)):
         assert "--fit must be 'inner'" in no_view(fit=share)
     for angles in ((1, 2), 5, "123", (0, 0, float("nan"))):
@@ -807,7 +812,7 @@ def test_pictures_and_views_that_cannot_be_are_refused(
     for field in ("90", 0, -5, float("nan"), float("inf")):
         assert "--hfov must be a number of degrees above 0" in no_view(hfov_deg=field)
     assert "--hfov 270 is too wide: a perspective view shows less than 180" in no_view(hfov_deg=270)
-    assert "--focal must be a number of pixels" in no_view(focal=-3)
+    assert "--scale must be a number of pixels" in no_view(focal=-3)
     for size in ((), (9.5, 9), 9, "99"):
         assert "--size must be WIDTHxHEIGHT" in no_view(size=size)
     assert "from 1 to" in refusal(ViewError, lambda: build_view(camera, size=(0, 9)))

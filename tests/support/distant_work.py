@@ -8,6 +8,7 @@ from pathlib import Path
 from synthetic import lens_of_size
 
 from cubicfish_cli import files
+from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.projections import PerspectiveView
 
@@ -15,30 +16,30 @@ LENS = lens_of_size(0.125)
 MAP = build_map(LENS, PerspectiveView.with_field(100, (40, 30)))
 
 
-def maps(source: Path, size: tuple[int, int]) -> list:
-    return [MAP]
+def render(job, photos) -> dict:
+    return {"": remap_picture(photos[""], MAP)}
 
 
-def slow_maps(source: Path, size: tuple[int, int]) -> list:
+def render_slowly(job, photos) -> dict:
     time.sleep(0.05)
-    return [MAP]
+    return render(job, photos)
 
 
-def maps_and_an_end(source: Path, size: tuple[int, int]) -> list:
+def render_and_end(job, photos) -> dict:
     """End the process the first time that this photo's picture stands, before anyone is told."""
-    if source.name == "5.png":
+    if job.source.name == "5.png":
         try:
-            source.with_name("ended").touch(exist_ok=False)
+            job.source.with_name("ended").touch(exist_ok=False)
         except FileExistsError:
-            return [MAP]
+            return render(job, photos)
         files.os.replace = _replace_and_end
-    return [MAP]
+    return render(job, photos)
 
 
-def maps_and_always_an_end(source: Path, size: tuple[int, int]) -> list:
-    if int(source.stem) >= 5:
+def render_and_always_end(job, photos) -> dict:
+    if int(job.source.stem) >= 5:
         os.kill(os.getpid(), signal.SIGKILL)
-    return [MAP]
+    return render(job, photos)
 
 
 def _replace_and_end(source: Path, path: Path) -> None:

@@ -7,10 +7,8 @@ from synthetic import lens_of_size
 
 from cubicfish_cli.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.photos import decode_picture, read_picture
-from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photo
+from cubicfish_cli.undistortion.batch import Job, write_one
 from cubicfish_cli.undistortion.images import (
-    PLAIN,
-    Rendering,
     encode_grey_with_alpha,
     encode_picture,
     is_grey_with_alpha,
@@ -28,9 +26,13 @@ MAP = build_map(LENS, PerspectiveView.with_field(160, (70, 50), (0, 0.3, 0.2)))
 RNG = np.random.default_rng(2)
 
 
-def undistort_picture_file(source, out, made, rendering=PLAIN, *, overwrite):
-    job = PhotoJob(name=source.name, source=source, outputs=(out,))
-    undistort_photo(job, lambda path, size: [made], rendering, overwrite=overwrite)
+def undistort_picture_file(source, out, made, quality=None, *, overwrite):
+    job = Job(name=source.name, photos={"": source}, outputs={"": out})
+
+    def render(job, photos):
+        return {"": remap_picture(photos[""], made)}
+
+    write_one(job, render, quality=quality, overwrite=overwrite)
 
 
 def picture(dtype=np.uint8, channels=1):
@@ -160,7 +162,7 @@ def test_floating_point_pictures_stay_so(tmp_path):
 def test_what_is_unseen_is_black_and_has_no_part_in_the_picture(interpolation, dtype):
     top = 1 if dtype == np.float32 else np.iinfo(dtype).max
     flat = np.full((HEIGHT, WIDTH, 3), top / 4, dtype)
-    made = remap_picture(flat, MAP, Rendering(interpolation=interpolation))
+    made = remap_picture(flat, MAP, interpolation)
     assert not made[~MAP.valid].any()
     # No ringing against the border at the photo's edge.
     np.testing.assert_allclose(made[MAP.valid], top / 4, rtol=0.02)
@@ -172,7 +174,7 @@ def test_interpolations_are_cv2s():
     inner &= (MAP.map_y > 4) & (MAP.map_y < HEIGHT - 5)
     results = []
     for name, flag in [("nearest", 0), ("linear", 1), ("cubic", 2), ("lanczos", 4)]:
-        made = remap_picture(photo, MAP, Rendering(interpolation=name))
+        made = remap_picture(photo, MAP, name)
         expected = cv2.remap(photo, MAP.map_x, MAP.map_y, flag)
         np.testing.assert_array_equal(made[inner], expected[inner])
         results.append(made)
@@ -182,7 +184,7 @@ def test_interpolations_are_cv2s():
 def test_what_the_camera_does_not_see_is_transparent():
     photo = np.full((HEIGHT, WIDTH, 4), 255, np.uint8)
     for interpolation in ("linear", "cubic"):
-        made = remap_picture(photo, MAP, Rendering(interpolation=interpolation))
+        made = remap_picture(photo, MAP, interpolation)
         assert not made[~MAP.valid].any()
         assert (made[MAP.valid] == 255).all()
 
@@ -210,7 +212,7 @@ def test_a_jpegs_nature_goes_from_the_photo_to_the_picture(tmp_path):
     # Undistorted as the sensor saw it; only who looks at it turns it: 8 is a quarter turn.
     assert read_picture(out).shape[:2] == (50, 70)
     assert cv2.imread(str(out)).shape[:2] == (70, 50)
-    undistort_picture_file(source, out, MAP, Rendering(quality=30), overwrite=True)
+    undistort_picture_file(source, out, MAP, 30, overwrite=True)
     assert jpeg_nature(out.read_bytes()).quality == 30
 
 

@@ -11,7 +11,6 @@ from lenses import cubic_camera
 
 from cubicfish_cli.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.films import source as source_of_frames
-from cubicfish_cli.undistortion.images import Rendering
 from cubicfish_cli.undistortion.maps import build_map, camera_for_photos
 from cubicfish_cli.undistortion.projections import PerspectiveView
 from cubicfish_cli.undistortion.video import (
@@ -87,12 +86,12 @@ def audio_packets(path: Path) -> list[tuple[int, bytes]]:
         ]
 
 
-def run(source: Path, out: Path, rendering=None, made=MAP, crf=0, **options):
+def run(source: Path, out: Path, interpolation="linear", made=MAP, crf=0, **options):
     return undistort_video(
         source,
         out,
         lambda size: made,
-        rendering or Rendering(),
+        interpolation,
         crf=crf,
         overwrite=False,
         **options,
@@ -163,7 +162,7 @@ def test_sound_is_copied_bit_by_bit(tmp_path):
 def test_what_the_camera_does_not_see_is_black(tmp_path, interpolation):
     source, out = tmp_path / "in.mkv", tmp_path / "out.mkv"
     write_video(source, audio=False)
-    run(source, out, Rendering(interpolation=interpolation))
+    run(source, out, interpolation)
     outside = cv2.erode((~MAP.valid).astype(np.uint8), np.ones((7, 7)), borderValue=1).astype(bool)
     assert outside.any()
     _, flat = frames_of(out, "rgb24")[0]

@@ -23,8 +23,7 @@ import distant_work
 from cubicfish_cli.errors import ClusterError, PhotoError
 from cubicfish_cli.executors import cluster
 from cubicfish_cli.executors.cluster import connect, do_one, order, versions_here
-from cubicfish_cli.undistortion.batch import PhotoJob, undistort_photos
-from cubicfish_cli.undistortion.images import PLAIN
+from cubicfish_cli.undistortion.batch import Job, write_many
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 30
@@ -117,21 +116,21 @@ def model(calibrated: Path) -> Path:
     return calibrated / "camera.yaml"
 
 
-def jobs_of(folder: Path, count: int, out: str = "out") -> list[PhotoJob]:
+def jobs_of(folder: Path, count: int, out: str = "out") -> list[Job]:
     jobs = []
     for number in range(count):
         path = folder / f"{number}.png"
         cv2.imwrite(str(path), np.full(distant_work.LENS.image_size[::-1], number, np.uint8))
-        jobs.append(PhotoJob(name=path.name, source=path, outputs=(folder / out / path.name,)))
+        outputs = {"": folder / out / path.name}
+        jobs.append(Job(name=path.name, photos={"": path}, outputs=outputs))
     return jobs
 
 
-def undistort(jobs: Sequence[PhotoJob], address: str, maps, wait_s=PATIENCE_S, **options) -> dict:
+def undistort(jobs: Sequence[Job], address: str, render, wait_s=PATIENCE_S, **options) -> dict:
     with connect(address, wait_s=wait_s) as executor:
-        return undistort_photos(
+        return write_many(
             jobs,
-            maps,
-            PLAIN,
+            render,
             workers=1,
             overwrite=options.get("overwrite", False),
             progress=options.get("progress", lambda done, total: None),
@@ -190,7 +189,7 @@ def test_planes_find_their_poses_there(
     run: Run, processes: Processes, model: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "new.jpg").symlink_to(SAMPLE / "photos" / "corner_01.jpg")
-    args = ["undistort", tmp_path / "new.jpg", "-m", model, "--plane", "floor"]
+    args = ["undistort", tmp_path / "new.jpg", "-m", model, "--view", "plane:floor"]
     args += ["--target", SAMPLE / "target.yaml"]
     run(*args, tmp_path / "here.png")
     run(*args, tmp_path / "there.png", "--scheduler", processes.have(2))
@@ -200,10 +199,9 @@ def test_planes_find_their_poses_there(
 @pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: Path) -> None:
     jobs, seen = jobs_of(tmp_path, 12), []
-    undistort_photos(
+    write_many(
         jobs_of(tmp_path, 12, "here"),
-        distant_work.maps,
-        PLAIN,
+        distant_work.render,
         workers=1,
         overwrite=False,
         progress=lambda done, total: None,
@@ -212,7 +210,7 @@ def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: P
     failures = undistort(
         jobs,
         address,
-        distant_work.maps_and_an_end,
+        distant_work.render_and_end,
         progress=lambda done, total: seen.append((done, total)),
     )
     assert failures == {}
@@ -230,7 +228,7 @@ def test_answers_hold_though_they_were_lost_since(
     import distributed
 
     monkeypatch.setattr(distributed.Future, "status", property(lambda self: "lost"))
-    assert undistort(jobs_of(tmp_path, 4), processes.have(1), distant_work.maps) == {}
+    assert undistort(jobs_of(tmp_path, 4), processes.have(1), distant_work.render) == {}
     assert len(contents(tmp_path / "out")) == 4
 
 
@@ -238,18 +236,18 @@ def test_answers_hold_though_they_were_lost_since(
 def test_what_exists_is_refused_before_the_work(processes: Processes, tmp_path: Path) -> None:
     jobs = jobs_of(tmp_path, 4)
     jobs[1].source.unlink()
-    jobs[2].outputs[0].parent.mkdir()
-    jobs[2].outputs[0].write_text("old")
+    jobs[2].outputs[""].parent.mkdir()
+    jobs[2].outputs[""].write_text("old")
     address = processes.have(1)
-    failures = undistort(jobs, address, distant_work.maps)
+    failures = undistort(jobs, address, distant_work.render)
     missing, exists = failures["1.png"], failures["2.png"]
     assert isinstance(missing, PhotoError)
     assert f"1.png cannot be read on {os.uname().nodename}: No such file" in str(missing)
     assert "2.png exists already" in str(exists)
-    assert jobs[2].outputs[0].read_text() == "old"
+    assert jobs[2].outputs[""].read_text() == "old"
     assert sorted(contents(tmp_path / "out")) == ["0.png", "2.png", "3.png"]
-    assert undistort(jobs[2:3], address, distant_work.maps, overwrite=True) == {}
-    assert jobs[2].outputs[0].read_bytes() != b"old"
+    assert undistort(jobs[2:3], address, distant_work.render, overwrite=True) == {}
+    assert jobs[2].outputs[""].read_bytes() != b"old"
 
 
 @pytest.mark.slow
@@ -257,7 +255,7 @@ def test_when_the_last_worker_is_lost_it_ends(processes: Processes, tmp_path: Pa
     jobs = jobs_of(tmp_path, 9)
     address = processes.have(1)
     with pytest.raises(ClusterError) as caught:
-        undistort(jobs, address, distant_work.maps_and_always_an_end, wait_s=0.5)
+        undistort(jobs, address, distant_work.render_and_always_end, wait_s=0.5)
     assert "has had no worker for 0.5 s (" in str(caught.value)
     assert " of 9 done): start some with 'dask worker tcp://" in str(caught.value)
     assert not [name for name in contents(tmp_path / "out") if name.startswith(".")]
@@ -432,7 +430,7 @@ def test_a_scheduler_that_is_lost_is_one_line(
         with pytest.raises(
             ClusterError, match=r"does not answer any more \(\d+ of 60 done\).*skip"
         ):
-            undistort(jobs, address, distant_work.slow_maps, progress=progress)
+            undistort(jobs, address, distant_work.render_slowly, progress=progress)
     finally:
         own.close()
 

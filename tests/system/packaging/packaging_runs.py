@@ -105,7 +105,7 @@ MORE = (
     _step("corners table.csv --target {sample}/target.yaml --board floor --size 960x720 "
           "-o taken.csv", "taken.csv"),
     _step("undistort {sample}/photos many -j 2", "many/corner_*.jpg"),
-    _step("undistort {sample}/photos/corner_01.jpg floor.png --plane floor "
+    _step("undistort {sample}/photos/corner_01.jpg floor.png --view plane:floor "
           "--target {sample}/target.yaml", "floor.png"),
     _step("map stmap.exr", "stmap.exr", "stmap.view*.yaml", extra="exr"),
     _step("map pair.pgm", "pair*.pgm", "pair.view*.yaml"),
