@@ -21,7 +21,6 @@ import click
 
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
-    FloatRange,
     bundle,
     command_line,
     fields_of,
@@ -111,16 +110,9 @@ class SchedulerOptions:
         "same files under the same names (a shared file system). Only use a scheduler that "
         "you trust. Needs pip install 'cubicfish[scale]'.",
     )
-    wait_s: float | None = option(
-        "--wait SECONDS",
-        "How long to wait while the scheduler has no worker. [default: 60]",
-        FloatRange(min=0, max=1_000_000),
-    )
 
     def check(self, jobs: int | None) -> None:
         """Refuse what does not go together."""
-        if self.address is None and self.wait_s is not None:
-            raise click.UsageError("--wait goes with --scheduler")
         if self.address is not None and jobs is not None:
             raise click.UsageError(
                 "--jobs is for this machine: with --scheduler, 'dask worker --nthreads' says how "
@@ -146,11 +138,10 @@ class _Cluster:
         return self._there.each(work, items, writes_below=writes_below)
 
     def _connected(self, address: str) -> Executor:
-        from cubicfish_cli.executors.cluster import WAIT_S, connect
+        from cubicfish_cli.executors.cluster import connect
 
         self._listener.end()
-        wait_s = WAIT_S if self._asked.wait_s is None else self._asked.wait_s
-        there = self._stack.enter_context(connect(address, wait_s=wait_s))
+        there = self._stack.enter_context(connect(address))
         threads = count(there.threads, "thread")
         say(f"Using {count(there.workers, 'worker')} with {threads} at {address}.")
         return there

@@ -35,16 +35,8 @@ def test_without_dask_it_says_what_to_install(
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--wait", "3"], "--wait goes with --scheduler"),
-        (["--scheduler", "tcp://node:8786", "-j", "2"], "--jobs is for this machine"),
-    ],
-)
-def test_options_that_do_not_go_together(
-    run: Run, tmp_path: Path, options: list[str], said: str
-) -> None:
+def test_jobs_are_for_this_machine(run: Run, tmp_path: Path) -> None:
+    options, said = ["--scheduler", "tcp://node:8786", "-j", "2"], "--jobs is for this machine"
     assert said in run("undistort", PHOTO, tmp_path / "o.png", *options, code=2).stderr
     args = ["detect", PHOTO, "-t", SAMPLE / "target.yaml", "-o", tmp_path / "c.csv"]
     assert said in run(*args, *options, code=2).stderr

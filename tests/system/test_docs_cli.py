@@ -152,7 +152,7 @@ def test_uses_are_found_wherever_they_stand() -> None:
 
 def test_the_same_option_has_the_same_words_everywhere() -> None:
     common = {"--target", "--model", "--json", "--overwrite", "--jobs", "--no-cache", "--max-rms"}
-    common |= {"--mask", "--scheduler", "--wait", "--view", "--hfov"}
+    common |= {"--mask", "--scheduler", "--view", "--hfov"}
     words: dict[str, set[str]] = {}
     for _, command in TREE:
         for param in command.params:
