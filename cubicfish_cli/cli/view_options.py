@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +26,8 @@ from cubicfish_cli.undistortion.options import INTERPOLATIONS, KINDS, ViewOption
 from cubicfish_cli.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from cubicfish_cli.undistortion.choose import SeenField
 
 _PLANE = "plane:"
@@ -66,13 +67,26 @@ def _field(text: str) -> tuple[float, ...]:
     return field
 
 
-def _kind(planes: bool, text: str) -> str:
-    if planes and text.startswith(_PLANE) and len(text) > len(_PLANE):
-        return text
-    if text not in KINDS:
-        kinds = (*KINDS, f"{_PLANE}BOARD") if planes else KINDS
-        raise ValueError(f"{quoted(text)} is no view: {did_you_mean(text, kinds)}")
-    return text
+class _Kind(click.ParamType):
+    """A kind of view, and where there may be planes also plane:BOARD."""
+
+    name = "kind"
+
+    def __init__(self, planes: bool) -> None:
+        self._planes = planes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Parse, or fail as a usage error that names the nearest kind."""
+        is_plane = self._planes and value.startswith(_PLANE) and value != _PLANE
+        if not is_plane and value not in KINDS:
+            self.fail(f"{quoted(value)} is no view: {did_you_mean(value, KINDS)}", param, ctx)
+        return str(value)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """The kinds that begin so."""
+        return click.Choice(KINDS).shell_complete(ctx, param, incomplete)
 
 
 def _view_of(
@@ -146,7 +160,7 @@ def _kind_option(*, planes: bool) -> Any:
         "--view KIND",
         f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric picture of "
         "a board's plane. [default: perspective, in which straight lines are straight]",
-        Parsed("KIND", partial(_kind, planes)),
+        _Kind(planes),
     )
 
 
