@@ -191,7 +191,7 @@ SCENARIOS = {
         ),
         Scenario(
             name="map pgm, mask",
-            args=("map", "out/map.pgm", *MODEL, "--mask", "out/mask.png"),
+            args=("map", "out/map.pgm", *MODEL),
             prepare=fault_inputs.camera,
             head="map_x.pgm",
         ),
