@@ -28,6 +28,7 @@ from cubicfish_cli.words.finding import Finding, joined
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""
+_OF_PHOTO = ("rms_px", "median_px", "p95_px", "max_px")
 _HINTS = {"--target": "; 'cubicfish report --target FILE' names it"}
 # Errors that are worked out again and differ by more than this share are of other corners.
 _SAME_RMS = 0.02
@@ -243,10 +244,7 @@ def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, 
             PhotoFacts(
                 name=name,
                 corners=int(recorded_number(record.get("corners")) or 0),
-                rms_px=recorded_number(record.get("rms_px")),
-                median_px=recorded_number(record.get("median_px")),
-                p95_px=recorded_number(record.get("p95_px")),
-                max_px=recorded_number(record.get("max_px")),
+                **{key: recorded_number(record.get(key)) for key in _OF_PHOTO},
                 rotation=None if vector is None else rotation_from_vector(vector[None])[0],
                 translation=translation,
                 told=told,
@@ -345,18 +343,13 @@ def _among(pairs: Observations, dropped: Sequence[DroppedFacts]) -> BoolArray:
     """Which pairs are corners that the fit dropped."""
     if not dropped:
         return np.zeros(len(pairs.pixel), bool)
-    boards: dict[str | None, int] = {name: index for index, name in enumerate(pairs.boards)}
-    images = {name: index for index, name in enumerate(pairs.images)}
-    gone = {
-        (images[corner.image], boards.get(corner.board, -1), corner.column, corner.row)
-        for corner in dropped
-        if corner.image in images
-    }
-    keys = zip(
+    gone = {(one.image, one.board, one.column, one.row) for one in dropped}
+    rows = zip(
         pairs.image.tolist(),
         pairs.board.tolist(),
         pairs.column.tolist(),
         pairs.row.tolist(),
         strict=True,
     )
-    return np.array([key in gone for key in keys], bool)
+    names = [*pairs.boards, None]  # of points without a board, whose index is -1
+    return np.array([(pairs.images[i], names[b], c, r) in gone for i, b, c, r in rows], bool)

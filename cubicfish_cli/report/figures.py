@@ -216,7 +216,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     value = np.sqrt(square / np.where(count, count, np.nan))
     top = round_up(float(np.nanpercentile(value, 95)))
     figure, axes = _photo_axes(facts)
-    cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top)
+    cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top, rasterized=True)
     beyond = "max" if np.nanmax(value) > top else "neither"
     figure.colorbar(cells, location="bottom", label="px RMS", aspect=40, extend=beyond)
     return finished(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
@@ -117,31 +118,27 @@ def _count(value: float) -> str:
 
 def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     """The figures at the top: name, value, meaning."""
-    tiles = []
-
-    def add(name: str, key: str, meaning: str, unit: str = " px", places: int = 3) -> None:
-        value = facts.number(key)
-        if value is not None:
-            tiles.append((name, f"{value:.{places}f}{unit}", meaning))
-
-    add("RMS error", "rms_px", "on the photos of the fit")
-    add("Held-out RMS", "held_out_rms_px", "on photos that a fit never saw")
-    add("Radial reference, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens")
-    covered = facts.number("covered_deg")
+    tiles = [
+        (name, f"{value:.3f} px", meaning)
+        for name, key, meaning in (
+            ("RMS error", "rms_px", "on the photos of the fit"),
+            ("Held-out RMS", "held_out_rms_px", "on photos that a fit never saw"),
+            ("Radial reference, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens"),
+        )
+        if (value := facts.number(key)) is not None
+    ]
+    covered, share, rank = map(facts.number, ("covered_deg", "coverage", "rank"))
     if isinstance(facts.camera, CubicCamera):
         reach = "" if covered is None else f"; corners reach {covered:.1f}°"
         trusted = f"{facts.camera.max_angle_deg:.1f}°"
         tiles.append(("Field", trusted, f"from the axis, where it may be trusted{reach}"))
-    share = facts.number("coverage")
+    elif rank is not None:
+        tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))
     if share is not None:
         tiles.append(("Coverage", f"{100 * share:.0f} %", COVERED))
     uncertainty = recorded_uncertainty(facts.fit)
     if uncertainty is not None:
-        median = f"{uncertainty.median_px:.3f} px"
-        tiles.append(("Uncertainty", median, uncertainty.meaning))
-    rank = facts.number("rank")
-    if rank is not None and not isinstance(facts.camera, CubicCamera):
-        tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))
+        tiles.append(("Uncertainty", f"{uncertainty.median_px:.3f} px", uncertainty.meaning))
     return tiles
 
 
@@ -167,43 +164,35 @@ def _boards(facts: Facts) -> dict[str, str]:
     if facts.errors is None or not facts.errors.pairs.boards:
         return {}
     pairs = facts.errors.pairs
-    many = len(pairs.boards)
-    counts: dict[int, int] = {}
-    for place in (pairs.image * many + pairs.board).tolist():
-        counts[place] = counts.get(place, 0) + 1
     told: dict[str, list[str]] = {}
-    for place, number in sorted(counts.items()):
-        image, board = divmod(place, many)
+    for (image, board), number in sorted(
+        Counter(zip(pairs.image.tolist(), pairs.board.tolist(), strict=True)).items()
+    ):
         told.setdefault(pairs.images[image], []).append(f"{pairs.boards[board]} {number}")
     return {name: ", ".join(boards) for name, boards in told.items()}
 
 
 def _deformations(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
-    rows = []
-    for record in recorded_mappings(fit.get("departures")):
-        bend, stretch = (
-            [recorded_number(value) or 0.0 for value in record[name]]
-            if isinstance(record.get(name), list)
-            else [0.0, 0.0]
-            for name in ("bend", "stretch")
-        )
-        single = {
-            name: recorded_number(record.get(name)) or 0.0
-            for name in ("twist", "shift", "turn_deg", "offset_rms")
+    """How the target as fitted differs from its drawing, a row per board."""
+
+    def numbers(record: Mapping[str, Any], name: str, form: str, times: float = 1.0) -> str:
+        value = record.get(name)
+        values = value[:2] if isinstance(value, list) else [value]
+        return ", ".join(format(times * (recorded_number(one) or 0.0), form) for one in values)
+
+    return [
+        {
+            "board": str(record.get("board")),
+            "bend": numbers(record, "bend", ".2g"),
+            "stretch": numbers(record, "stretch", ".2f", 100),
+            "twist": numbers(record, "twist", ".2g"),
+            "shift": numbers(record, "shift", ".2g"),
+            "turn": numbers(record, "turn_deg", ".2f"),
+            "offset": numbers(record, "offset_rms", ".2g"),
+            "doubts": _texts(record.get("doubts")),
         }
-        rows.append(
-            {
-                "board": str(record.get("board")),
-                "bend": ", ".join(f"{value:.2g}" for value in bend[:2]),
-                "stretch": ", ".join(f"{100 * value:.2f}" for value in stretch[:2]),
-                "twist": f"{single['twist']:.2g}",
-                "shift": f"{single['shift']:.2g}",
-                "turn": f"{single['turn_deg']:.2f}",
-                "offset": f"{single['offset_rms']:.2g}",
-                "doubts": _texts(record.get("doubts")),
-            }
-        )
-    return rows
+        for record in recorded_mappings(fit.get("departures"))
+    ]
 
 
 def _notes(fit: Mapping[str, Any]) -> list[str]:

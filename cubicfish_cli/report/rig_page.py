@@ -11,7 +11,6 @@ from matplotlib.ticker import MaxNLocator
 from cubicfish_cli.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.assess.verdict import WORDS, rig_verdict
 from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera
-from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.figures import (
     BOARD_COLOURS,
@@ -65,7 +64,7 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
                 zip(recorded_mappings(record["cameras"]), rig.cameras, strict=True)
             )
         ],
-        pairs=_pairs(recorded_mappings(record["pairs"]), seen),
+        pairs=_pairs(recorded_mappings(record["pairs"])),
         figures=rig_figures(seen, shots, rig.units or "", outlying),
         worst=_worst(shots),
         shots=len(shots),
@@ -107,26 +106,15 @@ def _camera(number: int, record: Mapping[str, Any], camera: RigFileCamera) -> di
     }
 
 
-def _pairs(
-    records: Sequence[Mapping[str, Any]], cameras: Sequence[RigFileCamera]
-) -> list[dict[str, Any]]:
-    share = overlap_shares(cameras)
-    index = {one.name: number for number, one in enumerate(cameras)}
-    found = []
-    for record in records:
-        names = [str(name) for name in record.get("cameras") or []]
-        if len(names) != 2 or not set(names) <= set(index):
-            continue
-        a, b = (index[name] for name in names)
-        found.append(
-            {
-                "names": " + ".join(names),
-                "shots": f"{recorded_number(record.get('shots')) or 0:.0f}",
-                "rms": recorded_number(record.get("rms_px")),
-                "overlap": f"{100 * share[a, b] / max(share[a, a], 1e-9):.0f}",
-            }
-        )
-    return found
+def _pairs(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [
+        {
+            "names": " + ".join(str(name) for name in record.get("cameras") or []),
+            "shots": f"{recorded_number(record.get('shots')) or 0:.0f}",
+            "rms": recorded_number(record.get("rms_px")),
+        }
+        for record in records
+    ]
 
 
 def _worst(shots: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -164,13 +152,6 @@ def rig_figures(
             _draw_shots(recorded_mappings(shots), outlying),
         ]
     return {figure.name: figure for figure in drawn if figure is not None}
-
-
-def overlap_shares(cameras: Sequence[RigFileCamera]) -> FloatArray:
-    """(C, C) share of all directions that two cameras both see; on the diagonal one's own."""
-    sphere = all_around(20_000)
-    seen = np.stack([_sees(one, sphere) for one in cameras]).astype(float)
-    return np.asarray(seen @ seen.T / len(sphere))
 
 
 def colour_of(camera: int) -> str:
@@ -218,8 +199,9 @@ def _draw_fields(cameras: Sequence[RigFileCamera], turn: FloatArray) -> Drawn:
     seen = np.stack([_sees(one, way) for one in cameras])
     count = seen.sum(axis=0)
     figure = new_figure(3.1)
-    axes = figure.add_subplot(aspect="equal")
-    axes.pcolormesh(x, y, count, cmap="Greys", vmin=0, vmax=2 * max(len(cameras), 2))
+    axes = figure.add_subplot()
+    reach, most = (-180.0, 180.0, -90.0, 90.0), 2 * max(len(cameras), 2)
+    axes.imshow(count, cmap="Greys", origin="lower", extent=reach, vmin=0, vmax=most)
     for number, (one, own) in enumerate(zip(cameras, seen, strict=True)):
         axes.contour(x, y, own.astype(float), [0.5], colors=colour_of(number), linewidths=1.6)
         right, ahead, up = np.clip(turn @ one.rotation[2], -1, 1)

@@ -43,7 +43,7 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
     if not boards and facts.errors is not None:
         loose = [facts.errors.pairs.world]
     middle = np.concatenate([*plates, *loose, centre]).mean(axis=0)
-    turn = upright((centre - middle).mean(axis=0), -rotation[:, 1].mean(axis=0))
+    turn = upright((middle - centre).mean(axis=0), -rotation[:, 1].mean(axis=0))
     everything = np.concatenate([*plates, *loose, centre]) @ turn.T
     several = len(boards) <= len(BOARD_COLOURS)
     colours = BOARD_COLOURS if several else (BLUE,) * len(boards)
@@ -84,7 +84,7 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
 def upright(ahead: FloatArray, up: FloatArray) -> FloatArray:
     """(3, 3) the rows right, ahead and up for who looks ahead, as nearly as it can be."""
     trials = [(a, b) for b in (up, *np.eye(3)[::-1]) for a in (ahead, *np.eye(3))]
-    for other, one in trials:
+    for one, other in trials:
         across = np.cross(one, other)
         lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
         if np.linalg.norm(across) > max(0.1 * lengths, 1e-9):

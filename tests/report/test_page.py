@@ -29,6 +29,7 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.report.facts import Facts, gather
 from cubicfish_cli.report.from_files import matched
 from cubicfish_cli.report.page import report_html
+from cubicfish_cli.report.scene import upright
 from cubicfish_cli.target import Target, load_target
 
 TARGET = load_target(SAMPLE / "target.yaml")
@@ -460,3 +461,15 @@ def test_no_record_breaks_it(data: st.DataObject, fitted: Calibration) -> None:
             fit[key] = [changed] if key == "per_image" else changed
     made_by = data.draw(st.dictionaries(st.sampled_from(list(MADE_BY)), PLAIN))
     Page(report_html(facts_of(fitted, None, fit=fit, made_by=made_by)))
+
+
+def test_up_is_up_and_ahead_is_ahead() -> None:
+    right, ahead, up = upright(np.array([0, 0, 2.0]), np.array([0, -1, 0.2]))
+    np.testing.assert_allclose(right, [1, 0, 0], atol=1e-12)
+    assert ahead @ [0, 0, 1] > 0.9
+    assert up @ [0, -1, 0] > 0.9
+    # Cameras that look straight up, or say nothing of it, have some upright frame all the same.
+    for way in (np.array([0, -1.0, 0]), np.zeros(3)):
+        frame = upright(way, np.array([0, -1.0, 0]))
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(frame) == pytest.approx(1)
