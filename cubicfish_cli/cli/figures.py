@@ -2,8 +2,8 @@
 
 The table of photos that calibrate, evaluate and detect print.
 
-A terminal shows of many photos the odd ones and those with the largest errors, and says what the
-others are like; ``--verbose``, pipes and files have them all.
+A terminal shows of many photos the odd ones and those with the largest errors; ``--verbose``,
+pipes and files have them all.
 """
 
 from __future__ import annotations
@@ -118,7 +118,6 @@ ByBoard = Mapping[str, Mapping[str, int]]
 
 GOOD = "good"
 _MOST_ROWS = 12
-_FEW_LOST, _FEW_ROWS = 4, 10
 _RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
 _STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
 # Below so many columns words of judgement are said shorter, and many boards are counted.
@@ -249,8 +248,9 @@ def print_photo_table(
     if apart or room is not None:
         result()
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
-        chosen = _few(rows)
-        result(f"The worst and the odd ones of {len(rows):,} photos:\n")
+        order = sorted(rows, key=lambda row: (_RANK[row.level], -(row.rms_px or 0.0)))
+        chosen = order[:_MOST_ROWS]
+        result(f"The odd ones and the worst of {len(rows):,} photos:\n")
     if room is not None and room < _ROOMY:
         chosen = [replace(row, words=row.short or row.words) for row in chosen]
     columns = _columns(rows, boards, room)
@@ -262,7 +262,7 @@ def print_photo_table(
         table.append(Row(cells=[cell(every) for _, cell in columns], total=True))
     print_columns([column for column, _ in columns], table)
     if len(chosen) < len(rows):
-        result(f"\n{_rest(rows, chosen)}; all of them: -v, or {everything}")
+        result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
 
 
 def _columns(
@@ -318,33 +318,3 @@ def _together(
         dropped=sum(row.dropped for row in rows),
         **{key: total.get(key) for key in ("rms_px", "median_px", "p95_px", "max_px")},
     )
-
-
-def _few(rows: Sequence[PhotoRow]) -> list[PhotoRow]:
-    """A few that take no part, and the oddest and worst of the others, the worst first."""
-    lost = [row for row in rows if row.corners is None]
-    others = [row for row in rows if row.corners is not None]
-    others.sort(key=lambda row: (_RANK[row.level], -(row.rms_px or 0.0), row.corners))
-    worst = sorted(others, key=lambda row: -(row.rms_px or 0.0))[: _FEW_ROWS // 3]
-    chosen = others[:_FEW_ROWS]
-    for row in worst:  # a good photo may be worse than an odd one
-        if row not in chosen:
-            chosen[-1:] = [row]
-            chosen.sort(key=lambda one: (_RANK[one.level], -(one.rms_px or 0.0), one.corners))
-    return lost[:_FEW_LOST] + chosen
-
-
-def _rest(rows: Sequence[PhotoRow], chosen: Sequence[PhotoRow]) -> str:
-    """What the photos that are not shown are like."""
-    shown = {row.name for row in chosen}
-    rest = [row for row in rows if row.name not in shown]
-    lost = sum(row.corners is None for row in rest)
-    odd = sum(row.level != "good" for row in rest) - lost
-    good = len(rest) - lost - odd
-    kinds = [f"{n:,} {what}" for n, what in ((good, "good"), (odd, "odd"), (lost, "lost")) if n]
-    words = f"and {len(rest):,} more: " + ", ".join(kinds)
-    rms = [row.rms_px for row in rest if row.rms_px is not None]
-    most = [row.max_px for row in rest if row.max_px is not None]
-    if rms and most:
-        words += f", each within {px(max(rms))} px RMS and {px(max(most))} px at the worst corner"
-    return words

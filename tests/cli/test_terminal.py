@@ -212,10 +212,9 @@ def test_of_many_photos_the_worst_and_the_odd_are_shown(show) -> None:  # type: 
     shown = re.findall(r"^(\d{4}\.jpg)", text, re.MULTILINE)
     assert {"0017.jpg", "0500.jpg", "0700.jpg", "0999.jpg"} <= set(shown)
     assert len(shown) < 30
-    rest = [row for row in rows if row.name not in shown]
+    assert shown[0] == "0700.jpg"
     flat = " ".join(text.split())
-    assert f"and {len(rest)} more: {len(rest)} good" in flat
-    assert f"within {max(row.rms_px or 0 for row in rest):.3f} px RMS" in flat
+    assert f"and {len(rows) - len(shown)} more" in flat
     assert "all of them: -v, or camera.yaml" in flat
 
 
