@@ -251,7 +251,7 @@ def _assessed(
         reach=rim,
         pupil=effect,
         hold=cubic.hold,
-        rival=cubic.rival,
+        rivals=cubic.rivals,
         dropped=dropped,
         unfit=reference.unfit,
         refined=fit.level,

@@ -47,8 +47,8 @@ class Calibration(Calibrated):
         reach: what corners say of the field's rim.
         pupil: what it matters that the entrance pupil wanders.
         hold: how P was held to the reference.
-        rival: how photos that were left out would rather have it held, and how likely they are
-            right; None where nothing was left out.
+        rivals: how other photos would have it held, and how likely each is right; none where
+            nothing was left out.
         dropped: corners left out because they were grossly off.
         unfit: photos left out, with the reason.
         refined: what of the target was fitted: ``off``, ``shape`` or ``points``.
@@ -81,7 +81,7 @@ class Calibration(Calibrated):
     reach: Reach
     pupil: PupilEffect
     hold: Hold
-    rival: Rival | None
+    rivals: tuple[Rival, ...]
     dropped: tuple[DroppedCorner, ...]
     unfit: dict[str, Finding]
     refined: Level

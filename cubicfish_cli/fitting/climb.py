@@ -158,6 +158,11 @@ def _judged(
         firm = replace(fit, cubic=cubic)
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < error.rms_px:
-            rival = Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))
-            best, error = replace(firm, cubic=replace(cubic, rival=rival)), measured
+            rivals = [Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))]
+            if hold == central:  # how firmly and how symmetrically is as open as it was
+                rivals += [
+                    replace(other, hold=replace(other.hold, central=True))
+                    for other in fit.cubic.rivals
+                ]
+            best, error = replace(firm, cubic=replace(cubic, rivals=tuple(rivals))), measured
     return best, error

@@ -74,7 +74,7 @@ class Rival:
 
     Attributes:
         hold: the hold.
-        likely: how likely it is the better of the two, 0 to 1.
+        likely: how likely it is the best of all, 0 to 1.
 
     """
 
@@ -91,8 +91,7 @@ class CubicResult:
         hold: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         validity: the check for poles and folds over that cone.
-        rival: the hold that photos left out speak for by themselves, and how likely it is better
-            than that which is expected besides; None where none was sought.
+        rivals: holds that other photos would speak for; none where none was sought.
 
     """
 
@@ -100,7 +99,7 @@ class CubicResult:
     hold: Hold
     max_angle_deg: float
     validity: Validity
-    rival: Rival | None = None
+    rivals: tuple[Rival, ...] = ()
 
     @property
     def lens(self) -> CubicFit:

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import expit
 
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
 from cubicfish_cli.fitting.left_out import Leaving
@@ -33,6 +32,8 @@ EXPECTED = Hold(spread=1e-4, weight=WEIGHTS[2])
 _SCAN_DECREASE = 1e-4
 # A sum of squared errors, pixels², that is rounding.
 _NO_ERROR = 1e-16
+# How often photos are drawn anew: how likely a hold is, is known to 0.02 then.
+_DRAWS = 500
 
 _Place = tuple[int, int]  # indices into SPREADS and WEIGHTS
 _EVERY_PLACE = [
@@ -78,13 +79,13 @@ def choose_hold(
     )
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.errors), groups)
     squares = _squares(leaving, start.lens, reference, places)
-    chosen, rival = _likeliest(squares)
+    chosen, rivals = _likeliest(squares)
     # A hold that was made firmer stays so.
     hold = start.hold if chosen == place else _hold(chosen)
     fitted = fit_cubic(
         reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
-    return replace(fitted, rival=rival)
+    return replace(fitted, rivals=rivals)
 
 
 def _hold(place: _Place) -> Hold:
@@ -128,25 +129,36 @@ def _squares(
     return dict(zip(places, of_places, strict=True))
 
 
-def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, Rival]:
-    """The hold that is taken, and the one that photos left out speak for by themselves."""
-    told, expected = _told(squares), _expected(squares)
-    chosen = max(squares, key=lambda place: told[place] + expected[place])
-    best = max(squares, key=lambda place: told[place])
-    better = told[best] + expected[best] - told[chosen] - expected[chosen]
-    return chosen, Rival(hold=_hold(best), likely=float(expit(better)))
+def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, tuple[Rival, ...]]:
+    """The hold that is taken, and those that would be if other photos had been taken.
+
+    How likely these are: as often as they are taken when as many photos are drawn from these with
+    repetition (the bootstrap, as Buckland, Burnham & Augustin 1997 weigh models by it).
+    """
+    places, expected = list(squares), np.array(list(_expected(squares).values()))
+    told = np.array(list(_told(squares).values()))
+    chosen = int((told.sum(axis=1) + expected).argmax())
+    photos = told.shape[1]
+    drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
+    taken = (drawn @ told.T + expected).argmax(axis=1)
+    likely = np.bincount(taken, minlength=len(places)) / _DRAWS
+    rivals = tuple(
+        Rival(hold=_hold(places[other]), likely=float(likely[other]))
+        for other in np.flatnonzero(likely).tolist()
+        if other != chosen
+    )
+    return places[chosen], rivals
 
 
-def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, float]:
-    """Log likelihood of each hold by the photos left out.
+def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, FloatArray]:
+    """Log likelihood (M,) of each hold by each of the photos left out.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
     that photo alone and unknown: integrated over noise with the prior 1/σ, the likelihood is
     1 / squared error. So no photo outweighs the others.
     """
     return {
-        place: -float(np.log(np.maximum(of_photos, _NO_ERROR)).sum())
-        for place, of_photos in squares.items()
+        place: -np.log(np.maximum(of_photos, _NO_ERROR)) for place, of_photos in squares.items()
     }
 
 

@@ -83,10 +83,10 @@ class Leaving:
             equations = self._without(group, self._sums(seen))
             yield from seen.after(group, *equations.solve_changed(change))
 
-    def held_as(self, lens: FitLens) -> FloatArray:
-        """Step (K,) of the shared unknowns with no photo left out, under another lens's prior."""
-        change = lens.prior() - self._fit.lens.prior()
-        return self._equations_of_all.solve_changed(change[None])[0][:, 0]
+    def held_as(self, lenses: Sequence[FitLens]) -> FloatArray:
+        """Steps (H, K) of the shared unknowns with no photo left out, under others' priors."""
+        change = np.array([lens.prior() for lens in lenses]) - self._fit.lens.prior()
+        return self._equations_of_all.solve_changed(change)[0].T
 
     def influence(self) -> FloatArray:
         """Steps (G, K) of the shared unknowns without each group's gradient, its Hessian kept.

@@ -5,10 +5,10 @@ the model misses. The noise of single corners, carried through the fit, knows no
 does is how far the camera moves when a photo is left out: a variance estimate that is robust to
 errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
 
-Leaving photos out does not show how P should be held either. Where held-out photos cannot tell the
-hold that was chosen from the one that predicts best, the distance between the two cameras is added
-(as in the averaging of models, Buckland, Burnham & Augustin 1997); likewise where they cannot tell
-whether the target should be refined further. And in a middle without any corner, where a mirror
+Leaving photos out does not show how P should be held either. The squared distances to cameras under
+other holds are added, by how often other photos would have had them chosen (as in the averaging of
+models, Buckland, Burnham & Augustin 1997); likewise where held-out photos cannot tell whether the
+target should be refined further. And in a middle without any corner, where a mirror
 camera sees itself, P and the lens that it is held to are two guesses: they are off by what they
 differ by.
 """
@@ -48,7 +48,7 @@ class PhotoSpread:
         left_out: (G, K) steps of the lens's parameters without each cluster.
         influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
         rival: (R, K) steps to other lenses that may be better (that of a target refined further,
-            that of the hold that predicts best), each times the root of its probability.
+            those of other holds), each times the root of its probability.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
 
@@ -94,18 +94,16 @@ class PhotoSpread:
         """(F,) variances from changes (F, G) without each cluster.
 
         With leverage h, leaving out divides squared residuals by (1 - h)² (HC3), influence by
-        nothing (HC0). The geometric mean divides by 1 - h, which is unbiased where clusters are
-        alike (HC2; MacKinnon & White 1985).
+        nothing (HC0). The product of the two divides by 1 - h, cluster by cluster, which is
+        unbiased where errors are alike (HC2; MacKinnon & White 1985), however large h is.
         """
         clusters = left_out.shape[1]
         if clusters < 2:
             return np.zeros(len(left_out))
-        spread = (
-            np.sum(np.square(change - change.mean(axis=1, keepdims=True)), axis=1)
-            for change in (left_out, influence)
+        once, none = (
+            change - change.mean(axis=1, keepdims=True) for change in (left_out, influence)
         )
-        mean: FloatArray = np.sqrt(np.prod(list(spread), axis=0))
-        return variance_of_few(mean, clusters)
+        return variance_of_few(np.sum(once * none, axis=1), clusters)
 
     def _changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(2N, steps) how the pixels of rays move, the common turn taken out.
@@ -120,15 +118,15 @@ class PhotoSpread:
         return left_out, influence, rival
 
 
-def variance_of_few(squares: FloatArray, clusters: int) -> FloatArray:
-    """Variances from sums of squared changes without each of some clusters, of any shape.
+def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
+    """Variances that were found from some clusters, of any shape, enlarged since these are few.
 
     A variance that is itself estimated from few is below the true one more often than above it.
     It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
     its root, as often as they would with the true one: by Student's t.
     """
     larger = (stdtrit(clusters - 1, _WITHIN) / ndtri(_WITHIN)) ** 2
-    return squares * (clusters - 1) / clusters * larger
+    return variance * larger
 
 
 def photo_spread(
@@ -154,10 +152,10 @@ def photo_spread(
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
-    rival = result.rival
-    if rival is not None:
-        step = leaving.held_as(held(result, reference, rival.hold))[:count]
-        others.append(np.sqrt(rival.likely) * step)
+    if result.rivals:
+        steps = leaving.held_as([held(result, reference, rival.hold) for rival in result.rivals])
+        likely = np.array([rival.likely for rival in result.rivals])
+        others += list(np.sqrt(likely)[:, None] * steps[:, :count])
     return PhotoSpread(
         noise=camera_uncertainty(result, reference.pairs),
         left_out=np.array([shared[:count] for shared, _, _ in leaving.steps()]),

@@ -149,7 +149,7 @@ def to_the_bottom(fit: TargetFit) -> TargetFit:
     """The same fit to the last digit that counts; to lead on or to be compared it need not be."""
     cubic = fit_cubic(fit.reference, fit.cubic.hold, world=fit.cubic.fit.world, start=fit.cubic)
     reference = fit.reference.followed(cubic.fit.world.points)
-    return replace(fit, reference=reference, cubic=replace(cubic, rival=fit.cubic.rival))
+    return replace(fit, reference=reference, cubic=replace(cubic, rivals=fit.cubic.rivals))
 
 
 def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> World:

@@ -10,7 +10,7 @@ from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.cubic_fit import Hold, Rival, fit_cubic
-from cubicfish_cli.fitting.photo_spread import photo_spread, variance_of_few
+from cubicfish_cli.fitting.photo_spread import PhotoSpread, photo_spread, variance_of_few
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, world_scale
 from cubicfish_cli.fitting.uncertainty import camera_uncertainty
@@ -102,12 +102,12 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     rays = cone_rays(reference.covered, 60)
     alone = photo_spread(cubic, reference, np.arange(PHOTOS)).sigma_px(rays)
     like = Rival(hold=HOLD, likely=1.0)
-    itself = photo_spread(replace(cubic, rival=like), reference, np.arange(PHOTOS))
+    itself = photo_spread(replace(cubic, rivals=(like,)), reference, np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
     freer = Hold(spread=1e-2, weight=0.1)
     sure, half = (
         photo_spread(
-            replace(cubic, rival=Rival(hold=freer, likely=likely)), reference, np.arange(PHOTOS)
+            replace(cubic, rivals=(Rival(hold=freer, likely=likely),)), reference, np.arange(PHOTOS)
         ).sigma_px(rays)
         for likely in (1.0, 0.5)
     )
@@ -124,9 +124,26 @@ def test_errors_exceed_a_spread_of_few_as_often_as_they_exceed_the_true_one(clus
     draws = np.random.default_rng(clusters).normal(size=(200_000, clusters))
     without = (draws.sum(axis=1, keepdims=True) - draws) / (clusters - 1)
     squares = np.sum(np.square(without - without.mean(axis=1, keepdims=True)), axis=1)
-    error = np.square(draws.mean(axis=1))
-    exceeded = np.mean(error > 1.645**2 * variance_of_few(squares, clusters))
+    error, variance = np.square(draws.mean(axis=1)), squares * (clusters - 1) / clusters
+    exceeded = np.mean(error > 1.645**2 * variance_of_few(variance, clusters))
     assert exceeded == pytest.approx(0.1, abs=0.005)
+
+
+@pytest.mark.parametrize("clusters", [3, 12])
+def test_photos_variance_is_right_on_average_however_much_one_of_them_weighs(clusters):
+    """Of a weighted mean: the errors' own variance is 1, and one weight is as large as the rest."""
+    weight = np.append(np.ones(clusters - 1), clusters - 1.0)
+    leverage = weight / weight.sum()
+    errors = np.random.default_rng(clusters).normal(size=(100_000, clusters)) / np.sqrt(weight)
+    residual = errors - (errors @ leverage)[:, None]
+    influence = -leverage * residual
+    spread = PhotoSpread(
+        noise=None, left_out=None, influence=None, rival=None, held_to=None, empty=0.0
+    )
+    found = spread._of_photos(influence / (1 - leverage), influence)
+    widened = variance_of_few(np.ones(1), clusters)[0]
+    true = 1 / weight.sum()
+    assert found.mean() / widened == pytest.approx(true, rel=0.02)
 
 
 def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():

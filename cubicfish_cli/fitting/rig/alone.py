@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,8 +61,7 @@ class Alone(Placed):
 
     Attributes:
         camera: its lens, as a camera of points in the common scale.
-        rival: the lens with the prior of the hold that predicted best, and how likely that is the
-            better one; None where there is none.
+        rivals: the lens with the priors of other holds, and how likely each is the best one.
         record: of its fit.
         level: what of the target was fitted.
         told: what is likely wrong with it.
@@ -71,7 +70,7 @@ class Alone(Placed):
     """
 
     camera: CubicCamera
-    rival: tuple[FitLens, float] | None
+    rivals: Sequence[tuple[FitLens, float]]
     record: Mapping[str, Any]
     level: Level
     told: tuple[RigFinding, ...]
@@ -138,7 +137,7 @@ def alone(
     pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses = poses.of_world(-origin).scaled(1 / scale)
     own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
-    rival: tuple[FitLens, float] | None = None
+    rivals: list[tuple[FitLens, float]] = []
     lens: FitLens = FixedLens(camera=own)
     if found is None or hold:
         fit = adjust(lens, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
@@ -147,14 +146,13 @@ def alone(
         reference = radial_near(own.radial, pairs, poses)
         result = fit_cubic(reference, found.hold, relative_decrease=_ROUGH_DECREASE)
         lens, poses = result.lens, result.poses
-        if found.rival is not None:
-            rival = held(result, reference, found.rival.hold), found.rival.likely
+        rivals = [(held(result, reference, one.hold), one.likely) for one in found.rivals]
     return Alone(
         lens=lens,
         pairs=pairs,
         poses=poses,
         camera=own,
-        rival=rival,
+        rivals=rivals,
         record=record,
         level=level,
         told=told,

@@ -30,7 +30,7 @@ def place_covariances(
     limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
-    rivals: Sequence[tuple[FitLens, float] | None],
+    rivals: Sequence[Sequence[tuple[FitLens, float]]],
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
@@ -43,8 +43,7 @@ def place_covariances(
         limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
-        rivals: for each camera its lens as the hold that predicted best has it, and how likely
-            that is the better one; None where there is none.
+        rivals: for each camera its lens as other holds have it, and how likely each is the best.
 
     """
     lens = fit.lens
@@ -73,26 +72,23 @@ def _of_rivals(
     pairs: Observations,
     limit: float,
     lens: RigLens,
-    rivals: Sequence[tuple[FitLens, float] | None],
+    rivals: Sequence[Sequence[tuple[FitLens, float]]],
 ) -> list[FloatArray]:
-    """Steps (K,) to the rig with each lens held as its rival: how it should be is in doubt.
+    """Steps (K,) to the rig with each lens held as a rival: how it should be is in doubt.
 
-    Each times the root of how likely that is the better one.
+    Each times the root of how likely that is the best one.
     """
-    if not any(rivals):
+    rigs, roots = [], []
+    for camera, own in enumerate(lens.lenses):
+        for held, likely in rivals[camera] if len(own.parameters) else ():
+            others = list(lens.lenses)
+            others[camera] = held.with_parameters(own.parameters)
+            rigs.append(lens.with_lenses(others))
+            roots.append(np.sqrt(likely))
+    if not rigs:
         return []
-    leaving = Leaving(fit, pairs, limit, [])
-    found = []
-    for camera, rival in enumerate(rivals):
-        own = lens.lenses[camera]
-        if rival is None or not len(own.parameters):
-            continue
-        others = list(lens.lenses)
-        held, likely = rival
-        others[camera] = held.with_parameters(own.parameters)
-        step = leaving.held_as(lens.with_lenses(others))[: len(lens.parameters)]
-        found.append(np.sqrt(likely) * step)
-    return found
+    steps = Leaving(fit, pairs, limit, []).held_as(rigs)
+    return list(np.array(roots)[:, None] * steps[:, : len(lens.parameters)])
 
 
 def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
