@@ -127,42 +127,25 @@ def place_words(ray: FloatArray) -> str:
     return f"{word} the {side} of the picture, {angle:.0f}° from the axis"
 
 
-def across(middle: FloatArray) -> FloatArray:
-    """(..., 2, 3) unit vectors to the right and down in the picture, across rays (..., 3).
-
-    The camera's own x and y, turned along with its axis to the ray the short way.
-    """
-    ray = middle / np.linalg.norm(middle, axis=-1, keepdims=True)
-    x, y, z = np.moveaxis(ray, -1, 0)
-    share = 1 / np.maximum(1 + z, 1e-9)
-    right = np.stack([1 - x * x * share, -x * y * share, -x], axis=-1)
-    down = np.stack([-x * y * share, 1 - y * y * share, -y], axis=-1)
-    return np.stack([right, down], axis=-2)
-
-
-def slant(front: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How faces are tilted: degrees (...), and towards where in the picture (..., 2), unit.
+def tilt_words(front: FloatArray, middle: FloatArray) -> str:
+    """``its face turned 35° to the left`` (its left edge is then the farther one), or facing.
 
     Args:
-        front: (..., 3) where the faces look, unit vectors in the camera frame.
-        middle: (..., 3) where they are.
+        front: (3,) where the face looks, a unit vector in the camera frame.
+        middle: (3,) where it is.
 
     """
-    ray = middle / np.linalg.norm(middle, axis=-1, keepdims=True)
-    cosine = np.clip(-(front * ray).sum(axis=-1), -1, 1)
-    towards = (across(middle) @ front[..., None])[..., 0]
-    length = np.linalg.norm(towards, axis=-1, keepdims=True)
-    return np.degrees(np.arccos(cosine)), towards / np.maximum(length, 1e-12)
-
-
-def tilt_words(front: FloatArray, middle: FloatArray) -> str:
-    """``its face turned 35° to the left`` (its left edge is then the farther one), or facing."""
-    angle, towards = slant(front, middle)
+    x, y, z = ray = middle / np.linalg.norm(middle)
+    angle = float(np.degrees(np.arccos(np.clip(-front @ ray, -1, 1))))
     if angle < _HEAD_ON_DEG:
         return "facing the camera"
-    side = SIDES[int(side_of(towards))]
+    # The camera's own x and y, turned along with its axis to the ray the short way.
+    share = 1 / max(1 + z, 1e-9)
+    right = np.array([1 - x * x * share, -x * y * share, -x])
+    down = np.array([-x * y * share, 1 - y * y * share, -y])
+    side = SIDES[int(side_of(np.array([right @ front, down @ front])))]
     where = {"bottom": "downwards", "top": "upwards"}.get(side, f"to the {side}")
-    return f"its face turned {float(angle):.0f}° {where}"
+    return f"its face turned {angle:.0f}° {where}"
 
 
 def listed(words: list[str]) -> str:

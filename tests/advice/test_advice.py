@@ -18,11 +18,9 @@ from cubicfish_cli.advice.advise import advise, distances_within
 from cubicfish_cli.advice.enough import summary, why_not_enough
 from cubicfish_cli.advice.field import GRID, reach_of
 from cubicfish_cli.advice.gaps import (
-    across,
     find_gaps,
     place_words,
     side_of,
-    slant,
     tilt_words,
 )
 from cubicfish_cli.advice.knowledge import know, recorded_poses
@@ -405,10 +403,10 @@ def test_words():
         place_words(np.array([1.0, 1, 1])) == "in the lower right of the picture, 55° from the axis"
     )
     assert place_words(np.array([0.0, -1, 1])) == "at the top of the picture, 45° from the axis"
-    frame = across(np.array([[0.3, -0.5, 0.2], [0, 0, 1.0]]))
-    np.testing.assert_allclose(frame[1], [[1, 0, 0], [0, 1, 0]])
-    np.testing.assert_allclose(frame[0] @ frame[0].T, np.eye(2), atol=1e-12)
-    np.testing.assert_allclose(frame[0] @ [0.3, -0.5, 0.2], 0, atol=1e-12)
-    angle, towards = slant(np.array([-0.5, 0, -np.sqrt(0.75)]), np.array([0, 0, 2.0]))
-    assert angle == pytest.approx(30)
-    np.testing.assert_allclose(towards, [-1, 0])
+    left = tilt_words(np.array([-0.5, 0, -np.sqrt(0.75)]), np.array([0, 0, 2.0]))
+    assert left == "its face turned 30° to the left"
+    # Below the axis a face that looks straight up is turned away from the camera, upwards.
+    assert tilt_words(np.array([0.0, -1, 0]), np.array([0, 1.0, 1])) == (
+        "its face turned 45° upwards"
+    )
+    assert tilt_words(np.array([0.0, 0, -1]), np.array([0, 0, 1.0])) == "facing the camera"
