@@ -65,6 +65,7 @@ class LensChange:
 def lens_change(
     change: LensChange,
     names: list[str],
+    rest: list[str],
     pairs: Observations,
     *,
     in_order: bool,
@@ -76,6 +77,7 @@ def lens_change(
     Args:
         change: the difference.
         names: the photos.
+        rest: the others.
         pairs: any pairs of the same size of photo.
         in_order: whether they are all photos from one on.
         because: what says so.
@@ -111,6 +113,7 @@ def lens_change(
             **figures,
             "where": "from" if in_order else "in",
             "in_order": in_order,
+            "rest": rest,
             "scale": _ratio_words(change.ratio),
             "focal_off": change.ratio - 1,
             "x_px": float(change.shift[0]),
@@ -165,6 +168,7 @@ def left_out_lens(
     found = lens_change(
         change,
         names,
+        [name for name in order if name not in names],
         pairs,
         in_order=in_order,
         because=because,

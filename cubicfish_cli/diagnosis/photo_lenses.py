@@ -40,9 +40,9 @@ ROUGH_DECREASE = 1e-4
 """For fits that photos are only looked at beside."""
 
 
-def noticed_px(pairs: Observations) -> float:
+def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
     """Pixels that a person would notice, by those in a photo of 2000."""
-    return _NOTICED_PX * max(1.0, max(pairs.image_size) / _SIDE)
+    return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
 
 
 def enough_photos(count: int) -> int:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import fdtrc
 
+from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.assess.uncertainty import CERTAIN_PX
 from cubicfish_cli.diagnosis.other_lens import LensChange, lens_change
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -35,6 +38,12 @@ from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import Finding
 
+# Two lenses that differ by so many times what is stated of one make another camera of their mean.
+# Then less is enough to be sure of them: that they would be found by chance so often, and that they
+# explain more along the way from one to the other than the best two groups do of photos that differ
+# in one thing, as focus. Of n such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets.
+_BEYOND_STATED = 2.0
+_SURE = 1e-3
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_A_LOOK = 1e-2
 # Two lenses are worth an accusation where they take this share of the squared error away from
@@ -58,6 +67,8 @@ _AT_ONCE, _SETTLED = 0.5, 0.01
 # A change in the photos' order is the simpler thing: any other split must be as much better.
 _CLEARLY = 1.2
 _FEWEST_IN_GROUP = 2
+# A photo is another group's where that one's lens is nearer by so many variances within groups.
+_CLEARLY_NEARER = 9.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,6 +84,8 @@ class TwoLenses:
         explained: share of how the photos' own lenses differ that two lenses explain, however many
             corners say so: all of it where there are two, and about half where every photo has one
             of its own, since photos can always be sorted into two groups.
+        along: the same of how they differ along the way from one lens to the other, less what
+            groups of photos that differ in one thing explain.
 
     """
 
@@ -82,10 +95,12 @@ class TwoLenses:
     own: FloatArray
     share: float
     explained: float
+    along: float
 
 
 def lens_findings(evidence: FitEvidence) -> list[Finding]:
     """Two groups of photos with a lens each, in place of one lens for all."""
+    together, stated = rms_px(evidence.fit.cubic.residual), _stated_px(evidence.uncertainty)
     # A target that is free may bend to two lenses: as drawn it does not.
     fits = (evidence.fit,) if evidence.fit is evidence.drawn else (evidence.fit, evidence.drawn)
     for fit in fits:
@@ -97,12 +112,19 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
         # A few of each group tell whether there are two lenses, all of them which photos are whose.
         if len(few) < len(own.photos):
             part = fit_of_few(fit, own.photos[few])
-            if _followed(part, rms_px(part.cubic.errors)) is None:
+            if _followed(part, rms_px(part.cubic.residual), stated) is None:
                 continue
-        found = _followed(fit, rms_px(evidence.fit.cubic.errors))
+        found = _followed(fit, together, stated)
         if found is not None:
             return [found]
     return []
+
+
+def _stated_px(uncertainty: Mapping[str, Any]) -> float:
+    """One standard deviation of the camera: of its pixels, or of its centre if that is more."""
+    centre = [recorded_number(one) for one in uncertainty["principal_point_px"]]
+    known = [recorded_number(uncertainty["median_px"]), *centre]
+    return max((one for one in known if one is not None), default=0.0)
 
 
 def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
@@ -159,38 +181,50 @@ class _Apart:
         return moved, part == 1.0
 
 
-def _followed(fit: TargetFit, together: float) -> Finding | None:
+def _followed(fit: TargetFit, together: float, stated: float) -> Finding | None:
     """Fit with a scale and centre for one of two groups, until they settle; then judge.
 
     Args:
         fit: the fit to start from.
         together: RMS with one lens for all, to be beaten.
+        stated: one standard deviation that is stated of that lens, pixels.
 
     """
     pairs = fit.reference.pairs
-    noticed = noticed_px(pairs)
-    apart = _settled(fit, together, _worthy_gain(together, noticed))
-    if apart is None or apart.split is None or apart.split.chance > BY_CHANCE:
+    apart = _settled(fit, together)
+    if apart is None or apart.split is None:
         return None
-    if apart.split.kind == "order":
+    in_order = apart.split.kind == "order"
+    if in_order:
         apart = _at_the_boundary(fit, apart)
-    photos, second, split = apart.photos, apart.second, apart.split
+    photos, split = apart.photos, apart.split
     assert split is not None
-    unforeseen = left_out_share(photos, second)
-    severity = worth(together, apart.px, unforeseen, noticed, split.explained)
+    certain = CERTAIN_PX * noticed_px(pairs, 1.0)
+    severity = worth(
+        split,
+        together,
+        apart.px,
+        unforeseen=left_out_share(photos, apart.second),
+        noticed=noticed_px(pairs),
+        beyond=float(np.linalg.norm(apart.given)) > max(_BEYOND_STATED * stated, certain),
+    )
     if severity is None:
         return None
+    second = _by_nearer_lens(photos, apart.second)
+    # A lens that was bumped stays so: photos that take turns are two cameras'.
+    in_order = in_order and int(np.count_nonzero(np.diff(second))) == 1
     middle = (np.array(pairs.image_size, float) - 1) / 2
     camera = apart.fit.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
     ratio, centre, other = apart.scale, middle + common, middle + apart.scale * common + apart.shift
     # Told of are the later ones, or the fewer.
-    in_order = split.kind == "order"
     if not second[-1] if in_order else 2 * second.sum() > len(second):
         second, ratio, centre, other = ~second, 1 / ratio, other, centre
+    names = np.array(pairs.images)[photos.photos]
     found = lens_change(
         LensChange(ratio=ratio, shift=other - centre, centre=centre),
-        [pairs.images[photo] for photo in photos.photos[second]],
+        names[second].tolist(),
+        names[~second].tolist(),
         pairs,
         in_order=in_order,
         because="apart",
@@ -199,7 +233,18 @@ def _followed(fit: TargetFit, together: float) -> Finding | None:
     return replace(found, severity=severity)
 
 
-def _settled(fit: TargetFit, together: float, worthy: float) -> _Apart | None:
+def _by_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
+    """The same groups (K,), but for photos that are clearly nearer to the other one's lens."""
+    own, weight = photos.own[:, LENS], photos.told_of_lenses()
+    offs = [own - mean_of(own[group], weight[group]) for group in (~second, second)]
+    far = np.stack([np.einsum("ki,kij,kj->k", off, weight, off) for off in offs])
+    within, across = np.where(second, far[::-1], far)
+    variance = within.sum() / (3 * max(len(second) - 2, 1))
+    moved = second ^ (within - across > _CLEARLY_NEARER * variance)
+    return moved if 0 < moved.sum() < len(moved) else second
+
+
+def _settled(fit: TargetFit, together: float) -> _Apart | None:
     """The fit apart; None where what it gains at once is not worth it, or photos do not split."""
     photos = lenses_of(fit)
     split = best_split(photos)
@@ -208,7 +253,7 @@ def _settled(fit: TargetFit, together: float, worthy: float) -> _Apart | None:
     best = _Apart(
         scale=1.0, shift=np.zeros(2), second=split.second, fit=fit, photos=photos, split=split
     )
-    gained, longest = -np.inf, _LONGEST_STEP
+    gained, longest, worthy = -np.inf, _LONGEST_STEP, _CLEAR_MARGIN * together**2
     for number in range(_ROUNDS):
         if best.split is None:
             return None
@@ -231,34 +276,41 @@ def _settled(fit: TargetFit, together: float, worthy: float) -> _Apart | None:
 
 
 def worth(
-    together: float, apart: float, unforeseen: float, noticed: float, explained: float
+    split: TwoLenses,
+    together: float,
+    apart: float,
+    *,
+    unforeseen: float,
+    noticed: float,
+    beyond: bool,
 ) -> Severity | None:
     """What two lenses are worth; None where they do not clearly explain more than one.
 
-    Bad is a camera of photos whose two lenses foretell photos that had no say in them. Those of a
-    few photos do not: then it is a note, as it is where photos differ in other ways, too.
+    Bad is a camera of photos whose two lenses foretell photos that had no say in them, or differ
+    by more than is stated of it. Otherwise they are a note, as where a few photos do not foretell
+    others, or photos differ in other ways, too.
 
     Args:
+        split: the two groups of photos.
         together: RMS with one lens for all, pixels.
         apart: with two.
         unforeseen: how many times larger the squared error is of photos that had no say.
         noticed: pixels that a person would notice.
-        explained: see :class:`TwoLenses`.
+        beyond: whether they differ by more than is stated.
 
     """
     left, gain = apart**2, together**2 - apart**2
     not_foretold = left * (unforeseen - 1)
-    least = _worthy_gain(together, noticed)
+    least = max(_CLEAR_MARGIN * together**2, 0.0 if beyond else noticed**2)
+    if beyond and split.chance <= _SURE and split.along > 0 and gain >= least:
+        return Severity.BAD
     foretold = not_foretold <= max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain)
     foretold = foretold and gain - not_foretold >= least
-    if explained < (_MUCH if foretold else _MOST) or gain < least:
+    if split.explained < (_MUCH if foretold else _MOST) or gain < least:
         return None
-    return Severity.BAD if foretold and explained >= _MOST else Severity.NOTE
-
-
-def _worthy_gain(together: float, noticed: float) -> float:
-    """By how much two lenses have to lower the mean squared error, pixels²."""
-    return max(_CLEAR_MARGIN * together**2, noticed**2)
+    if split.chance > BY_CHANCE:
+        return None
+    return Severity.BAD if beyond or (foretold and split.explained >= _MOST) else Severity.NOTE
 
 
 def _fitted_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
@@ -362,7 +414,22 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         own=np.stack([mean_of(own[part], weight[part]) for part in (~second, second)]),
         share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
         explained=ratio / (ratio + count - 2),
+        along=_explained_along(own, weight, second),
     )
+
+
+def _explained_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> float:
+    """How much more groups explain on the way between their lenses than of one thing: a share."""
+    means = [mean_of(own[group], weight[group]) for group in (~second, second)]
+    way = means[1] - means[0]
+    # How far along each photo is, by what it tells of that.
+    told = weight @ way
+    told_of_way = told @ way
+    place = np.sum(told * (own - means[0]), axis=1) / told_of_way
+    group_means = [np.average(place[one], weights=told_of_way[one]) for one in (~second, second)]
+    within = told_of_way @ np.square(place - np.where(second, group_means[1], group_means[0]))
+    in_all = told_of_way @ np.square(place - np.average(place, weights=told_of_way))
+    return float(1 - within / in_all - 2 / np.pi - 1 / np.sqrt(len(own)))
 
 
 def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:

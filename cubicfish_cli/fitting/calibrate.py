@@ -232,6 +232,7 @@ def _assessed(
                 fit=fit,
                 drawing=drawing,
                 dropped=[(corner.image, corner.board) for corner in dropped],
+                uncertainty=uncertainty,
             )
         )
     # What is put down to one board, or to the lens, is not doubted of every board.

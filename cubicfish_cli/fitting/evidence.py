@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,7 @@ class FitEvidence(CornerEvidence):
         fit: the final fit.
         drawing: the target as drawn.
         dropped: photo and board of each corner that was left out as grossly wrong.
+        uncertainty: what is stated of the camera, as its record has it.
 
     """
 
@@ -76,6 +78,7 @@ class FitEvidence(CornerEvidence):
     fit: TargetFit
     drawing: Drawing
     dropped: Sequence[tuple[str, str | None]]
+    uncertainty: Mapping[str, Any]
 
 
 Diagnose = Callable[[Evidence], Sequence[Finding]]

@@ -1,6 +1,8 @@
 """What tells wrong set-ups apart: each piece on exact truth, and on noise in which nothing is."""
 
+import json
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -420,7 +422,55 @@ def test_a_left_out_photo_costs_what_least_squares_without_it_says():
     ],
 )
 def test_two_lenses_are_worth_an_accusation_or_a_note(together, apart, unforeseen, explained, said):
-    assert two_lenses.worth(together, apart, unforeseen, 0.05, explained) == said
+    some = best_split(own_lenses(np.random.default_rng(1)))
+    worth = partial(
+        two_lenses.worth, together=together, apart=apart, unforeseen=unforeseen, noticed=0.05
+    )
+    split = replace(some, explained=explained, along=-0.1, chance=1e-7)
+    assert worth(split, beyond=False) == said
+    assert worth(replace(split, chance=1e-5), beyond=False) is None
+    # Where they differ by more than is stated of one lens, less is enough.
+    assert worth(split, beyond=True) == (Severity.BAD if said or apart == 0.03 else None)
+    clear = replace(split, along=0.1, chance=1e-4)
+    assert worth(clear, beyond=False) is None
+    assert worth(clear, beyond=True) == (None if apart == 0.24 else Severity.BAD)
+    assert worth(replace(clear, along=-0.1), beyond=True) is None
+    assert worth(replace(clear, chance=1e-2), beyond=True) is None
+
+
+@pytest.mark.parametrize("way", [(24.0, 6.0, -6.0), (0.0, 12.0, -9.0)])
+def test_two_lenses_explain_nearly_all_on_the_way_from_one_to_the_other(way):
+    """What photos differ by across it, or by one thing alone, is not of them."""
+    rng = np.random.default_rng(18)
+    photos = own_lenses(rng, wild=3.0)
+    own = photos.own.copy()
+    own[8:, :3] += way
+    split = best_split(replace(photos, own=own))
+    assert split.along > 0.05
+    focus = photos.own.copy()
+    focus[:, 0] += rng.normal(0, 30, 14)
+    split = best_split(replace(photos, own=focus))
+    assert split.chance < 1e-3
+    assert split.along < 0
+
+
+def test_what_is_stated_of_a_camera_is_what_its_record_has():
+    stated = two_lenses._stated_px
+    assert stated({"median_px": 0.3, "principal_point_px": [0.2, 0.4]}) == 0.4
+    assert stated({"median_px": 0.3, "principal_point_px": [None, 0.2]}) == 0.3
+    assert stated({"median_px": None, "principal_point_px": [None, None]}) == 0
+
+
+def test_photos_are_put_to_the_lens_that_they_are_nearer_to():
+    """A cut in the order of photos that take turns leaves some on the wrong side."""
+    photos = own_lenses(np.random.default_rng(12))
+    second = np.isin(np.arange(14), [3, 9, 10, 11, 12, 13])
+    own = photos.own.copy()
+    own[second, :3] += [24.0, 6.0, -6.0]
+    photos = replace(photos, own=own)
+    behind = np.arange(14) >= 9
+    for start in (second, behind):
+        np.testing.assert_array_equal(two_lenses._by_nearer_lens(photos, start), second)
 
 
 def test_photos_that_know_their_lenses_along_different_axes_are_sorted():
@@ -483,13 +533,22 @@ CENTRE = np.array([500.0, 350.0])
 def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
     change = LensChange(ratio=ratio, shift=np.array(shift, float), centre=CENTRE)
     told = [
-        lens_change(change, ["a.png", "b.png"], exact, in_order=in_order, because="", figures={})
+        lens_change(
+            change,
+            ["a.png", "b.png"],
+            ["c.png", "d.png"],
+            exact,
+            in_order=in_order,
+            because="",
+            figures={},
+        )
         for in_order in (True, False)
     ]
     assert [one.code for one in told] == [cause] * 2
     assert all(words in one.what for one in told)
     assert "from a.png on" in told[0].what
-    assert "in a.png and b.png" in told[1].what
+    assert "in a.png and b.png, beside c.png and d.png" in told[1].what
+    assert ("bumped or moved" in told[0].what) == (cause == "shifted")
     # Two cameras of one make differ like this too, and their photos come one after the other.
     assert cause in ("turned", "scaled") or all("camera" in one.what for one in told)
 
@@ -639,6 +698,7 @@ def test_two_cameras_that_are_far_apart_are_named(count, order):
     pairs = Observations.joined([select_photos(both, np.array([k])) for k in np.argsort(names)])
     (found,) = calibrate(pairs, NINE_BY_SIX, hold_out=False).findings
     assert found.code in (Code.ZOOM, Code.TWO_LENSES)
+    assert json.loads(json.dumps(found.as_record()))["figures"] == found.figures
     assert found.severity is Severity.BAD
     truth = 535 / 335
     if set(found.images) == set(wide.images):
@@ -646,6 +706,38 @@ def test_two_cameras_that_are_far_apart_are_named(count, order):
     else:
         assert set(found.images) == set(narrow.images)
     assert found.figures["focal_off"] == pytest.approx(truth - 1, abs=0.12 * truth)
+
+
+@pytest.mark.slow
+def test_a_few_photos_of_another_camera_make_a_bad_one():
+    """Poses of a flat board hide how far its centre is off: its corners are off by much less."""
+    lens = AsymmetricLens(
+        image_size=(640, 480), fx=335.0, fy=335.0, cx=325.0, cy=236.0, max_angle_deg=60.0
+    )
+    twin = replace(lens, cx=lens.cx + 0.4, cy=lens.cy - 7.1)
+    names = [f"{number:02d}.png" for number in range(14)]
+    few = ("01.png", "04.png", "08.png", "11.png")
+    parts = []
+    for camera, own, first in (
+        (lens, tuple(name for name in names if name not in few), 0),
+        (twin, few, 50),
+    ):
+        errors = CornerErrors(noise=0.15)
+        seen, _ = simulated_corners(camera, NINE_BY_SIX, len(own), seed=first, errors=errors)
+        parts.append(replace(seen, images=own))
+    both = Observations.joined(parts)
+    order = np.argsort(both.images)
+    made = calibrate(
+        Observations.joined([select_photos(both, np.array([photo])) for photo in order]),
+        NINE_BY_SIX,
+    )
+    assert made.held_out.rms_px < 0.35
+    (found,) = made.findings
+    assert (found.code, made.verdict.level) == (Code.SHIFTED, "bad")
+    assert set(few) <= set(found.images)
+    assert made.verdict.reasons[0].what == found.what
+    assert not found.figures["in_order"]
+    assert sorted([*found.images, *found.figures["rest"]]) == names
 
 
 @pytest.mark.slow

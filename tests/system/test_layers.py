@@ -72,6 +72,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "diagnosis": {
         "words",
+        "assess",
         "boards",
         "target",
         "photos",

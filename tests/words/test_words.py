@@ -30,7 +30,7 @@ NAMES = {
     "counts": [{"form": "both", "board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10,
                 "drawn_rows": 6}],
 }  # fmt: skip
-NAMES |= {"against": "it is off", "mend": "look"}
+NAMES |= {"rest": ["c.png", "d.png"], "against": "it is off", "mend": "look"}
 NAMES |= {"path": "a.yaml", "name": "left", "film": "a.mp4", "folder": "frames", "line": "it is"}
 NAMES |= {"video": "flat.mp4", "axis": "(0, 0, 1)", "point": "(5, 5, 0)", "moved": "floor → wall"}
 NAMES |= {"turned": "Turned by 180°", "onto": "wall", "pairs": "floor and wall", "more_pairs": ""}
