@@ -302,17 +302,13 @@ def _of_figures(
 def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
     for deformation in recorded_mappings(fit.get("departures")):
         known = [of_record(one) for one in recorded_mappings(deformation.get("doubted"))]
-        doubts, told = [one.what for one in known if one is not None], deformation.get("doubts")
-        # Older records have no codes beside them.
-        older = [str(doubt) for doubt in told] if isinstance(told, list) else []
-        if doubts or older:
-            yield from _reason(
-                Severity.CARE,
-                Code.BOARD_DOUBTED,
-                "" if doubts else "older",
-                board=str(deformation.get("board")),
-                doubted=", and ".join(doubts or older),
-            )
+        doubts = ", and ".join(one.what for one in known if one is not None)
+        yield from _reason(
+            _care(bool(doubts)),
+            Code.BOARD_DOUBTED,
+            board=str(deformation.get("board")),
+            doubted=doubts,
+        )
 
 
 def _figures(fit: Mapping[str, Any]) -> str:
