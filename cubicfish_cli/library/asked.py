@@ -223,9 +223,7 @@ def rig_file_in(path: Path) -> Path:
     """
     path = path / "rig.yaml" if path.is_dir() else path
     if not path.is_file():
-        raise CameraFileError(
-            f"there is no {path}: name the rig.yaml that 'cubicfish rig' wrote"
-        )
+        raise CameraFileError(f"there is no {path}: name the rig.yaml that 'cubicfish rig' wrote")
     return path
 
 

@@ -190,7 +190,7 @@ SCENARIOS = {
             head="map.npz",
         ),
         Scenario(
-            name="map pgm, mask",
+            name="map pgm",
             args=("map", "out/map.pgm", *MODEL),
             prepare=fault_inputs.camera,
             head="map_x.pgm",
