@@ -138,7 +138,7 @@ def _map_of_camera(camera: StrPath, goal: Path, asked: MapOptions, run: Run) -> 
     chosen = chosen_view(there, view)
     build = build_redistort_map if asked.redistort else build_map
     maps = {name: build(there, one) for name, one in chosen.views.items()}
-    files = {**_contents_of(plan, maps), **view_files(maps, mask=None, beside=goal)}
+    files = {**_contents_of(plan, maps), **view_files(maps, beside=goal)}
     is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(
         model=path,
@@ -187,7 +187,7 @@ def _map_pair(path: Path, goal: Path, options: MapOptions, run: Run) -> MapFiles
         "photo_sizes": [list(camera.image_size) for camera in between.cameras],
         **between.as_record(common),
     }
-    views = view_files(maps, mask=None, beside=goal)
+    views = view_files(maps, beside=goal)
     files = {**_contents_of(plan, maps), about: plain_yaml_text(record), **views}
     is_pair = goal.suffix.lower() == ".pgm"
     return MapFiles(

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.files import Content
 from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.undistortion.images import check_suffix, encode_picture
+from cubicfish_cli.undistortion.images import encode_picture
 from cubicfish_cli.undistortion.maps import OUTSIDE, UndistortMap, write_npz
 from cubicfish_cli.undistortion.plane import PlaneView
 from cubicfish_cli.undistortion.projections import EquidistantView, PerspectiveView
@@ -84,20 +84,9 @@ def write_exr(path: Path, made: UndistortMap) -> None:
 
     """
     u, v = stmap(made)
-    write_float_exr(path, {"R": u, "G": v, "B": np.zeros_like(u)})
-
-
-def write_float_exr(path: Path, channels: Mapping[str, Floats]) -> None:
-    """Channels (H, W) as 32-bit floats, by name.
-
-    Raises:
-        OutputError: the extra ``exr`` is not installed.
-        OSError: the file cannot be written.
-
-    """
     library = require_exr(path)
     header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
-    with library.File(header, dict(channels)) as file:
+    with library.File(header, {"R": u, "G": v, "B": np.zeros_like(u)}) as file:
         try:
             file.write(str(path))
         except RuntimeError as problem:  # '... image file "NAME". No space left on device.'
@@ -190,10 +179,7 @@ def part_name(path: Path, part: str) -> Path:
 
 
 def view_files(
-    maps: Mapping[str, UndistortMap],
-    *,
-    mask: Path | None,
-    beside: Path | None,
+    maps: Mapping[str, UndistortMap], *, mask: Path | None = None, beside: Path | None
 ) -> dict[Path, Content]:
     """The mask and the virtual camera of each part of a view, as :func:`write_files` takes them.
 
@@ -209,18 +195,13 @@ def view_files(
     files: dict[Path, Content] = {}
     for part, made in maps.items():
         if mask is not None:
-            check_suffix(mask)
-            files[part_name(mask, part)] = encode_picture(mask, mask_picture(made.valid))
+            files[part_name(mask, part)] = encode_picture(mask, np.uint8(255) * made.valid)
         if beside is not None:
-            plain, opencv = view_file_names(part_name(beside, part))
-            files[plain] = view_text(made.view)
+            output = part_name(beside, part)
+            files[output.with_suffix(".view.yaml")] = view_text(made.view)
+            opencv = output.with_suffix(".view.opencv.yaml")
             files[opencv] = partial(write_opencv_view, view=made.view)
     return files
-
-
-def view_file_names(output: Path) -> tuple[Path, Path]:
-    """Where the two files of an output's virtual camera go: beside it."""
-    return output.with_suffix(".view.yaml"), output.with_suffix(".view.opencv.yaml")
 
 
 def view_text(view: View) -> str:
@@ -272,8 +253,3 @@ def _opencv_model(view: View) -> tuple[str, int]:
     if isinstance(view, EquidistantView):
         return "fisheye", 4
     return view.kind, 4
-
-
-def mask_picture(valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
-    """Whether each pixel may be trusted (H, W) -> a picture, 255 where it may and 0 elsewhere."""
-    return np.asarray(valid, np.uint8) * np.uint8(255)

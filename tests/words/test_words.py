@@ -176,7 +176,7 @@ MATCHES = {"search", "match", "fullmatch", "sub", "findall", "split"}
 # Where sentences of other programs and libraries are read, which have no codes: file, function.
 FOREIGN = {
     ("executors/cluster.py", "_client"): "what distributed says, on one line",
-    ("undistortion/map_formats.py", "write_float_exr"): "why OpenEXR could not write",
+    ("undistortion/map_formats.py", "write_exr"): "why OpenEXR could not write",
 }
 
 
