@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command line has it
@@ -27,7 +28,7 @@ import numpy as np  # noqa: E402
 
 from cubicfish_cli.formats.camera_yaml import load_camera  # noqa: E402
 from cubicfish_cli.lenses.cubic import CubicCamera  # noqa: E402
-from cubicfish_cli.undistortion.batch import Job, write_many  # noqa: E402
+from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS  # noqa: E402
 from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
 from cubicfish_cli.undistortion.maps import (  # noqa: E402
@@ -141,7 +142,7 @@ def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) ->
     jobs = [Job(name=p.name, photos={"": p}, outputs={"": folder / p.name}) for p in sources]
     failures = write_many(
         jobs,
-        lambda job, photos: {"": remap_picture(photos[""], made)},
+        partial(write_one, render=lambda job, photos: {"": remap_picture(photos[""], made)}),
         workers=workers,
         overwrite=True,
         progress=lambda done, total: None,

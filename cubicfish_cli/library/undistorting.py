@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,10 +42,10 @@ from cubicfish_cli.library.views import (
     Views,
     ViewsBySize,
 )
-from cubicfish_cli.listener import Listener
+from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import SUFFIXES, expanded, photo_size, shown
 from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
-from cubicfish_cli.undistortion.batch import Job, write_many
+from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.undistortion.choose import ChosenView, SeenField, build_view
 from cubicfish_cli.undistortion.images import check_suffix, remap_picture
 from cubicfish_cli.undistortion.map_formats import part_name, view_files
@@ -223,8 +224,7 @@ def undistort_files(
         files = {path: content for path, content in files.items() if not path.is_file()}
     refuse_existing(*files, overwrite=run.overwrite, can_skip=not asked.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    write = _write_videos if plan.kind == "video" else _write_pictures
-    failures = write(plan, views, asked, run)
+    failures = _write_all(plan, views, asked, run)
     written = {
         job.name: tuple(job.outputs.values()) for job in plan.jobs if job.name not in failures
     }
@@ -442,18 +442,21 @@ def _files_beside(plan: _Plan, views: Views, asked: UndistortOptions) -> dict[Pa
     return view_files(views.maps(source, size), mask=mask, beside=virtual_camera)
 
 
-def _write_pictures(
+def _write_all(
     plan: _Plan, views: Views, asked: UndistortOptions, run: Run
 ) -> dict[str, CubicfishError]:
-    """All photos or shots at once: what could not be done, and why."""
+    """Photos or shots at once, or videos in turn: what could not be done, and why."""
     executor = run.executor if plan.jobs else None
+    of_videos = plan.kind == "video"
+    write = partial(write_one, render=views, quality=asked.quality)
+    if of_videos:
+        write = partial(_write_video, views=views, asked=asked, listener=run.listener)
     failures = write_many(
         plan.jobs,
-        views,
-        quality=asked.quality,
-        workers=run.jobs or os.cpu_count() or 1,
+        write,
+        workers=1 if of_videos else run.jobs or os.cpu_count() or 1,
         overwrite=run.overwrite,
-        progress=run.listener.counting("Undistorting"),
+        progress=SILENT.counting("") if of_videos else run.listener.counting("Undistorting"),
         executor=executor,
     )
     for job in plan.jobs if executor is None else ():
@@ -464,26 +467,25 @@ def _write_pictures(
     return failures
 
 
-def _write_videos(
-    plan: _Plan, views: Views, asked: UndistortOptions, run: Run
-) -> dict[str, CubicfishError]:
-    """One video after the other: what could not be done, and why."""
-    failures = {}
-    for job in plan.jobs:
-        output = job.outputs[""]
-        try:
-            done = undistort_video(
-                job.source,
-                output,
-                lambda size, source=job.source: views.maps(source, size)[""],  # type: ignore[misc]
-                asked.interpolation,
-                crf=DEFAULT_CRF if asked.crf is None else asked.crf,
-                overwrite=run.overwrite,
-                progress=run.listener.counting(job.name),
-            )
-        except CubicfishError as error:
-            failures[job.name] = error
-            continue
-        if done.turned_deg:
-            run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
-    return failures
+def _write_video(
+    job: Job,
+    *,
+    views: Views,
+    asked: UndistortOptions,
+    listener: Listener,
+    overwrite: bool,
+    slots: object,
+) -> None:
+    """A video, which tells by itself how far it is."""
+    output = job.outputs[""]
+    done = undistort_video(
+        job.source,
+        output,
+        lambda size: views.maps(job.source, size)[""],
+        asked.interpolation,
+        crf=DEFAULT_CRF if asked.crf is None else asked.crf,
+        overwrite=overwrite,
+        progress=listener.counting(job.name),
+    )
+    if done.turned_deg:
+        listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)

@@ -49,28 +49,30 @@ Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
 """(job, its photos by their cameras' names) -> the pictures of all parts that it wants."""
 
 
+Write = Callable[..., None]
+"""Called as (job, overwrite=..., slots=...), as :func:`write_one` is: its outputs are written."""
+
+
 def write_many(
     jobs: Sequence[Job],
-    render: Render,
+    write: Write,
     *,
-    quality: int | None = None,
     workers: int,
     overwrite: bool,
     progress: Callable[[int, int], None],
     executor: Executor | None = None,
 ) -> dict[str, CubicfishError]:
-    """Write the pictures of many photos or shots; one that fails does not stop the others.
+    """Write the results of many photos, shots or videos; one that fails does not stop the others.
 
     Every output appears whole or not at all, also when this is interrupted.
 
     Args:
         jobs: the photos.
-        render: makes pictures of them.
-        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
+        write: writes the results of one.
         workers: photos to work on at a time.
         overwrite: whether outputs may be replaced.
         progress: called with the number of photos done and of all.
-        executor: who does the work instead of this process; ``render`` must then be picklable, and
+        executor: who does the work instead of this process; ``write`` must then be picklable, and
             ``workers`` says nothing.
 
     Returns:
@@ -80,7 +82,7 @@ def write_many(
         ClusterError: ``executor`` cannot do the work.
 
     """
-    work = partial(_problem_of, render=render, quality=quality)
+    work = partial(_problem_of, write)
     if executor is None:
         slots = BoundedSemaphore(workers)
         answers = _by_threads(partial(work, overwrite=overwrite, slots=slots), jobs, workers)
@@ -109,7 +111,7 @@ def write_one(
     Args:
         job: the photo.
         render: makes pictures of it.
-        quality: as for :func:`write_many`.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         overwrite: whether outputs may be replaced.
         slots: entered while there is work for a processor, and left to wait for the disk.
 
@@ -139,9 +141,9 @@ def write_one(
     write_files(files, overwrite=overwrite)
 
 
-def _problem_of(job: Job, **how: Any) -> CubicfishError | None:
+def _problem_of(write: Write, job: Job, **how: Any) -> CubicfishError | None:
     try:
-        write_one(job, **how)
+        write(job, **how)
     except CubicfishError as problem:
         return problem
     return None

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from functools import partial
 
 import cv2
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from synthetic import lens_of_size
 
 from cubicfish_cli.errors import PhotoError, ViewError
-from cubicfish_cli.undistortion.batch import Job, write_many
+from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.undistortion.images import remap_picture
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.projections import PerspectiveView
@@ -33,7 +34,8 @@ def render(job, photos):
 
 
 def run(jobs, render=render, workers=2, progress=lambda done, total: None):
-    return write_many(jobs, render, workers=workers, overwrite=False, progress=progress)
+    write = partial(write_one, render=render)
+    return write_many(jobs, write, workers=workers, overwrite=False, progress=progress)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5])

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -23,7 +24,7 @@ import distant_work
 from cubicfish_cli.errors import ClusterError, PhotoError
 from cubicfish_cli.executors import cluster
 from cubicfish_cli.executors.cluster import connect, do_one, order, versions_here
-from cubicfish_cli.undistortion.batch import Job, write_many
+from cubicfish_cli.undistortion.batch import Job, write_many, write_one
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 30
@@ -130,7 +131,7 @@ def undistort(jobs: Sequence[Job], address: str, render, wait_s=PATIENCE_S, **op
     with connect(address, wait_s=wait_s) as executor:
         return write_many(
             jobs,
-            render,
+            partial(write_one, render=render),
             workers=1,
             overwrite=options.get("overwrite", False),
             progress=options.get("progress", lambda done, total: None),
@@ -201,7 +202,7 @@ def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: P
     jobs, seen = jobs_of(tmp_path, 12), []
     write_many(
         jobs_of(tmp_path, 12, "here"),
-        distant_work.render,
+        partial(write_one, render=distant_work.render),
         workers=1,
         overwrite=False,
         progress=lambda done, total: None,
