@@ -38,7 +38,8 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
     rotation = np.array([photo.rotation for photo in placed])
     centre = -np.einsum("nij,ni->nj", rotation, np.array([photo.translation for photo in placed]))
     boards = () if facts.target is None else facts.target.boards
-    plates = [board.outline() for board in boards]
+    # A fit and its file differ in the last digits: the page is to be the same.
+    plates = [board.outline().astype(np.float32).astype(float) for board in boards]
     loose = [plate for board, plate in zip(boards, plates, strict=True) if board.points is not None]
     if not boards and facts.errors is not None:
         loose = [facts.errors.pairs.world]
