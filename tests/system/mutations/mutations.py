@@ -212,8 +212,8 @@ MUTATIONS = tuple(
         # Views and maps.
         (
             "undistortion/maps.py",
-            "scale * (0.5 - start) - 0.5",
-            "-scale * start",
+            "shift = (scale - 1) / 2",
+            "shift = 0.0",
             "undistortion/test_frames",
         ),
         (
