@@ -165,14 +165,37 @@ class Information:
 
 
 def corner_noise_px(fit: Adjustment[Any]) -> float:
-    """Standard deviation of a corner's coordinate, as the residuals of a fit show it, pixels."""
-    residual, normal, own = fit.errors, fit.normal, fit.pairs.tells_error
+    """Standard deviation of a coordinate of a corner that weighs 1, as residuals show it, pixels.
+
+    Corners count by their weights, and as far as the loss lets them pull: a noisy photo and a few
+    slips have hardly a say in the fit, and are no measure of what it is uncertain by.
+    """
+    own = fit.pairs.tells_error
+    length = np.minimum(np.hypot(fit.errors[:, 0], fit.errors[:, 1]), fit.huber_px)
+    freedom = max(2 * len(length) - _unknowns(fit), 1.0)
+    return float(np.sqrt(np.sum(fit.pairs.weight[own] * np.square(length)) / freedom))
+
+
+def _unknowns(fit: Adjustment[Any]) -> float:
+    """How many unknowns residuals went into: what a prior holds counts for less than one.
+
+    The trace of what data say, over what data and priors say (as of ridge regression's degrees of
+    freedom); of corners' offsets as if all else were known, which is a little too many.
+    """
+    normal, world, own = fit.normal, fit.world, fit.pairs.tells_error
+    hessian, lens = normal.reduced_shared(), len(fit.lens.parameters)
+    prior = np.zeros_like(hessian)
+    prior[:lens, :lens] = fit.lens.prior()[:-1, :-1]
+    prior[lens:, lens:] = world.prior()[:-1, :-1]
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    square = scale * scale[:, None]
+    shared = len(hessian) - np.sum(
+        np.linalg.pinv(hessian * square, hermitian=True) * prior * square
+    )
     poses = min(len(np.unique(fit.pairs.image[own])), len(normal.pose))
-    corners = 3 * len(np.unique(fit.world.corner[own])) if len(fit.world.corner) else 0
-    unknowns = len(normal.shared) + 6 * poses + corners
-    # Offsets are held by their pull and count for less than a whole unknown each.
-    freedom = max(residual.size - unknowns, residual.size // 2)
-    return float(np.sqrt(np.sum(residual**2) / freedom))
+    corner = normal.corner[np.unique(world.corner[own])] if len(world.corner) else normal.corner[:0]
+    held = np.trace(np.linalg.inv(corner), axis1=1, axis2=2).sum() * world.offset_weight**2
+    return float(shared + 6 * poses + 3 * len(corner) - held)
 
 
 def information(

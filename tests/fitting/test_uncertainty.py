@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from lenses import radial_camera
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -12,11 +13,19 @@ from cubicfish_cli.assess.uncertainty import sigma_at
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
-from cubicfish_cli.fitting.uncertainty import Gauge, camera_uncertainty, uncertainty_record
+from cubicfish_cli.fitting.subset import select_photos, with_mean_weight_one, world_scale
+from cubicfish_cli.fitting.uncertainty import (
+    Gauge,
+    camera_uncertainty,
+    corner_noise_px,
+    uncertainty_record,
+)
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.calibration import calibrate as calibrate_target
+from cubicfish_cli.target import Target
 
 TARGET = synthetic.corner_of_three()
+BOARD = Target(units="m", boards=(synthetic.checkerboard("board", 6, 4, 0.03),))
 NOISE, DRAWS = 0.1, 100
 HOLD = Hold(spread=0.01, weight=0.1)
 
@@ -100,6 +109,41 @@ def test_a_photo_from_far_away_takes_nothing_away():
         return uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100))
 
     assert (sigma(near + far) < 1.05 * sigma(near)).all()
+
+
+def sigma_of(pairs):
+    reference = fit_radial(with_mean_weight_one(pairs))
+    uncertainty = camera_uncertainty(fit_cubic(reference, HOLD), reference.pairs)
+    return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
+
+
+def test_noisy_photos_and_slips_that_hardly_count_make_it_hardly_larger():
+    poses = synthetic.poses_around(TARGET, 9, seed=40)
+    pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
+    alone = sigma_of(select_photos(pairs, np.arange(6)))
+    rng, noisy = np.random.default_rng(2), pairs.image >= 6
+    more = rng.normal(0, 8 * NOISE, pairs.pixel.shape) * noisy[:, None]
+    known = replace(pairs, pixel=pairs.pixel + more, weight=np.where(noisy, 1 / 65, 1.0))
+    assert sigma_of(known) < 1.05 * alone
+    slips = rng.random(len(pairs.pixel)) < 0.02
+    slipped = replace(
+        pairs, pixel=pairs.pixel + rng.normal(0, 1.5, (len(slips), 2)) * slips[:, None]
+    )
+    assert sigma_of(slipped) < 1.2 * sigma_of(pairs)
+
+
+def test_what_is_held_takes_few_degrees_of_freedom():
+    """Few corners, and a lens that is held so firmly that they hardly move it."""
+    poses = synthetic.poses_around(BOARD, 4, seed=3, distance=(0.2, 0.4))
+    found = []
+    for seed in range(8):
+        pairs = synthetic.synthetic_correspondences(
+            BOARD, poses, lens=radial_camera(), noise=NOISE, seed=seed
+        )
+        reference = fit_radial(pairs.with_world(pairs.world / world_scale(pairs)))
+        fit = fit_cubic(reference, Hold(spread=0.0, weight=30.0))
+        found.append(corner_noise_px(fit.fit) ** 2)
+    assert np.sqrt(np.mean(found)) == pytest.approx(NOISE, rel=0.06)
 
 
 @pytest.mark.slow
