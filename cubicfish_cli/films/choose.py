@@ -26,7 +26,7 @@ _SIDES = 4
 _FULL = 4
 # A board counts as tilted where squares grow by this share (of a logarithm) from end to end.
 _TILTED = 0.25
-# Views are the same that differ by less than this share of the picture's diagonal.
+# Views that differ by less than this share of the picture's diagonal come after all others.
 _SAME_VIEW = 0.02
 _FEWEST_COMMON = 4
 _MANY = 1_000_000  # columns or rows, more than any board has
@@ -237,19 +237,20 @@ def choose_shots(
     if not usable:
         return Choice(order=(), gain=np.full(len(shots), np.nan), why_not=tuple(why))
 
-    def same(one: int, other: int) -> bool:
+    def apart(one: int, other: int) -> float:
         pairs = zip(pictures[one], pictures[other], sizes, strict=True)
-        return all(_same_view(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
+        return max(_views_apart(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
 
     gains = gains_of(quality) or Coverage(pictures, sizes, quality)
-    return _greedy(usable, why, spoilt, gains, same, most)
+    # What moved no farther than a picture that counts as still is that picture again.
+    copy = min(still / float(np.hypot(*size)) for still, size in zip(still_px, sizes, strict=True))
+    return _greedy(usable, why, spoilt, gains, apart, copy, most)
 
 
-def _same_view(one: Seen, other: Seen, size: tuple[int, int]) -> bool:
-    if not (one.corners and other.corners):
-        return False
-    apart = _apart(one, other)
-    return apart is not None and apart < _SAME_VIEW * float(np.hypot(*size))
+def _views_apart(one: Seen, other: Seen, size: tuple[int, int]) -> float:
+    """How far apart two views are, as a share of the diagonal; inf where that cannot be said."""
+    apart = _apart(one, other) if one.corners and other.corners else None
+    return np.inf if apart is None else apart / float(np.hypot(*size))
 
 
 def _shown_at_once(
@@ -270,7 +271,8 @@ def _greedy(
     why: list[str],
     spoilt: Mapping[int, str],
     gains: Gains,
-    same: Callable[[int, int], bool],
+    apart: Callable[[int, int], float],
+    copy: float,
     most: int,
 ) -> Choice:
     """Take what adds most, then what adds most to that; spoilt ones where there is too little.
@@ -280,16 +282,20 @@ def _greedy(
         why: a few words for each of the others.
         spoilt: a word for each of those that are worse than the others.
         gains: what they add.
-        same: whether two are nearly the same view.
+        apart: how far apart two views are, as a share of the picture's diagonal.
+        copy: views that are less apart are never taken both.
         most: how many may be taken.
 
     """
     gain = np.full(len(why), np.nan)
     order: list[int] = []
     good = [index for index in usable if index not in spoilt]
+    nearest = dict.fromkeys(usable, np.inf)
     ended: Ended = "all"
-    for pool, enough in ((good, most), (sorted(spoilt), min(FEWEST, most))):
-        left = [index for index in pool if not why[index]]
+    few = min(FEWEST, most)
+    passes = ((good, most, _SAME_VIEW), (good, most, copy), (list(spoilt), few, copy))
+    for pool, enough, least in passes:
+        left = [one for one in pool if one not in order and nearest[one] >= least]
         while left and len(order) < enough:
             value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
             if len(order) >= FEWEST and gains.share(value) < _WORTH_IT:
@@ -298,11 +304,8 @@ def _greedy(
             order.append(best)
             gain[best] = value
             gains.take(best)
-            left.remove(best)
-            for index in usable:
-                if index not in order and not why[index] and same(best, index):
-                    why[index] = "nearly the same view as one that was chosen"
-            left = [index for index in left if not why[index]]
+            nearest = {one: min(near, apart(best, one)) for one, near in nearest.items()}
+            left = [one for one in left if one != best and nearest[one] >= least]
         if left and len(order) >= most:
             ended = "asked"
     for index in usable:
@@ -310,7 +313,8 @@ def _greedy(
             why[index] = ""
             continue
         gain[index] = gains.of(index)
-        why[index] = why[index] or spoilt.get(index) or "adds less than those chosen"
+        near = "nearly the same view as one that was chosen" if nearest[index] < copy else ""
+        why[index] = near or spoilt.get(index) or "adds less than those chosen"
     return Choice(order=tuple(order), gain=gain, why_not=tuple(why), ended=ended)
 
 

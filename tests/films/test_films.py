@@ -106,7 +106,7 @@ def test_spoilt_pictures_come_last_and_only_where_good_ones_are_too_few() -> Non
 
 
 def test_near_copies_are_never_chosen_and_what_is_new_comes_first() -> None:
-    seen = [at(40, 40), at(44, 42), at(60, 50), at(300, 240), Seen(patches=(), sharpness=0.6)]
+    seen = [at(40, 40), at(40.4, 40.2), at(60, 50), at(300, 240), Seen(patches=(), sharpness=0.6)]
     made = choose(seen, SIZE, 9, 0.6)
     assert len(made.order) == 3
     assert made.order.index(3) == 1  # after the first, what is elsewhere
@@ -116,6 +116,17 @@ def test_near_copies_are_never_chosen_and_what_is_new_comes_first() -> None:
     assert np.isnan(made.gain[4])
     assert made.gain[3] > made.gain[made.order[2]]
     assert "adds less than those chosen" in choose(seen, SIZE, 2, 0.6).why_not
+
+
+def test_near_views_come_after_all_others_and_while_they_add_something() -> None:
+    seen = [at(40, 40), at(44, 42), at(300, 240), at(304, 242)]
+    made = choose(seen, SIZE, 9, 0.6, lambda quality: Fixed([0.5, 0.4, 0.3, 0.2]))
+    assert (made.order, made.ended) == ((0, 2, 1, 3), "all")
+    far = [at(40 + 40 * number, 40) for number in range(FEWEST)]
+    for last, count in ((0.005, 10), (0.02, 11)):
+        gains = [0.5] * 10 + [last]
+        made = choose([*far, at(44, 42)], SIZE, 20, 0.6, lambda quality, g=gains: Fixed(g))
+        assert len(made.order) == count
 
 
 def test_copies_are_told_by_their_place_where_names_are_uncertain() -> None:
@@ -132,11 +143,11 @@ def test_copies_are_told_by_their_place_where_names_are_uncertain() -> None:
     for certain, taken in ((False, {0, 2, 3}), (True, {0, 1, 2, 3})):
         # The second is a copy that is named one row further on, the third is elsewhere under the
         # names of the first.
-        seen = [part(0, 40, certain=certain), part(1, 41, certain=certain)]
+        seen = [part(0, 40, certain=certain), part(1, 40.5, certain=certain)]
         seen += [part(0, 300, certain=certain), at(160, 240)]
         assert len(choose(seen, SIZE, 9, 0.6).order) == len(taken)
     # Nor do certain names say anything of uncertain ones.
-    assert len(choose([part(1, 41, certain=False), at(40, 40)], SIZE, 9, 0.6).order) == 1
+    assert len(choose([part(1, 40.5, certain=False), at(40, 40)], SIZE, 9, 0.6).order) == 1
 
 
 def test_each_side_that_a_board_is_seen_from_is_told_from_the_others() -> None:
