@@ -38,8 +38,8 @@ from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import Finding
 
-# Two lenses that differ by so many times what is stated of one make another camera of their mean.
-# Then less is enough to be sure of them: that they would be found by chance so often, and that they
+# Two lenses make a wrong camera where it is off for most photos by so many times what is stated of
+# it, and by more than a camera may be that counts as certain. Then less is enough to be sure of them: that they would be found by chance so often, and that they
 # explain more along the way from one to the other than the best two groups do of photos that differ
 # in one thing, as focus. Of n such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets.
 _BEYOND_STATED = 2.0
@@ -199,14 +199,16 @@ def _followed(fit: TargetFit, together: float, stated: float) -> Finding | None:
         apart = _at_the_boundary(fit, apart)
     photos, split = apart.photos, apart.split
     assert split is not None
-    certain = CERTAIN_PX * noticed_px(pairs, 1.0)
+    # The camera is off by that for the larger group.
+    few = float(min(np.mean(apart.second), np.mean(~apart.second)))
+    off = few * float(np.linalg.norm(apart.given))
     severity = worth(
         split,
         together,
         apart.px,
         unforeseen=left_out_share(photos, apart.second),
         noticed=noticed_px(pairs),
-        beyond=float(np.linalg.norm(apart.given)) > max(_BEYOND_STATED * stated, certain),
+        beyond=off > max(_BEYOND_STATED * stated, noticed_px(pairs, CERTAIN_PX)),
     )
     if severity is None:
         return None
@@ -296,7 +298,7 @@ def worth(
         apart: with two.
         unforeseen: how many times larger the squared error is of photos that had no say.
         noticed: pixels that a person would notice.
-        beyond: whether they differ by more than is stated.
+        beyond: whether the camera of both is off by more than is stated.
 
     """
     left, gain = apart**2, together**2 - apart**2
