@@ -39,9 +39,10 @@ from cubicfish_cli.words.codes import Severity
 from cubicfish_cli.words.finding import Finding
 
 # Two lenses make a wrong camera where it is off for most photos by so many times what is stated of
-# it, and by more than a camera may be that counts as certain. Then less is enough to be sure of them: that they would be found by chance so often, and that they
-# explain more along the way from one to the other than the best two groups do of photos that differ
-# in one thing, as focus. Of n such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets.
+# it, and by more than a camera may be that counts as certain. Then less is enough to be sure of
+# them: that they would be found by chance so often, and that they explain more along the way from
+# one to the other than the best two groups do of photos that differ in one thing, as focus. Of n
+# such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets.
 _BEYOND_STATED = 2.0
 _SURE = 1e-3
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
