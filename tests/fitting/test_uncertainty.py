@@ -30,8 +30,8 @@ NOISE, DRAWS = 0.1, 100
 HOLD = Hold(spread=0.01, weight=0.1)
 
 
-def draw(seed, noise=NOISE):
-    poses = synthetic.poses_around(TARGET, 5, seed=40)
+def draw(seed, noise=NOISE, photos=5):
+    poses = synthetic.poses_around(TARGET, photos, seed=40)
     return synthetic.synthetic_correspondences(TARGET, poses, noise=noise, seed=seed)
 
 
@@ -149,14 +149,14 @@ def test_what_is_held_takes_few_degrees_of_freedom():
 @pytest.mark.slow
 def test_the_order_of_boards_changes_nothing():
     """The frame of a target that is free hangs on one board: cameras have nothing to do with it."""
-    pairs = draw(5)
+    pairs = draw(5, photos=9)
     turned = replace(TARGET, boards=TARGET.boards[::-1])
     one, other = (
         calibrate_target(pairs, target, hold_out=False, refine_target="points")
         for target in (TARGET, turned)
     )
     first, second = (np.array(fit.uncertainty_grid["sigma_px"], float) for fit in (one, other))
-    np.testing.assert_allclose(second, first, rtol=0.1)
+    np.testing.assert_allclose(second, first, rtol=0.05)
 
 
 @pytest.mark.slow
