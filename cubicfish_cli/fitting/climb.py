@@ -10,7 +10,7 @@ from typing import Literal
 from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, Rival, fit_cubic
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import FIRMEST
+from cubicfish_cli.fitting.hold import FIRMEST, RADIAL
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.orientation import oriented
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, TargetFit, refine_object
@@ -139,15 +139,15 @@ def _judged(
     """The held-out error, which has the last word on how P is held.
 
     The hold was chosen to first order. Where the cubic is worse than its reference on photos that
-    were left out, its pupil stands still, or it is held as firmly as can be, or both, whichever
-    has the least held-out error.
+    were left out, its pupil stands still, or it is held as firmly as can be, or both, or it is the
+    cubic nearest to a radial lens, whichever has the least held-out error.
     """
     held_out = held_out_error(fit, progress)
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
     best, error = fit, held_out
     central = replace(fit.cubic.hold, central=True)
-    for hold in (central, FIRMEST, replace(FIRMEST, central=True)):
+    for hold in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
         cubic = fit_cubic(
             fit.reference,
             hold,

@@ -15,30 +15,24 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit, RayPrior
+from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
+from cubicfish_cli.fitting.nearest_cubic import (
+    MARGIN_DEG,
+    SAFER_PULLS,
+    cone_angle,
+    refined_cubic,
+)
 from cubicfish_cli.fitting.photo_noise import ALIKE
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
+from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px, wide_px
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import Validity, check_validity
-from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.types import FloatArray
 
-_PRIOR_RAYS = 300
-# The prior's cone reaches this far beyond the farthest corner: past the valid cone.
-_PRIOR_MARGIN_DEG = 10.0
-# Beyond half a turn less this, a ray's azimuth says nothing.
-_LARGEST_ANGLE_DEG = 175.0
-# Near its fold the reference's profile is flat; the prior stays short of that.
-_FOLD_SHARE = 0.98
-# In normalised pixels: Kannala–Brandt lenses of 10° to 150° are then met within 0.02 px by cubics
-# without a pole; ten times more costs up to 0.08 px, and none at all lets poles in.
-_DENOMINATOR_PULL = 1e-4
-# Each is safer and less exact than the one before: P3Φ nears a constant.
-_SAFER_PULLS = (1e-2, 1.0, 100.0)
-# Expected relative departure of P3Φ from that of the reference's cubic.
-_DENOMINATOR_SPREAD = 0.1
+# Expected relative departure of P3Φ from that of the reference's cubic: so loose that where the
+# optimum is hardly depends on it, and far from a pole.
+_DENOMINATOR_SPREAD = 0.3
 # Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
 # length.
 _TRAVEL_SPREAD = 0.02
@@ -128,6 +122,7 @@ def fit_cubic(
     *,
     world: World | None = None,
     start: CubicResult | None = None,
+    afresh: bool = False,
     relative_decrease: float = _LAST_DECREASE,
 ) -> CubicResult:
     """Fit P and all poses (Eq. 10) from a reference's lens and poses.
@@ -137,14 +132,16 @@ def fit_cubic(
         hold: how P is held to it.
         world: the target, where it is free; its points are those of the reference's pairs.
         start: a fit to the same photos from which to start, where there is one.
+        afresh: start from the reference all the same, with the loss of ``start``.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.fitting.adjustment.adjust`.
 
     Raises:
         FitError: no weight of the prior gives a camera without poles and folds.
 
     """
-    max_angle_deg = float(np.rad2deg(_cone(reference, MARGIN_DEG)))
-    lens, poses = _first(reference, hold, start, world, max_angle_deg)
+    max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
+    near = None if afresh else start
+    lens, poses = _first(reference, hold, near, world, max_angle_deg)
     while True:
         fit = adjust(
             lens,
@@ -154,7 +151,7 @@ def fit_cubic(
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
-            known=None if start is None else start.fit,
+            known=None if near is None else near.fit,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = fit.again(
@@ -177,16 +174,6 @@ def fit_cubic(
             )
 
 
-def _cone(reference: RadialReference, margin_deg: float) -> float:
-    """Half-angle of the cone that reaches so far beyond the corners, short of a fold, radians."""
-    covered = reference.covered
-    return min(
-        covered + np.deg2rad(margin_deg),
-        max(_FOLD_SHARE * reference.camera.max_angle, covered),
-        np.deg2rad(_LARGEST_ANGLE_DEG),
-    )
-
-
 def _first(
     reference: RadialReference,
     hold: Hold,
@@ -202,7 +189,7 @@ def _first(
     pairs = reference.pairs
     points = pairs.world if world is None else world.points
     lens, poses = None, reference.poses
-    for number, (lens, poses) in enumerate(_starts(reference, hold, start)):
+    for number, (lens, poses) in enumerate(starts(reference, hold, start)):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
         if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
@@ -215,58 +202,59 @@ def _first(
     return lens, poses
 
 
-def _starts(
+def starts(
     reference: RadialReference, hold: Hold, start: CubicResult | None
 ) -> Iterator[tuple[CubicFit, Poses]]:
+    """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones."""
     if start is not None:
         yield held(start, reference, hold), start.poses
     yield start_lens(reference, hold), reference.bent(hold.spread)[1]
-    for pull in (_DENOMINATOR_PULL, *_SAFER_PULLS):
-        yield start_lens(reference, hold, denominator_pull=pull, symmetric=True), reference.poses
+    near, camera = reference.cubic, reference.camera
+    pixel = camera.project(near.rays)
+    for pull in SAFER_PULLS:
+        safer = CubicFit.linear(near.rays, pixel, camera, denominator_pull=pull)
+        yield _held(safer, reference, hold, reference.errors), reference.poses
 
 
 def held(fit: CubicResult, reference: RadialReference, hold: Hold) -> CubicFit:
     """The P of a fit, held otherwise."""
-    lens = fit.lens.held_to(reference.bent(hold.spread)[0], hold.weight)
-    return _with_pupil(lens, reference, hold, fit.errors)
+    return _held(fit.lens, reference, hold, fit.errors)
 
 
-def start_lens(
-    reference: RadialReference,
-    hold: Hold,
-    *,
-    denominator_pull: float = _DENOMINATOR_PULL,
-    symmetric: bool = False,
-) -> CubicFit:
-    """The cubic that agrees with the lens that holds it on the prior's cone (Eq. 8–9, reweighted).
+def start_lens(reference: RadialReference, hold: Hold) -> CubicFit:
+    """The cubic that is as near to the lens that holds it as one comes to the reference.
 
-    A linear solution from the corners themselves is drawn by outliers and may have a pole just
-    outside them, where Levenberg–Marquardt then stays.
+    A solution from the corners themselves is drawn by outliers and may have a pole just outside
+    them, where Levenberg–Marquardt then stays.
 
     Args:
         reference: the radial fit.
         hold: how P is held to it.
-        denominator_pull: how firmly P3Φ is kept near a constant.
-        symmetric: start at the reference itself instead of the bent lens.
 
     """
-    camera = reference.camera
-    nearest, covered = reference.reached
-    rays = cone_rays(_cone(reference, _PRIOR_MARGIN_DEG), _PRIOR_RAYS)
-    bent, _ = reference.bent(hold.spread)
-    pixel = (reference.bent(0.0)[0] if symmetric else bent).project(rays)
-    within = (rays[:, 2] >= np.cos(covered)) & (rays[:, 2] <= np.cos(nearest))
-    weights = np.where(within, 1.0, WEIGHT_BEYOND)
-    lens = CubicFit.linear(rays, pixel, camera, denominator_pull=denominator_pull, weights=weights)
+    near, (bent, _) = reference.cubic, reference.bent(hold.spread)
+    lens = near.lens
+    if hold.spread:
+        lens = refined_cubic(lens, near.rays, bent.project(near.rays) + near.miss)
+    return _held(lens, reference, hold, reference.errors)
+
+
+def _held(lens: CubicFit, reference: RadialReference, hold: Hold, residual: FloatArray) -> CubicFit:
+    """A cubic with the prior of this reference: an older one was for other corners and noise."""
+    near, old, (bent, _) = reference.cubic, lens.ray_prior, reference.bent(hold.spread)
+    if old is not None and old.rays is near.rays:
+        return _with_pupil(lens.held_to(bent, hold.weight), reference, hold, residual)
     prior = RayPrior(
-        rays=rays,
+        rays=near.rays,
         lens=bent,
-        within=within,
+        miss=near.miss,
+        within=near.within,
         weight=hold.weight,
-        coefficients=lens.coefficients[2],
-        denominator_weight=_denominator_weight(reference),
+        coefficients=near.lens.coefficients[2],
+        denominator_weight=_denominator_weight(reference, len(near.rays)),
     )
-    return _with_pupil(replace(lens, ray_prior=prior), reference, hold, reference.errors)
+    lens = replace(near.lens.with_pixels_of(lens, near.rays), travel=lens.travel, ray_prior=prior)
+    return _with_pupil(lens, reference, hold, residual)
 
 
 def _with_pupil(
@@ -283,7 +271,7 @@ def _with_pupil(
     return replace(lens, travel_weight=float(weight))
 
 
-def _denominator_weight(reference: RadialReference) -> float:
+def _denominator_weight(reference: RadialReference, rays: int) -> float:
     """So that 16 independent relative changes of P3Φ by its spread count one noise each."""
     sigma = max(noise_px(reference.errors), 1e-3)
-    return sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / _PRIOR_RAYS)
+    return float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / rays))

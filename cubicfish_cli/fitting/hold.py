@@ -25,6 +25,8 @@ from cubicfish_cli.types import FloatArray, IntArray
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
+RADIAL = Hold(spread=0.0, weight=1e3, central=True)
+"""Leaves P nothing but to be the cubic nearest to a radial lens."""
 # What is expected before any photo speaks: most lenses that are sold are better held by less
 # asymmetry than the most that is found in some, and few corners better by a firm hold.
 EXPECTED = Hold(spread=1e-4, weight=WEIGHTS[2])
@@ -74,9 +76,7 @@ def choose_hold(
         return fit_cubic(reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE)
     place = _place_of(hold)
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
-    start = fit_cubic(
-        reference, _hold(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
-    )
+    start = _confirmed(reference, _hold(place), world, start)
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.errors), groups)
     squares = _squares(leaving, start.lens, reference, places)
     chosen, rivals = _likeliest(squares)
@@ -86,6 +86,24 @@ def choose_hold(
         reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
     return replace(fitted, rivals=rivals)
+
+
+def _confirmed(
+    reference: RadialReference, hold: Hold, world: World | None, start: CubicResult | None
+) -> CubicResult:
+    """The fit from a start that is known, or from the reference where that leads further down."""
+    fitted = fit_cubic(reference, hold, world=world, start=start, relative_decrease=_SCAN_DECREASE)
+    if start is None:
+        return fitted
+    fresh = fit_cubic(
+        reference,
+        hold,
+        world=fitted.fit.world,
+        start=fitted,
+        afresh=True,
+        relative_decrease=_SCAN_DECREASE,
+    )
+    return fresh if fresh.fit.cost < fitted.fit.cost else fitted
 
 
 def _hold(place: _Place) -> Hold:

@@ -73,11 +73,13 @@ class RayPrior:
     """Pseudo-observations that tie a lens to the nearest bent one.
 
     That lens is as free as its kind allows: it follows, so that it is not what corners say
-    about both that is held fast.
+    about both that is held fast. Where no cubic can follow it, P is held to the cubic that comes
+    nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
 
     Attributes:
         rays: (M, 3) unit rays.
         lens: a bent one that is near.
+        miss: (M, 2) by how much the nearest cubic misses it at the rays, pixels.
         within: (M,) which rays are as far from the axis as corners are.
         weight: residuals are multiplied by this, among corners.
         coefficients: (16,) of the P3 that its denominators are to stay near.
@@ -87,6 +89,7 @@ class RayPrior:
 
     rays: FloatArray
     lens: BentFit
+    miss: FloatArray
     within: BoolArray
     weight: float
     coefficients: FloatArray
@@ -114,7 +117,7 @@ class RayPrior:
         return np.where(self.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
     def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
-        """The bent lens nearest to pixels (M, 2), finite, at the rays.
+        """The bent lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
 
         It sees all of them: where steps lead to one that does not, ``lens`` is as near as any.
 
@@ -123,7 +126,7 @@ class RayPrior:
 
         """
         lens, (seen, by_lens) = self.lens, self._sees
-        weights = self.weights[:, None, None]
+        weights, pixel = self.weights[:, None, None], pixel - self.miss
         for _ in range(_NEAREST_ROUNDS):
             miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
             square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
@@ -232,6 +235,21 @@ class CubicFit:
             travel=float(parameters[47]),
         )
 
+    def with_pixels_of(self, other: CubicFit, rays: FloatArray) -> CubicFit:
+        """The P of another, pixels and scale normalised as here: the mean of P3Φ over rays is 1.
+
+        Args:
+            other: the other.
+            rays: (M, 3) those by which this one is normalised.
+
+        """
+        coefficients = other.coefficients.copy()
+        coefficients[:2] *= other.scale / self.scale
+        away = (other.centre - self.centre) / self.scale
+        coefficients[:2] += away[:, None] * coefficients[2]
+        mean = float((lift(rays) @ sphere_basis() @ coefficients[2]).mean())
+        return replace(self, coefficients=coefficients / mean)
+
     def held_to(self, lens: BentFit, weight: float | None = None) -> CubicFit:
         """The same P, held to another lens, as firmly as it is or otherwise."""
         prior = self.ray_prior
@@ -322,7 +340,7 @@ class CubicFit:
             [
                 self._d_parameters(prior.values, inside, denominator),
                 -by_lens,
-                (pixel - seen)[:, :, None],
+                (pixel - prior.miss - seen)[:, :, None],
             ],
             axis=2,
         )

@@ -26,7 +26,8 @@ from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit
-from cubicfish_cli.fitting.radial_reference import MARGIN_DEG, RadialReference
+from cubicfish_cli.fitting.nearest_cubic import MARGIN_DEG
+from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.uncertainty import Uncertainty, camera_uncertainty
 from cubicfish_cli.lenses.sphere import cone_rays

@@ -15,6 +15,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.asymmetric import Bend, BentFit, bend, bend_between
 from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import gross_px, noise_px, wide_px
 from cubicfish_cli.fitting.start import start_at_centre
@@ -28,8 +29,6 @@ from cubicfish_cli.words.finding import Finding
 
 RadialAdjustment = Adjustment[FreeLens[RadialCamera]]
 
-# The valid cone reaches this far beyond the farthest corner.
-MARGIN_DEG = 5.0
 CHECK_ALL = (
     "check the target's square sizes, axes and origins, that corners are counted and not squares, "
     "and that all photos show this one target through one lens at one zoom"
@@ -88,6 +87,7 @@ class RadialReference:
     focal_uncertainty: float
     bends: dict[float, Bend] = field(default_factory=dict, repr=False)
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
+    _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
 
     @property
     def errors(self) -> FloatArray:
@@ -98,7 +98,15 @@ class RadialReference:
         """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
         follower = replace(self, pairs=self.pairs.with_world(world))
         follower._bent.update(self._bent)
+        follower._cubic.extend(self._cubic)
         return follower
+
+    @property
+    def cubic(self) -> NearestCubic:
+        """The cubic that comes nearest to the lens."""
+        if not self._cubic:
+            self._cubic.append(nearest_cubic(self.camera, self.reached))
+        return self._cubic[0]
 
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""

@@ -12,10 +12,10 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.conversion.to_lens import ConversionError, conversion_error
 from cubicfish_cli.fitting.lenses import CubicFit
+from cubicfish_cli.fitting.nearest_cubic import refined_cubic
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
-from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.nearest import nearest_lens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
@@ -234,28 +234,9 @@ def _cameras(
     pull: float,
 ) -> list[CubicCamera]:
     """Cameras to choose from, the best first: refined in pixels, and as the linear start."""
-    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
-
     linear = CubicFit.linear(rays, pixel, radial, denominator_pull=pull)
-    values, stiffness = lift(rays) @ sphere_basis(), pull * linear.scale
-
-    def residual(parameters: FloatArray) -> FloatArray:
-        moved = linear.with_parameters(parameters)
-        miss = moved.far(rays) - pixel
-        drift = stiffness * (values @ (moved.coefficients[2] - linear.coefficients[2]))
-        return np.concatenate([np.where(np.isfinite(miss), miss, 1e4).reshape(-1), drift])
-
-    def slope(parameters: FloatArray) -> FloatArray:
-        moved = linear.with_parameters(parameters)
-        by_parameters = moved.far_jacobian(rays)[2].reshape(2 * len(rays), -1)
-        by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0)
-        drift = np.zeros((len(rays), by_parameters.shape[1]))
-        drift[:, 32:47] = stiffness * (values @ linear.denominator_basis)
-        return np.vstack([by_parameters, drift])
-
-    with np.errstate(all="ignore"):
-        found = least_squares(residual, linear.parameters, jac=slope, x_scale="jac", max_nfev=30)
+    refined = refined_cubic(linear, rays, pixel, stiffness=pull * linear.scale)
     first = CubicCamera(
         image_size=lens.image_size, P=linear.P, max_angle_deg=max_angle_deg, radial=radial
     )
-    return [replace(first, P=linear.with_parameters(found.x).P), first]
+    return [replace(first, P=refined.P), first]
