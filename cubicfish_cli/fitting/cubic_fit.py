@@ -140,18 +140,19 @@ def fit_cubic(
 
     """
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
-    near = None if afresh else start
-    lens, poses = _first(reference, hold, near, world, max_angle_deg)
+    errors = reference.errors if start is None else start.errors
+    known = None if afresh else start
+    lens, poses = _first(reference, hold, known, world, max_angle_deg, errors)
     while True:
         fit = adjust(
             lens,
             poses,
             reference.pairs,
-            huber_px=huber_px(start.errors) if start else wide_px(reference.errors),
+            huber_px=huber_px(errors) if start else wide_px(errors),
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
-            known=None if near is None else near.fit,
+            known=None if known is None else known.fit,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = fit.again(
@@ -165,7 +166,7 @@ def fit_cubic(
             return CubicResult(fit=fit, hold=hold, max_angle_deg=max_angle_deg, validity=validity)
         # A pole crept in: hold P closer to the reference, which has none.
         hold = replace(hold, weight=hold.weight * 10**0.5)
-        lens, poses = _first(reference, hold, None, world, max_angle_deg)
+        lens, poses = _first(reference, hold, None, world, max_angle_deg, errors)
         if hold.weight > _STRONGEST:
             raise FitError(
                 f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
@@ -180,6 +181,7 @@ def _first(
     start: CubicResult | None,
     world: World | None,
     max_angle_deg: float,
+    errors: FloatArray,
 ) -> tuple[CubicFit, Poses]:
     """The first of the starts, from the most exact to the safest, without a pole in sight.
 
@@ -189,7 +191,7 @@ def _first(
     pairs = reference.pairs
     points = pairs.world if world is None else world.points
     lens, poses = None, reference.poses
-    for number, (lens, poses) in enumerate(starts(reference, hold, start)):
+    for number, (lens, poses) in enumerate(starts(reference, hold, start, errors)):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
         if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
@@ -203,26 +205,9 @@ def _first(
 
 
 def starts(
-    reference: RadialReference, hold: Hold, start: CubicResult | None
+    reference: RadialReference, hold: Hold, start: CubicResult | None, errors: FloatArray
 ) -> Iterator[tuple[CubicFit, Poses]]:
-    """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones."""
-    if start is not None:
-        yield held(start, reference, hold), start.poses
-    yield start_lens(reference, hold), reference.bent(hold.spread)[1]
-    near, camera = reference.cubic, reference.camera
-    pixel = camera.project(near.rays)
-    for pull in SAFER_PULLS:
-        safer = CubicFit.linear(near.rays, pixel, camera, denominator_pull=pull)
-        yield _held(safer, reference, hold, reference.errors), reference.poses
-
-
-def held(fit: CubicResult, reference: RadialReference, hold: Hold) -> CubicFit:
-    """The P of a fit, held otherwise."""
-    return _held(fit.lens, reference, hold, fit.errors)
-
-
-def start_lens(reference: RadialReference, hold: Hold) -> CubicFit:
-    """The cubic that is as near to the lens that holds it as one comes to the reference.
+    """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones.
 
     A solution from the corners themselves is drawn by outliers and may have a pole just outside
     them, where Levenberg–Marquardt then stays.
@@ -230,20 +215,38 @@ def start_lens(reference: RadialReference, hold: Hold) -> CubicFit:
     Args:
         reference: the radial fit.
         hold: how P is held to it.
+        start: the known fit, if there is one.
+        errors: (N, 2) of the corners, as far as they are known, pixels.
 
     """
-    near, (bent, _) = reference.cubic, reference.bent(hold.spread)
+    if start is not None:
+        yield held(start.lens, reference, hold, errors), start.poses
+    near, camera, (bent, poses) = reference.cubic, reference.camera, reference.bent(hold.spread)
     lens = near.lens
     if hold.spread:
         lens = refined_cubic(lens, near.rays, bent.project(near.rays) + near.miss)
-    return _held(lens, reference, hold, reference.errors)
+    yield held(lens, reference, hold, errors), poses
+    pixel = camera.project(near.rays)
+    for pull in SAFER_PULLS:
+        safer = CubicFit.linear(near.rays, pixel, camera, denominator_pull=pull)
+        yield held(safer, reference, hold, errors), reference.poses
 
 
-def _held(lens: CubicFit, reference: RadialReference, hold: Hold, residual: FloatArray) -> CubicFit:
-    """A cubic with the prior of this reference: an older one was for other corners and noise."""
+def held(lens: CubicFit, reference: RadialReference, hold: Hold, errors: FloatArray) -> CubicFit:
+    """The P of a lens with the prior that this reference asks for.
+
+    One that is left from an earlier fit is for other corners, and for another noise.
+
+    Args:
+        lens: the lens.
+        reference: the radial fit.
+        hold: how P is held to it.
+        errors: (N, 2) of the corners, pixels.
+
+    """
     near, old, (bent, _) = reference.cubic, lens.ray_prior, reference.bent(hold.spread)
     if old is not None and old.rays is near.rays:
-        return _with_pupil(lens.held_to(bent, hold.weight), reference, hold, residual)
+        return _with_pupil(lens.held_to(bent, hold.weight), reference, hold, errors)
     prior = RayPrior(
         rays=near.rays,
         lens=bent,
@@ -254,11 +257,11 @@ def _held(lens: CubicFit, reference: RadialReference, hold: Hold, residual: Floa
         denominator_weight=_denominator_weight(reference, len(near.rays)),
     )
     lens = replace(near.lens.with_pixels_of(lens, near.rays), travel=lens.travel, ray_prior=prior)
-    return _with_pupil(lens, reference, hold, residual)
+    return _with_pupil(lens, reference, hold, errors)
 
 
 def _with_pupil(
-    lens: CubicFit, reference: RadialReference, hold: Hold, residual: FloatArray
+    lens: CubicFit, reference: RadialReference, hold: Hold, errors: FloatArray
 ) -> CubicFit:
     """With what a unit of its pupil's travel counts as among corners with these residuals."""
     if hold.central:
@@ -266,7 +269,7 @@ def _with_pupil(
     pairs = reference.pairs
     points = reference.poses.apply(pairs.image, pairs.world)
     distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
-    sigma = max(noise_px(residual), 1e-3)
+    sigma = max(noise_px(errors), 1e-3)
     weight = sigma * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
     return replace(lens, travel_weight=float(weight))
 

@@ -25,7 +25,7 @@ from cubicfish_cli.types import FloatArray, IntArray
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
-RADIAL = Hold(spread=0.0, weight=1e3, central=True)
+RADIAL = Hold(spread=0.0, weight=100.0, central=True)
 """Leaves P nothing but to be the cubic nearest to a radial lens."""
 # What is expected before any photo speaks: most lenses that are sold are better held by less
 # asymmetry than the most that is found in some, and few corners better by a firm hold.

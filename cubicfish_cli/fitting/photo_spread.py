@@ -154,7 +154,9 @@ def photo_spread(
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
     if result.rivals:
-        steps = leaving.held_as([held(result, reference, rival.hold) for rival in result.rivals])
+        steps = leaving.held_as(
+            [held(result.lens, reference, rival.hold, result.errors) for rival in result.rivals]
+        )
         likely = np.array([rival.likely for rival in result.rivals])
         others += list(np.sqrt(likely)[:, None] * steps[:, :count])
     return PhotoSpread(
