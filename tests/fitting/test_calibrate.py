@@ -338,7 +338,8 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     nearest, farthest = np.rad2deg(reference.reached)
     assert 54 < nearest < 56
     assert 102 < farthest < 103
-    start = cubic_fit.start_lens(reference, Hold(spread=0.0, weight=3.0))
+    hold = Hold(spread=0.0, weight=3.0)
+    start, _ = next(cubic_fit.starts(reference, hold, None, reference.errors))
     prior = start.ray_prior
     angle = np.rad2deg(np.arccos(prior.rays[:, 2]))
     held = (angle > nearest) & (angle < farthest)

@@ -194,6 +194,7 @@ def _cubic_fit() -> CubicFit:
                 anchor=np.array([479.0, 351.0]),
                 anchor_px=4.0,
             ),
+            miss=0.5 * np.sin(np.arange(100.0)).reshape(50, 2),
             within=rays[:, 2] > 0.2,
             weight=0.7,
             coefficients=1.1 * coefficients[2],

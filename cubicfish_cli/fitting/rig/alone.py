@@ -146,7 +146,10 @@ def alone(
         reference = radial_near(own.radial, pairs, poses)
         result = fit_cubic(reference, found.hold, relative_decrease=_ROUGH_DECREASE)
         lens, poses = result.lens, result.poses
-        rivals = [(held(result, reference, one.hold), one.likely) for one in found.rivals]
+        rivals = [
+            (held(result.lens, reference, one.hold, result.errors), one.likely)
+            for one in found.rivals
+        ]
     return Alone(
         lens=lens,
         pairs=pairs,
