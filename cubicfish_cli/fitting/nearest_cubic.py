@@ -31,6 +31,7 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 # guess, of which a profile with many coefficients makes what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
+_SETTLED = 1e-6
 _FREE = 47  # numbers of P, its scale held
 # Pixels that a ray counts as being off which the lens of a step does not see.
 _UNSEEN_PX = 1e3
@@ -122,7 +123,7 @@ def refined_cubic(
     from scipy.optimize import least_squares  # it takes long to load
 
     root = np.ones((len(rays), 1)) if weights is None else weights[:, None]
-    stiff = stiffness * (lift(rays) @ sphere_basis())
+    stiff = stiffness * (lift(rays) @ sphere_basis()) if stiffness else np.zeros((0, 16))
 
     def with_parameters(parameters: FloatArray) -> CubicFit:
         return start.with_parameters(np.append(parameters, start.travel))
@@ -136,12 +137,19 @@ def refined_cubic(
     def slope(parameters: FloatArray) -> FloatArray:
         by_parameters = with_parameters(parameters).far_jacobian(rays)[2][:, :, :_FREE]
         by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0.0)
-        drift = np.zeros((len(rays), _FREE))
+        drift = np.zeros((len(stiff), _FREE))
         drift[:, 32:] = stiff @ start.denominator_basis
         return np.vstack([(root[:, :, None] * by_parameters).reshape(-1, _FREE), drift])
 
     with np.errstate(all="ignore"):
         found = least_squares(
-            miss, start.parameters[:_FREE], jac=slope, x_scale="jac", method="lm", max_nfev=_MOST
+            miss,
+            start.parameters[:_FREE],
+            jac=slope,
+            x_scale="jac",
+            method="lm",
+            max_nfev=_MOST,
+            ftol=_SETTLED,
+            xtol=_SETTLED,
         )
     return with_parameters(found.x)
