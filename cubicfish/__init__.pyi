@@ -1,24 +1,33 @@
 """The public names, for type checkers: those of cubicfish_cli."""
 
+from cubicfish_cli import AdviseOptions as AdviseOptions
+from cubicfish_cli import CalibrateOptions as CalibrateOptions
 from cubicfish_cli import Calibration as Calibration
 from cubicfish_cli import CameraFile as CameraFile
+from cubicfish_cli import CheckOptions as CheckOptions
 from cubicfish_cli import ChosenFrames as ChosenFrames
 from cubicfish_cli import Comparison as Comparison
+from cubicfish_cli import CornersOptions as CornersOptions
 from cubicfish_cli import CubicCamera as CubicCamera
 from cubicfish_cli import CubicfishError as CubicfishError
+from cubicfish_cli import DetectOptions as DetectOptions
 from cubicfish_cli import Detection as Detection
 from cubicfish_cli import Evaluation as Evaluation
 from cubicfish_cli import Event as Event
 from cubicfish_cli import Finding as Finding
+from cubicfish_cli import FramesOptions as FramesOptions
+from cubicfish_cli import ImportOptions as ImportOptions
 from cubicfish_cli import Listener as Listener
 from cubicfish_cli import LookOptions as LookOptions
 from cubicfish_cli import MapOptions as MapOptions
 from cubicfish_cli import Observations as Observations
 from cubicfish_cli import PlaneOptions as PlaneOptions
+from cubicfish_cli import PrintOptions as PrintOptions
 from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import RigCalibration as RigCalibration
 from cubicfish_cli import RigFile as RigFile
 from cubicfish_cli import Run as Run
+from cubicfish_cli import SimulateOptions as SimulateOptions
 from cubicfish_cli import Target as Target
 from cubicfish_cli import UndistortMap as UndistortMap
 from cubicfish_cli import UndistortOptions as UndistortOptions

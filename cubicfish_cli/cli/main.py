@@ -28,34 +28,27 @@ from cubicfish_cli.wording import did_you_mean
 
 EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
-COMMANDS = (
-    "target",
-    "calibrate",
-    "rig",
-    "frames",
-    "detect",
-    "corners",
-    "evaluate",
-    "compare",
-    "info",
-    "report",
-    "advise",
-    "undistort",
-    "map",
-    "project",
-    "unproject",
-    "export",
-    "import",
-    "simulate",
-)
-
-
-# Of commands that are not called ``command`` in a module of their own name.
-_PLACES = {
-    "import": ("import_camera", "command"),
-    "project": ("points", "project"),
-    "unproject": ("points", "unproject"),
+COMMANDS = {
+    "target": "commands.target:command",
+    "calibrate": "commands.calibrate:command",
+    "rig": "cli.rig:command",
+    "frames": "commands.frames:command",
+    "detect": "commands.detect:command",
+    "corners": "commands.corners:command",
+    "evaluate": "cli.evaluate:command",
+    "compare": "cli.compare:command",
+    "info": "cli.info:command",
+    "report": "cli.report:command",
+    "advise": "commands.advise:command",
+    "undistort": "cli.undistort:command",
+    "map": "cli.map:command",
+    "project": "commands.points:project",
+    "unproject": "commands.points:unproject",
+    "export": "cli.export:command",
+    "import": "commands.import_camera:command",
+    "simulate": "commands.simulate:command",
 }
+"""The commands in the order of the work, and where each is."""
 
 
 # What newer releases of click raise where a command is missing: its message is the help.
@@ -98,9 +91,8 @@ class LazyGroup(click.Group):
         """Import the command's module and return its ``command``."""
         if cmd_name not in COMMANDS:
             return None
-        name, function = _PLACES.get(cmd_name, (cmd_name, "command"))
-        module = importlib.import_module(f"cubicfish_cli.cli.{name}")
-        command: click.Command = getattr(module, function)
+        module, _, name = COMMANDS[cmd_name].partition(":")
+        command: click.Command = getattr(importlib.import_module(f"cubicfish_cli.{module}"), name)
         return command
 
     def resolve_command(

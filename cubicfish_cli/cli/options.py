@@ -9,12 +9,12 @@ import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, dataclass_transform
 
 import click
 
@@ -191,13 +191,31 @@ class Argument(click.Argument):
             raise click.UsageError(self.missing, ctx) from None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """What a field of a record is on the command line.
+
+    Attributes:
+        add: adds it to a function, under a name, as click's decorators do.
+        default: the field's value where a program does not say.
+        is_required: whether a program must say.
+
+    """
+
+    add: Callable[[Any, str], Any]
+    default: Any = None
+    is_required: bool = False
+
+
 def argument(meaning: str, *, type: click.ParamType = FILE, **more: Any) -> Any:
     """An argument of a record, by default the name of a file; ``more`` as click has it."""
 
-    def decorate(function: Any, to: str) -> Any:
+    def add(function: Any, to: str) -> Any:
         return click.argument(to, type=type, cls=Argument, meaning=meaning, **more)(function)
 
-    return decorate
+    several = more.get("nargs") == -1
+    needed = more.get("required", not several and "default" not in more)
+    return Option(add=add, default=more.get("default", () if several else None), is_required=needed)
 
 
 class Parsed(click.ParamType):
@@ -230,25 +248,34 @@ def examples(*lines: str) -> str:
 
 
 def as_command(
-    name: str, short_help: str, *lines: str, json: str = "", **more: Any
-) -> Callable[[Callable[[Any], None]], click.Command]:
+    name: str, short_help: str, *lines: str, how: Sequence[str] = (), json: str = "", **more: Any
+) -> Callable[[Callable[..., None]], click.Command]:
     """A command, with what all have in common.
 
-    Its function takes what is asked as one record, ``given``, whose class says the options.
+    Its function takes one record, ``given``, whose class says the options; and where some are named
+    in ``how``, another one of these.
 
     Args:
         name: of the command.
         short_help: what it is for, in the list of commands.
         lines: command lines that show it at work.
+        how: fields of the record ``how`` that it has.
         json: what json_keys.toml calls it, where that is not its name.
         more: as click has it.
 
     """
 
-    def decorate(function: Callable[[Any], None]) -> click.Command:
-        kind = vars(sys.modules[function.__module__])[function.__annotations__["given"]]
+    def decorate(function: Callable[..., None]) -> click.Command:
+        known = vars(sys.modules[function.__module__])
+        kinds = {to: known[kind] for to, kind in function.__annotations__.items() if to != "return"}
+        with_options: Any = function
+        for to, kind in reversed(kinds.items()):
+            fields = vars(kind)[_OPTIONS]
+            if to == "how":
+                fields = {one: fields[one] for one in how}
+            with_options = _adding(kind, fields)(with_options, to)
         made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)(
-            common_options(bundle(kind)(function, "given"))
+            common_options(with_options)
         )
         for parameter in made.params:
             if isinstance(parameter, JsonOption):
@@ -258,11 +285,16 @@ def as_command(
     return decorate
 
 
+@dataclass_transform(kw_only_default=True, frozen_default=True)
 def record(kind: type[Kind]) -> type[Kind]:
-    """A frozen record of options: each field has what :func:`option` and the like return."""
-    options = {name: vars(kind)[name] for name in kind.__annotations__}
-    for name in options:
-        delattr(kind, name)
+    """A frozen record of options: each field is an :class:`Option`, or has a plain default."""
+    given = {name: vars(kind).get(name) for name in kind.__annotations__}
+    options = {name: one for name, one in given.items() if isinstance(one, Option)}
+    for name, one in options.items():
+        if one.is_required:
+            delattr(kind, name)
+        else:
+            setattr(kind, name, one.default)
     setattr(kind, _OPTIONS, options)
     return dataclass(frozen=True, kw_only=True)(kind)
 
@@ -276,12 +308,6 @@ def fields_of(given: Any) -> dict[str, Any]:
     return values
 
 
-def changed(given: Kind, **values: Any) -> Kind:
-    """A record with other values in some of its fields."""
-    made: Kind = replace(cast(Any, given), **values)
-    return made
-
-
 def bundle(kind: Callable[..., Any], *options: Any) -> Any:
     """Options that come together as one field of a record.
 
@@ -293,8 +319,14 @@ def bundle(kind: Callable[..., Any], *options: Any) -> Any:
     fields = getattr(kind, _OPTIONS, None) or dict(
         zip(signature(kind).parameters, options, strict=True)
     )
+    default = kind() if isinstance(kind, type) else None
+    return Option(add=_adding(kind, fields), default=default)
 
-    def decorate(function: Any, to: str) -> Any:
+
+def _adding(kind: Callable[..., Any], fields: Mapping[str, Option]) -> Callable[[Any, str], Any]:
+    """What adds options to a function that takes what they make together."""
+
+    def add(function: Any, to: str) -> Any:
         @functools.wraps(function)
         def command(**values: Any) -> Any:
             try:
@@ -303,11 +335,11 @@ def bundle(kind: Callable[..., Any], *options: Any) -> Any:
             except UsageError as problem:
                 raise click.UsageError(str(problem)) from problem
 
-        for name, option in reversed(fields.items()):
-            command = option(command, name)
+        for name, one in reversed([*fields.items()]):
+            command = one.add(command, name)
         return command
 
-    return decorate
+    return add
 
 
 def option(words: str, help: str, type: Any = None, default: Any = None, **more: Any) -> Any:
@@ -322,17 +354,20 @@ def option(words: str, help: str, type: Any = None, default: Any = None, **more:
 
     """
     names = words.split()
+    unsaid = default
     if not names[-1].startswith("-"):
         more["metavar"] = names.pop()
     elif type is None:
         more["is_flag"] = True
+        unsaid = bool(default)
     if default is not None:
         more = {"default": default, "show_default": True, **more}
 
-    def decorate(function: Any, to: str) -> Any:
+    def add(function: Any, to: str) -> Any:
         return click.option(*names, to, type=type, help=help, **more)(function)
 
-    return decorate
+    several, needed = more.get("multiple", False), more.get("required", False)
+    return Option(add=add, default=() if several else unsaid, is_required=needed)
 
 
 def _remember(
@@ -353,20 +388,8 @@ def common_options(function: Decorated) -> Decorated:
         (VERBOSITY_KEY, 1, "-v --verbose", "Say more."),
     ):
         more: dict[str, Any] = {"expose_value": False, "callback": _remember(key, value)}
-        function = option(words, help, **more)(function, words.rpartition("-")[2])
+        function = option(words, help, **more).add(function, words.rpartition("-")[2])
     return function
-
-
-def refuse_given(why: str, given: Mapping[str, object]) -> None:
-    """Refuse options that say nothing here: name -> value, nothing where it was not given.
-
-    Raises:
-        click.UsageError: one was given; the text is its name, and why.
-
-    """
-    for name, value in given.items():
-        if value:
-            raise click.UsageError(f"{name} {why}")
 
 
 def is_given(parameter: str) -> bool:
@@ -439,7 +462,16 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
     from cubicfish_cli.printing.paper import length_mm
 
+    say_if_in_mm("--square", square)
     return TargetSource(counts=board, square=length_mm(square))
+
+
+def say_if_in_mm(name: str, length: str | None) -> None:
+    """Say that a length is taken as millimetres where it has no unit."""
+    from cubicfish_cli.cli.terminal import say
+
+    if length is not None and length.strip()[-1:].isdigit():
+        say(f"note: {name} {length} has no unit and is taken as millimetres")
 
 
 target_options = bundle(
@@ -461,24 +493,22 @@ def target_path(given: Path | None) -> Path | None:
     return given or (DEFAULT_TARGET if DEFAULT_TARGET.is_file() else None)
 
 
-def needed_target(given: Path | None) -> Path:
-    """The target's file, by default ./target.yaml, for commands that need one.
-
-    Raises:
-        click.UsageError: none was named, and none is there.
-
-    """
-    path = target_path(given)
+def _needed_target(target: Path | None) -> Path:
+    path = target_path(target)
     if path is None:
-        raise click.UsageError(
+        raise UsageError(
             "name the calibration target with --target target.yaml: there is no ./target.yaml, and "
             "'cubicfish target print' makes one"
         )
-    if given is None:
+    if target is None:
         from cubicfish_cli.cli.terminal import say
 
         say(f"Target: {path}.")
     return path
+
+
+needed_target = bundle(_needed_target, target_option)
+"""``--target`` of commands that need one: the path of its file, by default ./target.yaml."""
 
 
 model_option = option(
@@ -494,6 +524,53 @@ calibration_argument = argument(
     required=False,
     metavar="[FOLDER|CAMERA_YAML]",
 )
+
+
+def model_path(model: Path | None) -> Path:
+    """The camera file to read: the one that was given, else the default one if it is there.
+
+    A folder stands for the camera.yaml in it. A camera that was not named on the command line is
+    named on stderr.
+
+    Raises:
+        CameraFileError: nothing was given and the default is not there.
+
+    """
+    path = model or DEFAULT_MODEL
+    if model is None and not path.exists():
+        raise CameraFileError(
+            f"there is no {DEFAULT_MODEL} here: run 'cubicfish calibrate' first, "
+            "or name a camera with --model or $CUBICFISH_MODEL"
+        )
+    path = in_folder(path)
+    if not _is_named():
+        from cubicfish_cli.cli.terminal import say
+
+        say(f"Camera: {path}.")
+    return path
+
+
+def _is_named() -> bool:
+    """Whether the command line names the camera, with an option or an argument."""
+    named = click.get_current_context().params.get("calibration") is not None
+    return named or is_given("model")
+
+
+def _camera(calibration: Path | None, model: Path | None) -> Path:
+    if calibration is None:
+        return model_path(model)
+    if is_given("model"):
+        raise UsageError(
+            f"--model names a camera, and so does {quoted(str(calibration))}: leave one of them out"
+        )
+    return model_path(calibration)
+
+
+camera_options = bundle(_camera, calibration_argument, model_option)
+"""``FOLDER`` or ``--model``: the path of the camera's file."""
+
+model_options = bundle(model_path, model_option)
+"""``--model``: the path of the camera's file."""
 
 
 def output_option(
@@ -557,10 +634,10 @@ max_rms_option = option(
 )
 
 
-def refine_target_option(help: str) -> Any:
+def refine_target_option(help: str, default: str | None = "auto") -> Any:
     """``--refine-target``: how far the target is fitted too."""
     levels = click.Choice(["off", "shape", "points", "auto"])
-    return option("--refine-target", help, levels, "auto")
+    return option("--refine-target", help, levels, default)
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -588,30 +665,6 @@ pair_option = option(
 )
 
 
-def model_path(given: Path | None) -> Path:
-    """The camera file to read: the one that was given, else the default one if it is there.
-
-    A folder stands for the camera.yaml in it. A camera that was not named on the command line is
-    named on stderr.
-
-    Raises:
-        CameraFileError: nothing was given and the default is not there.
-
-    """
-    path = given or DEFAULT_MODEL
-    if given is None and not path.exists():
-        raise CameraFileError(
-            f"there is no {DEFAULT_MODEL} here: run 'cubicfish calibrate' first, "
-            "or name a camera with --model or $CUBICFISH_MODEL"
-        )
-    path = in_folder(path)
-    if not _is_named():
-        from cubicfish_cli.cli.terminal import say
-
-        say(f"Camera: {path}.")
-    return path
-
-
 def calibration_path(given: Path | None) -> Path:
     """The file of the rig or the camera to read; see :func:`model_path`."""
     return rig_path(given) or model_path(given)
@@ -620,9 +673,3 @@ def calibration_path(given: Path | None) -> Path:
 def rig_path(given: Path | None) -> Path | None:
     """The rig's file, where a rig is meant."""
     return None if given is None else rig_in(given)
-
-
-def _is_named() -> bool:
-    """Whether the command line names the camera, with an option or an argument."""
-    named = click.get_current_context().params.get("calibration") is not None
-    return named or is_given("model")

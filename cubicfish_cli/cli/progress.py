@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     bundle,
@@ -29,7 +30,7 @@ from cubicfish_cli.cli.options import (
     verbosity,
 )
 from cubicfish_cli.cli.streams import ERRORS, can_redraw
-from cubicfish_cli.cli.terminal import detail, say
+from cubicfish_cli.cli.terminal import detail, print_json, say
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.listener import Listener
 
@@ -154,6 +155,7 @@ def running(
     no_cache: bool = False,
     overwrite: bool = False,
     scheduler: SchedulerOptions | None = None,
+    command: str | None = None,
 ) -> Iterator[Run]:
     """How the library is to work while the block runs, with what it tells shown.
 
@@ -162,6 +164,7 @@ def running(
         no_cache: whether nothing that was found before is used.
         overwrite: whether files may be replaced.
         scheduler: where the work is done.
+        command: what is run, for the files that are written.
 
     """
     with ExitStack() as there, ExitStack() as lines:
@@ -175,7 +178,42 @@ def running(
             overwrite=overwrite,
             listener=listener,
             executor=executor,
+            command=command,
         )
+
+
+@record
+class How:
+    """How a command does its work, and answers; each command has some of these options.
+
+    ``max_rms`` is looked at by the commands themselves.
+    """
+
+    max_rms: float | None = options.max_rms_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+    jobs: int | None = options.jobs_option
+    scheduler: SchedulerOptions = scheduler_options
+    no_cache: bool = options.no_cache_option
+
+    def do(self, function: Callable[..., Made], given: Any) -> Made:
+        """Call the function of a command with its options, with what it tells shown."""
+        self.scheduler.check(self.jobs)
+        keep_fonts(not self.no_cache)
+        with running(
+            jobs=self.jobs,
+            no_cache=self.no_cache,
+            overwrite=self.overwrite,
+            scheduler=self.scheduler,
+            command=command_line(),
+        ) as run:
+            return function(given, run=run)
+
+    def print(self, made: Any) -> bool:
+        """Print what was made as JSON where that is asked for; false where it is not."""
+        if self.as_json:
+            print_json(made.as_record())
+        return self.as_json
 
 
 def call(function: Callable[..., Made], given: Any, **more: Any) -> Made:

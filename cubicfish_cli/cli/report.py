@@ -66,16 +66,19 @@ def command(given: Asked) -> None:
     result(f"\nwrote {made.page}")
 
 
+report_option = option(
+    "--report/--no-report",
+    "Also write report.html, one page about the calibration (takes a second or two; needs "
+    "the extra 'report').",
+    default=True,
+)
+
+
 @record
 class FitOptions:
     """What is asked of every fit: how it is done, and what comes of it."""
 
-    report: bool = option(
-        "--report/--no-report",
-        "Also write report.html, one page about the calibration (takes a second or two; needs "
-        "the extra 'report').",
-        default=True,
-    )
+    report: bool = report_option
     max_rms: float | None = options.max_rms_option
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option

@@ -61,6 +61,14 @@ def print_wrote(paths: Iterable[Path]) -> None:
         result(f"wrote {path}")
 
 
+def print_next(*lines: str) -> None:
+    """Print what to do next, in command lines, unless ``--quiet``."""
+    if verbosity() >= 0:
+        result()
+        for line, before in zip(lines, ["Next: ", *["      "] * len(lines)], strict=False):
+            result(before + line, whole=True)
+
+
 def apart() -> None:
     """Keep what follows apart from what was said on stderr, where both are on one terminal."""
     if columns_of(sys.stdout) is not None and verbosity() >= 0:

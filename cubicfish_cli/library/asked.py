@@ -13,7 +13,6 @@ from glob import has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli import __version__
 from cubicfish_cli.errors import MISSING, CameraFileError, CubicfishError, UsageError
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.wording import quoted
@@ -33,7 +32,7 @@ _FIRST_BYTES = 4096
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """How work is done; nothing here changes what comes out.
+    """How work is done; nothing here changes what is worked out.
 
     Attributes:
         jobs: photos to work on at a time; None for one per processor.
@@ -42,6 +41,7 @@ class Run:
         overwrite: whether files that exist may be replaced.
         listener: who is told how far it is.
         executor: who looks at photos instead of processes here.
+        command: the command line that is run, which files say of themselves.
 
     """
 
@@ -51,6 +51,7 @@ class Run:
     overwrite: bool = False
     listener: Listener = SILENT
     executor: Executor | None = None
+    command: str | None = None
 
     def __post_init__(self) -> None:
         if self.anew:
@@ -322,6 +323,8 @@ def made_by_record(
         OutputError: a file is no longer what it was when it was read.
 
     """
+    from cubicfish_cli import __version__
+
     for file in (*files, *([target] if target else [])):
         file.refuse_changed()
     return {

@@ -6,7 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.corner_files.observations_csv import save_corners
 from cubicfish_cli.detection.grids import FoundGrids
 from cubicfish_cli.detection.look import GridCache, Look, look_at, refused
 from cubicfish_cli.detection.markers import MarkedCorners
@@ -24,7 +23,6 @@ from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.errors import DetectionError, OutputError, PhotoError
 from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.identification.identified import (
     FEWEST_CORNERS,
     Detection,
@@ -36,12 +34,10 @@ from cubicfish_cli.identification.identified import (
 )
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.identification.second_pass import second_pass
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
+from cubicfish_cli.library.asked import Run, StrPath
 from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.overlay import draw_found
-from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos, read_grey
+from cubicfish_cli.photos import MAX_PIXELS, Photo, Picture, find_photos
 from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.images import write_picture
 from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.codes import Code, Event, Severity
 from cubicfish_cli.words.finding import Finding
@@ -384,83 +380,3 @@ def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
         if apart and taken.isdisjoint(map(os.path.realpath, paths)):
             return dict(zip(full, paths, strict=True))
     raise OutputError(f"drawings in {folder} would replace photos: choose another folder")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DetectedFiles:
-    """What became of :func:`detect_files`.
-
-    Attributes:
-        detection: the corners, and what became of each photo.
-        file: the table of corners.
-        drawings: pictures of what was found; None where none were asked for.
-
-    """
-
-    detection: Detection
-    file: Path
-    drawings: list[Path] | None = None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish detect --json`` prints."""
-        keys = ("boards", "corners", "added", "exact", "problem", "notes")
-        corners = self.detection.corners
-        return {
-            "file": self.file,
-            "image_size": corners.image_size,
-            "images": len(corners.images),
-            "corners": len(corners.pixel),
-            "findings": [finding.as_record() for finding in self.detection.findings],
-            "per_image": [
-                {
-                    "image": photo.name,
-                    **{key: getattr(photo, key) for key in keys},
-                    "findings": [finding.as_record() for finding in photo.findings],
-                }
-                for photo in self.detection.photos
-            ],
-            **({} if self.drawings is None else {"drawings": self.drawings}),
-        }
-
-
-def detect_files(
-    photos: StrPath | Sequence[StrPath],
-    target: TargetSource | Target | StrPath,
-    table: StrPath = "corners.csv",
-    *,
-    draw: StrPath | None = None,
-    run: Run = RUN,
-) -> DetectedFiles:
-    """Find the corners of a target in photos and write them, as ``cubicfish detect`` does.
-
-    Args:
-        photos: files, folders and globs.
-        target: the calibration target, or its file.
-        table: where the corners go.
-        draw: a folder for a picture of what was found in each photo that could be read.
-        run: how the work is done.
-
-    Raises:
-        UsageError: no target is named.
-        CubicfishError: a photo or the target cannot be used, no corner could be named, or a file
-            exists and may not be replaced.
-
-    """
-    source, file = TargetSource.of(target), Path(table)
-    source.check()
-    refuse_existing(file, overwrite=run.overwrite)
-    found = named_photos(paths_of(photos), run.listener)
-    pictures = {} if draw is None else drawings(Path(draw), found)
-    refuse_existing(*pictures.values(), overwrite=run.overwrite)
-    detection = find_corners(found, source.load(run.listener), run)
-    save_corners(file, detection.corners, overwrite=run.overwrite)
-    if draw is None:
-        return DetectedFiles(detection=detection, file=file)
-    written, progress = [], run.listener.counting("Drawing")
-    for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
-        progress(done, len(found))
-        if report.found is not None:
-            drawn = draw_found(read_grey(photo.path), report, detection.corners)
-            write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
-            written.append(pictures[photo.name])
-    return DetectedFiles(detection=detection, file=file, drawings=written)

@@ -5,29 +5,26 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import DetectionError, PhotoError
-from cubicfish_cli.files import refuse_existing
 from cubicfish_cli.films import MOST
 from cubicfish_cli.films.candidates import REPEATED, candidates, kept_of, passed_over
 from cubicfish_cli.films.choose import Choice, Seen
 from cubicfish_cli.films.measure import sharpness
-from cubicfish_cli.films.scan import Measured, room_for_frames, scan
+from cubicfish_cli.films.scan import Measured, scan
 from cubicfish_cli.films.source import Film, open_films
 from cubicfish_cli.films.written import (
-    SHEET,
     TABLE,
     Chosen,
     depends_on,
     ended_of,
     listed,
     photos_of_table,
-    write_chosen,
 )
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
+from cubicfish_cli.library.asked import Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.library.frame_search import Search, both_looks
 from cubicfish_cli.listener import SILENT, Listener
 from cubicfish_cli.photos import Photo, expanded, photo_size, shown
@@ -40,95 +37,7 @@ _ROUND = 24
 _ENOUGH = "not looked at: others of all times had no more to add"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChosenFrames:
-    """What became of films.
-
-    Attributes:
-        photos: the pictures that were written, in the films' order.
-        table: frames.csv.
-        sheet: the contact sheet.
-        frames: how many frames the films have.
-        looked_at: in how many of them corners were looked for.
-        ended: why no more were chosen, in a sentence.
-        films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
-            told), missing (how many frames it announces, or has, that could not be decoded), and
-            the problem with it in one line or None.
-
-    """
-
-    photos: tuple[Path, ...]
-    table: Path
-    sheet: Path
-    frames: int
-    looked_at: int
-    ended: str
-    films: tuple[dict[str, Any], ...]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish frames --json`` prints."""
-        return {
-            "photos": self.photos,
-            "file": self.table,
-            "sheet": self.sheet,
-            "frames": self.frames,
-            "looked_at": self.looked_at,
-            "ended": self.ended,
-            "films": self.films,
-        }
-
-
-def choose_frames(
-    films: StrPath | Sequence[StrPath],
-    folder: StrPath,
-    target: TargetSource | Target | Sequence[Target] | StrPath | None = None,
-    *,
-    most: int = MOST,
-    run: Run = RUN,
-) -> ChosenFrames:
-    """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
-
-    They are written as PNG, with their time in the name, beside frames.csv and a contact sheet, or
-    nothing is.
-
-    Args:
-        films: films of one camera, all of one size: files, recordings with their topic, or globs.
-        folder: where the frames go.
-        target: the calibration target or its file, or what it may be; None looks for any
-            checkerboard.
-        most: how many frames may be chosen.
-        run: how the work is done.
-
-    Raises:
-        PhotoError: a film cannot be used.
-        DetectionError: no frame shows the target.
-        OutputError: ``folder`` holds frames already, or cannot be written; the extra ``video`` is
-            not installed.
-
-    """
-    listener, overwrite = run.listener, run.overwrite
-    folder, targets = Path(folder), _targets(target, listener)
-    opened = open_films(_expanded(films))
-    for name in (TABLE, SHEET):
-        refuse_existing(folder / name, overwrite=overwrite)
-    with room_for_frames(folder) as room:
-        measured = _scanned(opened, room, most, listener)
-        chosen = _chosen(measured, targets, most, run)
-        of = depends_on(opened, most, _fingerprint(targets))
-        listener.progress("Writing frames")
-        write_chosen(folder, of, chosen, overwrite=overwrite)
-    return ChosenFrames(
-        photos=tuple(folder / chosen.frames[at].photo.name for at in chosen.numbers),
-        table=folder / TABLE,
-        sheet=folder / SHEET,
-        frames=sum(map(len, measured)),
-        looked_at=len(chosen.looked_at),
-        ended=chosen.ended,
-        films=tuple(_record(one) for one in measured),
-    )
-
-
-def _scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -> list[Measured]:
+def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -> list[Measured]:
     """All frames of films, measured, and those kept that may be chosen."""
     every, measured = kept_of(films, most), []
     for film in films:
@@ -138,7 +47,7 @@ def _scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -
     return measured
 
 
-def _chosen(
+def chosen_of(
     measured: Sequence[Measured], targets: Sequence[Target] | None, most: int, run: Run
 ) -> Chosen:
     """Look at frames that were kept, and choose.
@@ -204,7 +113,7 @@ def earlier_frames(
 
     """
     path = Path(folder) / TABLE
-    of = depends_on(open_films(_expanded(films)), most, _fingerprint(_targets(target)))
+    of = depends_on(open_films(expanded_films(films)), most, fingerprint_of(targets_of(target)))
     ended = ended_of(path, of)
     kept = () if ended is None else tuple(path.parent / name for name in photos_of_table(path))
     if ended is None or not all(one.is_file() for one in kept):
@@ -246,7 +155,7 @@ def choose_photos(
         seen=[Seen(patches=(), sharpness=one) for one in sharp],
         size=size,
         most=most,
-        targets=_targets(target),
+        targets=targets_of(target),
         at_once=len(usual),
     )
     looks = both_looks(usual, size, "photos", run, glances=run.jobs)
@@ -268,7 +177,7 @@ def why_ended(choice: Choice, what: str) -> str:
 
 def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPath]) -> None:
     """Raise :class:`PhotoError` where photos beside films are of another size."""
-    film = open_films(_expanded(films))[0]
+    film = open_films(expanded_films(films))[0]
     for photo in photos:
         size = _size(photo)
         if size not in (None, film.size):
@@ -280,23 +189,24 @@ def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPa
             )
 
 
-def _targets(
+def targets_of(
     target: TargetSource | Target | Sequence[Target] | StrPath | None, listener: Listener = SILENT
 ) -> list[Target] | None:
+    """What the films show, or may show; None where nobody says."""
     if isinstance(target, Sequence) and not isinstance(target, str):
         return list(target) or None
     source = TargetSource.of(target)
     return source.load(listener) if source.is_known else None
 
 
-def _fingerprint(targets: Sequence[Target] | None) -> str | None:
+def fingerprint_of(targets: Sequence[Target] | None) -> str | None:
     """What tells one object from another."""
     if targets is None:
         return None
     return hashlib.sha256("\n".join(map(target_text, targets)).encode()).hexdigest()
 
 
-def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
+def expanded_films(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Films, with patterns replaced by what they match."""
     every: list[Path] = []
     for path in paths_of(films):
@@ -336,7 +246,8 @@ def _sharpness(photo: Photo) -> float:
         return 0.0
 
 
-def _record(measured: Measured) -> dict[str, Any]:
+def record_of(measured: Measured) -> dict[str, Any]:
+    """What became of a film, as plain data."""
     film = measured.film
     return {
         "film": str(film.path),

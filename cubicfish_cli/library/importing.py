@@ -5,35 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from cubicfish_cli.arrays import Refusal
-from cubicfish_cli.corner_files.observations_csv import save_corners
-from cubicfish_cli.corner_files.vnlog import read_vnlogs
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.files import fingerprint, refuse_existing, write_text
 from cubicfish_cli.fitting.conversion.from_lens import (
     LARGEST_ANGLE_DEG,
     LARGEST_FIELD_DEG,
     ImportedCamera,
     from_lens,
 )
-from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.formats.foreign import own_field_deg, read_foreign
 from cubicfish_cli.formats.registry import READABLE
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.library.asked import (
-    RUN,
-    Run,
     StrPath,
-    made_at,
-    made_by_record,
-    paths_of,
-    target_in,
 )
-from cubicfish_cli.observations import MAX_SIDE, Observations
-from cubicfish_cli.target import Target
+from cubicfish_cli.observations import MAX_SIDE
 from cubicfish_cli.wording import did_you_mean, quoted
 
 _REFUSAL = Refusal(error=CameraFileError)
@@ -122,144 +110,4 @@ def import_camera(
         lens=lens,
         conversion=made,
         knows_its_field=own is not None,
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImportedFiles:
-    """What became of :func:`import_files`.
-
-    Attributes:
-        file: the camera.yaml.
-        imported: the camera in it.
-
-    """
-
-    file: Path
-    imported: Imported
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish import --json`` prints."""
-        made, conversion = self.imported.camera, self.imported.conversion
-        return {
-            "model": self.file,
-            "format": self.imported.written_by,
-            "lens": self.imported.lens.name,
-            "image_size": made.image_size,
-            **conversion.error.as_record(),
-            "trusted_deg": made.max_angle_deg,
-            "field_ended_by": conversion.ended_by,
-            "fold_deg": conversion.fold_deg,
-        }
-
-
-def import_files(
-    path: StrPath,
-    output: StrPath = "calibration/camera.yaml",
-    *,
-    written_by: str | None = None,
-    camera: str | None = None,
-    image_size: Sequence[int] | None = None,
-    max_angle_deg: float | None = None,
-    command: str | None = None,
-    run: Run = RUN,
-) -> ImportedFiles:
-    """Write another tool's camera as camera.yaml, as ``cubicfish import`` does.
-
-    Args:
-        path: the other tool's file.
-        output: where the camera goes.
-        written_by: as for :func:`import_camera`.
-        camera: likewise.
-        image_size: likewise.
-        max_angle_deg: likewise.
-        command: the command that is run, for the file.
-        run: how the work is done.
-
-    Raises:
-        CubicfishError: as :func:`import_camera`, or the camera's file exists and may not be
-            replaced.
-
-    """
-    made_at()  # said before the work if it cannot be
-    goal = Path(output)
-    refuse_existing(goal, overwrite=run.overwrite)
-    source = fingerprint(Path(path))
-    run.listener.progress("Fitting the cubic camera to the lens")
-    imported = import_camera(
-        path,
-        written_by=written_by,
-        camera=camera,
-        image_size=image_size,
-        max_angle_deg=max_angle_deg,
-    )
-    made_by = {**made_by_record(command, {}, None, [source]), **imported.made_by}
-    text = camera_text(imported.camera, fit={}, made_by=made_by)
-    write_text(goal, text, overwrite=run.overwrite)
-    return ImportedFiles(file=goal, imported=imported)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImportedCornerFiles:
-    """What became of :func:`import_corner_files`.
-
-    Attributes:
-        file: the table of corners.
-        corners: what is in it.
-        left_out: how many corners the files declare as not found.
-        empty: names of photos without any corner.
-
-    """
-
-    file: Path
-    corners: Observations
-    left_out: int
-    empty: tuple[str, ...]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish corners --json`` prints."""
-        return {
-            "file": self.file,
-            "image_size": self.corners.image_size,
-            "images": len(self.corners.images),
-            "corners": len(self.corners.pixel),
-            "left_out": self.left_out,
-            "empty_images": self.empty,
-        }
-
-
-def import_corner_files(
-    files: StrPath | Sequence[StrPath],
-    target: Target | StrPath,
-    table: StrPath = "corners.csv",
-    *,
-    image_size: tuple[int, int],
-    board: str | None = None,
-    only: str | None = None,
-    run: Run = RUN,
-) -> ImportedCornerFiles:
-    """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
-
-    Args:
-        files: mrcal's corners.vnl, as mrgingham writes it.
-        target: the calibration target, or its file.
-        table: where the corners go.
-        image_size: (width, height) of the photos in pixels, which such files do not state.
-        board: the name of the target's board in the photos; not needed where there is one.
-        only: a pattern for the names of photos, such as ``left*``.
-        run: how the work is done.
-
-    Raises:
-        CubicfishError: a file or the target cannot be used, or the table exists and may not be
-            replaced.
-
-    """
-    goal = Path(table)
-    refuse_existing(goal, overwrite=run.overwrite)
-    read = read_vnlogs(
-        paths_of(files), target_in(target), image_size=image_size, board=board, only=only
-    )
-    save_corners(goal, read.corners, overwrite=run.overwrite)
-    return ImportedCornerFiles(
-        file=goal, corners=read.corners, left_out=read.left_out, empty=read.empty
     )

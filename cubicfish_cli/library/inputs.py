@@ -12,10 +12,8 @@ from cubicfish_cli.corner_files.observations_csv import load_corners, load_corre
 from cubicfish_cli.errors import (
     CorrespondenceError,
     PhotoError,
-    UsageError,
 )
 from cubicfish_cli.files import Fingerprint, fingerprint
-from cubicfish_cli.films import MOST
 from cubicfish_cli.films.recordings import is_recording
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.identification.identified import Detection, line_of
@@ -125,8 +123,6 @@ def load_inputs(
     """
     check_inputs(inputs, correspondences, target)
     tables = tables_among(inputs)
-    if best is not None and (tables or correspondences is not None):
-        raise UsageError("--best chooses among photos and films: a table holds what was chosen")
     if correspondences is not None:
         loaded = _from_correspondences(correspondences, image_size)
     elif not tables:
@@ -214,46 +210,6 @@ def films_among(inputs: Sequence[Path]) -> list[Path]:
         for path in inputs
         if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
     ]
-
-
-def with_frames(
-    inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
-) -> tuple[Sequence[Path], str | None]:
-    """The inputs, with frames that are chosen of films in their place.
-
-    Those that an earlier run chose of the same films are taken as they are, unless nothing is kept.
-
-    Args:
-        inputs: photos and films.
-        folder: where the frames go.
-        target: what they show.
-        best: how many frames are chosen at most; None for the usual number.
-        run: how the work is done.
-
-    Returns:
-        The inputs, and why no more frames were chosen, in a sentence; None where there is no film.
-
-    Raises:
-        CubicfishError: a film cannot be used, or photos are of another size.
-
-    """
-    films, most = films_among(inputs), best or MOST
-    if not films:
-        return inputs, None
-    from cubicfish_cli.library.frames import choose_frames, earlier_frames, refuse_other_photos
-
-    photos = [path for path in inputs if path not in films]
-    if photos:
-        refuse_other_photos(named_photos(photos, run.listener), films)
-    targets = target.load()
-    kept, ended = ((), "") if run.anew else earlier_frames(films, folder, targets, most=most)
-    if kept:
-        run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder, ended=ended)
-        return [*photos, *kept], ended
-    chosen = choose_frames(films, folder, targets, most=most, run=run)
-    told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
-    run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
-    return [*photos, *chosen.photos], chosen.ended
 
 
 def recorded_as(text: str, path: Path) -> dict[str, str]:

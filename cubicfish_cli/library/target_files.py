@@ -1,153 +1,19 @@
-"""Boards on paper: the pages of a target that is there, or of one that is made for a paper size.
-
-What a target is worth for someone who is about to take photos: facts, and words.
-"""
+"""What a target is worth for someone who is about to take photos: facts, and words."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli import __version__
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.object_check import ObjectFacts, Turn, check_object
-from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
-from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
-from cubicfish_cli.printing import extra
-from cubicfish_cli.printing.layout import Page, boards_in_millimetres, lay_out
-from cubicfish_cli.printing.objects import Wanted, design
-from cubicfish_cli.printing.paper import Paper, length_mm
-from cubicfish_cli.printing.paper import paper as paper_of
-from cubicfish_cli.rendering.object_drawing import object_svg
-from cubicfish_cli.target import Target, load_target, target_text
+from cubicfish_cli.target import Target
 from cubicfish_cli.units import MILLIMETRES
 from cubicfish_cli.wording import either
 from cubicfish_cli.words.catalogue import catalogue
-from cubicfish_cli.words.codes import Event
 from cubicfish_cli.words.phrases import Sentences
-
-NAMES = {"boards": "boards.pdf", "target": "target.yaml"}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PrintedFiles:
-    """What became of :func:`print_target_files`.
-
-    Attributes:
-        files: what was written, by its name in :data:`NAMES`.
-        pages: the pages, each with its board.
-        paper: the paper.
-
-    """
-
-    files: dict[str, Path]
-    pages: Sequence[Page]
-    paper: Paper
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish target print --json`` prints."""
-        pages = [
-            {
-                "board": page.board.name,
-                "size_mm": [page.width, page.height],
-                "corner_0_0_mm": list(page.shift),
-            }
-            for page in self.pages
-        ]
-        return {**self.files, "paper": self.paper.name, "pages": pages}
-
-
-def print_target_files(
-    target: StrPath | None = None,
-    folder: StrPath = "printed",
-    *,
-    kind: Any = None,
-    paper: str = "A4",
-    board_type: Any = None,
-    square: str | None = None,
-    counts: tuple[int, int] | None = None,
-    dictionary: str | None = None,
-    margin: str = "8mm",
-    boards: Sequence[str] = (),
-    run: Run = RUN,
-) -> PrintedFiles:
-    """Print the boards of a target, or of a new one, as ``cubicfish target print`` does.
-
-    Args:
-        target: the target's file; None makes a new one.
-        folder: where the pages go.
-        kind: of a new target: ``corner``, ``box`` or ``board``.
-        paper: its size, such as ``A3``, ``Letter`` or ``600x400mm``.
-        board_type: of a new target's boards: ``checkerboard``, ``charuco`` or ``aprilgrid``.
-        square: the side of a new target's squares, such as ``30mm``.
-        counts: (columns, rows) of inner corners of its largest board.
-        dictionary: of its markers.
-        margin: along the paper's edges.
-        boards: those of ``target`` that are printed; all where there are none.
-        run: how the work is done.
-
-    Raises:
-        UsageError: what is asked does not go together.
-        CubicfishError: matplotlib is not installed, something cannot be printed, or a file exists
-            and may not be replaced.
-
-    """
-    made = (board_type, square, counts, dictionary)
-    if target is None and kind is None:
-        raise UsageError("name a target.yaml, or make a target with --object corner, box or board")
-    if target is not None and (kind is not None or any(one is not None for one in made)):
-        raise UsageError(
-            "--object, --type, --square, --corners and --dictionary make a new target; the boards "
-            "of TARGET are printed as they are: give the one or the other"
-        )
-    if target is None and boards:
-        raise UsageError("--board chooses among the boards of TARGET: name a target.yaml")
-    lacking = extra.missing(extra.PRINTING)
-    if lacking:
-        raise CubicfishError(f"printing needs {' and '.join(lacking)}: {extra.INSTALL}")
-    on, rim = paper_of(paper), length_mm(margin)
-    contents: dict[str, Content] = {}
-    if target is not None:
-        loaded = load_target(Path(target)).as_printed()
-        printed = boards_in_millimetres(loaded, tuple(boards))
-        pages = [lay_out(board, on, margin=rim) for board in printed]
-        if any(board.shape is not None for board in loaded.boards):
-            run.listener.tell(Event.PRINTED_AS_DRAWN)
-    else:
-        wanted = Wanted(
-            kind=kind,
-            type=board_type or "checkerboard",
-            square=None if square is None else length_mm(square),
-            counts=counts,
-            dictionary=dictionary,
-        )
-        loaded, pages = design(wanted, on, margin=rim)
-        checked = check_target(loaded)
-        for about, words in checked.advice if checked.facts.ambiguous else ():
-            if about == "Names":
-                run.listener.tell(Event.AMBIGUOUS, line=words)
-        join = "" if len(pages) == 1 else " Cut and join them as it says, and measure."
-        contents["target"] = (
-            f"# {kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at 100 %."
-            f"{join}\n{target_text(loaded)}"
-        )
-    # Pages carry no date, so that they can be made again, or that of SOURCE_DATE_EPOCH.
-    date = datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
-    with extra.quiet():
-        from cubicfish_cli.printing.drawing import write_boards
-
-    contents = {"boards": lambda path: write_boards(path, pages, date=date), **contents}
-    outputs = {name: Path(folder) / NAMES[name] for name in contents}
-    refuse_existing(*outputs.values(), overwrite=run.overwrite)
-    run.listener.progress(f"Drawing {len(pages)} page{'s' * (len(pages) != 1)}")
-    write_files({path: contents[name] for name, path in outputs.items()}, overwrite=run.overwrite)
-    return PrintedFiles(files=outputs, pages=pages, paper=on)
-
 
 _SENTENCES = Sentences()
 _FULL_RANK = 20
@@ -203,34 +69,6 @@ def check_target(target: Target) -> TargetCheck:
     """
     facts = check_object(target)
     return TargetCheck(target=target, facts=facts, advice=_advice(target, facts))
-
-
-def check_target_files(
-    target: StrPath, drawing: StrPath | None = None, *, run: Run = RUN
-) -> TargetCheck:
-    """Look at the target in a file, and draw it, as ``cubicfish target check`` does.
-
-    Args:
-        target: its file.
-        drawing: where an SVG of it goes; None for none.
-        run: how the work is done.
-
-    Raises:
-        TargetError: the file is no usable target.
-        OutputError: the drawing exists and may not be replaced, or has another suffix.
-
-    """
-    path = path_or_none(drawing)
-    if path is not None:
-        if path.suffix.lower() != ".svg":
-            raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
-        refuse_existing(path, overwrite=run.overwrite)
-    loaded = load_target(Path(target)).as_printed()
-    run.listener.progress("Looking at the target from all sides")
-    checked = check_target(loaded)
-    if path is not None:
-        write_text(path, object_svg(loaded), overwrite=run.overwrite)
-    return replace(checked, drawing=path)
 
 
 def print_size(board: Board) -> list[float]:

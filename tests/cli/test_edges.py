@@ -236,7 +236,7 @@ def test_photos_of_another_camera_are_refused_before_they_are_searched(
 def test_a_huge_camera_gets_no_map_of_gigabytes(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cubicfish_cli.library.calibration_files.MAX_PIXELS", 960 * 720 - 1)
+    monkeypatch.setattr("cubicfish_cli.photos.MAX_PIXELS", 960 * 720 - 1)
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c")
     said = run(*line)
     assert "No undistort_map.npz was written: a map of 960x720 pixels" in said.stderr

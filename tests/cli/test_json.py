@@ -305,6 +305,8 @@ def of_missing_files(name: str, missing: Path) -> list[object]:
     if "--view" in known:  # which needs no target unless it shows a plane
         known.discard("-t")
     given: list[object] = [missing for one in command.params if isinstance(one, click.Argument)]
+    if "calibration" in {one.name for one in command.params}:  # which stands for the camera
+        known.discard("-m")
     for option, value in (("-m", missing), ("-t", TARGET)):
         given += [option, value] if option in known else []
     return given

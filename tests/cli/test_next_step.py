@@ -10,8 +10,9 @@ from running import SAMPLE, Run
 from terminals import Screen, widest
 
 from cubicfish_cli.assess.verdict import Verdict
-from cubicfish_cli.cli import calibrate, figures
+from cubicfish_cli.cli import figures, terminal
 from cubicfish_cli.cli.figures import PhotoRow
+from cubicfish_cli.commands import calibrate
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
@@ -42,13 +43,13 @@ def test_what_is_next_can_be_pasted_or_mends_it(
     photo: Path | None,
     says: str,
 ) -> None:
-    monkeypatch.setattr(calibrate, "verbosity", lambda: 0)
+    monkeypatch.setattr(terminal, "verbosity", lambda: 0)
     calibrate.say_next(judged, camera, photo, camera.with_name("report.html"))
     said = capsys.readouterr().out
     assert says in said
     assert said.endswith(f"      open {camera.with_name('report.html')}\n")
     assert ("undistort" in said) == (judged.level != "bad")
-    monkeypatch.setattr(calibrate, "verbosity", lambda: -1)
+    monkeypatch.setattr(terminal, "verbosity", lambda: -1)
     calibrate.say_next(judged, camera, photo, None)
     assert capsys.readouterr().out == ""
 
@@ -75,7 +76,7 @@ def test_what_is_next_names_a_photo_that_was_used(run: Run, tmp_path: Path) -> N
 
 def test_best_is_refused_where_there_is_nothing_to_choose_from(run: Run, tmp_path: Path) -> None:
     args = ("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--best", 3)
-    assert "--best chooses among photos" in run(*args, code=2).stderr
+    assert "--best goes with photos" in run(*args, code=2).stderr
     assert not (tmp_path / "c").exists()
 
 

@@ -12,7 +12,13 @@ from listening import Heard
 from running import SAMPLE, run_cli
 
 from cubicfish_cli import (
+    AdviseOptions,
+    CalibrateOptions,
+    CheckOptions,
+    CornersOptions,
+    DetectOptions,
     Event,
+    ImportOptions,
     MapOptions,
     PlaneOptions,
     Run,
@@ -64,13 +70,12 @@ def test_a_calibration_is_that_of_the_command(
     said = json.loads(run_cli(*line, "--title", "left").stdout)
     heard = Heard()
     made = calibrate_files(
-        CORNERS,
-        TARGET,
-        tmp_path / "b",
-        hold_out=False,
-        title="left",
-        command=load_camera(tmp_path / "a" / "camera.yaml").made_by["command"],
-        run=Run(listener=heard),
+        CalibrateOptions(
+            inputs=CORNERS, target=TARGET, folder=tmp_path / "b", hold_out=False, title="left"
+        ),
+        run=Run(
+            listener=heard, command=load_camera(tmp_path / "a" / "camera.yaml").made_by["command"]
+        ),
     )
     assert read(tmp_path / "a") == read(tmp_path / "b")
     known = ("files", "model", "report")
@@ -81,14 +86,19 @@ def test_a_calibration_is_that_of_the_command(
     assert heard.told == [(Event.FITTING, {"corners": 1139})]
     assert heard.steps[-1][0] == "Writing"
     with pytest.raises(OutputError, match="exists already"):
-        calibrate_files(CORNERS, TARGET, tmp_path / "b")
-    again = calibrate_files(CORNERS, TARGET, tmp_path / "b", run=Run(overwrite=True))
+        calibrate_files(CalibrateOptions(inputs=CORNERS, target=TARGET, folder=tmp_path / "b"))
+    again = calibrate_files(
+        CalibrateOptions(inputs=CORNERS, target=TARGET, folder=tmp_path / "b"),
+        run=Run(overwrite=True),
+    )
     assert "command" not in load_camera(again.files["camera"]).made_by
 
 
 def test_a_target_in_memory_is_written_beside_its_camera(tmp_path: Path, quick_fit: None) -> None:
     target = Target.load(TARGET)
-    made = calibrate_files([CORNERS], target, tmp_path / "c", report=False)
+    made = calibrate_files(
+        CalibrateOptions(inputs=[CORNERS], target=target, folder=tmp_path / "c", report=False)
+    )
     assert target_text(Target.load(made.files["drawn"])) == target_text(target)
     of = load_camera(made.files["camera"]).made_by["target"]
     assert of["file"] == str(made.files["drawn"])
@@ -96,9 +106,15 @@ def test_a_target_in_memory_is_written_beside_its_camera(tmp_path: Path, quick_f
 
 def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--compare is of cameras with rays"):
-        calibrate_files(CORNERS, TARGET, tmp_path, lift="point", compare=True)
+        calibrate_files(
+            CalibrateOptions(
+                inputs=CORNERS, target=TARGET, folder=tmp_path, lift="point", compare=True
+            )
+        )
     with pytest.raises(UsageError, match="the photos show an unknown target"):
-        detect_files(SAMPLE / "photos", None, tmp_path / "corners.csv")  # type: ignore[arg-type]
+        detect_files(
+            DetectOptions(photos=SAMPLE / "photos", target=None, table=tmp_path / "corners.csv")
+        )
     with pytest.raises(UsageError, match="two cameras or more"):
         calibrate_rig_files([CORNERS], TARGET, tmp_path)
     with pytest.raises(UsageError, match=r"'right=a\.yaml' names no camera"):
@@ -124,7 +140,10 @@ def test_corners_of_files_are_found_drawn_and_told(tmp_path: Path) -> None:
         (tmp_path / photo.name).symlink_to(photo)
     heard = Heard()
     made = detect_files(
-        tmp_path, TARGET, tmp_path / "a.csv", draw=tmp_path / "seen", run=Run(listener=heard)
+        DetectOptions(
+            photos=tmp_path, target=TARGET, table=tmp_path / "a.csv", draw=tmp_path / "seen"
+        ),
+        run=Run(listener=heard),
     )
     assert made.drawings == [tmp_path / "seen" / f"corner_0{n}.png" for n in (1, 2)]
     assert [event for event, _ in heard.told][:2] == [Event.PASSED_OVER, Event.LOOKING]
@@ -164,12 +183,12 @@ def test_what_to_photograph_next_is_what_the_command_says(
     monkeypatch.setattr(advise, "_VIEWS", 20)  # of few views both choose sooner
     line = ("advise", calibrated, "--goal", 0.001, "--poses", tmp_path / "a.csv", "--json")
     said = json.loads(run_cli(*line).stdout)
-    made = advise_files(calibrated, goal_px=0.001, poses=tmp_path / "b.csv")
+    made = advise_files(AdviseOptions(camera=calibrated, goal_px=0.001, poses=tmp_path / "b.csv"))
     assert made.written == [tmp_path / "b.csv"]
     assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
     assert made.advice.enough is said["enough"] is False
     with pytest.raises(OutputError, match="end the name in"):
-        advise_files(calibrated, picture=tmp_path / "a.jpg")
+        advise_files(AdviseOptions(camera=calibrated, picture=tmp_path / "a.jpg"))
 
 
 @pytest.mark.slow
@@ -353,11 +372,13 @@ def test_another_tools_camera_is_written_as_by_the_command(
     a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
     said = json.loads(run_cli("import", lens, "-o", a, "--max-angle", 70, "--json").stdout)
     command = load_camera(a).made_by["command"]
-    made = import_files(lens, b, max_angle_deg=70, command=command)
+    made = import_files(
+        ImportOptions(path=lens, output=b, max_angle_deg=70), run=Run(command=command)
+    )
     assert a.read_bytes() == b.read_bytes()
     assert same_records(as_json(made), {**said, "model": str(b)})
     with pytest.raises(OutputError, match="exists already"):
-        import_files(lens, b)
+        import_files(ImportOptions(path=lens, output=b))
 
 
 def test_corners_of_others_are_written_as_by_the_command(tmp_path: Path) -> None:
@@ -370,27 +391,38 @@ def test_corners_of_others_are_written_as_by_the_command(tmp_path: Path) -> None
     more = ("--board", "one", "-o", tmp_path / "a.csv")
     said = json.loads(run_cli(*line, *more, "--json").stdout)
     made = import_corner_files(
-        tmp_path / "c.vnl",
-        target,
-        tmp_path / "b.csv",
-        board="one",
-        image_size=(960, 720),
+        CornersOptions(
+            files=tmp_path / "c.vnl",
+            target=target,
+            table=tmp_path / "b.csv",
+            board="one",
+            image_size=(960, 720),
+        )
     )
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
     assert same_records(as_json(made), {**said, "file": str(tmp_path / "b.csv")})
     assert made.empty == ("b.png",)
     with pytest.raises(OutputError, match="exists already"):
-        import_corner_files(tmp_path / "c.vnl", target, tmp_path / "b.csv", image_size=(960, 720))
+        import_corner_files(
+            CornersOptions(
+                files=tmp_path / "c.vnl",
+                target=target,
+                table=tmp_path / "b.csv",
+                image_size=(960, 720),
+            )
+        )
 
 
 def test_a_target_is_checked_and_drawn_as_by_the_command(tmp_path: Path) -> None:
     line = ("target", "check", TARGET, "--draw", tmp_path / "a.svg", "--json")
     said = json.loads(run_cli(*line).stdout)
     heard = Heard()
-    made = check_target_files(TARGET, tmp_path / "b.svg", run=Run(listener=heard))
+    made = check_target_files(
+        CheckOptions(target=TARGET, drawing=tmp_path / "b.svg"), run=Run(listener=heard)
+    )
     assert same_records(as_json(made), {**said, "drawing": str(tmp_path / "b.svg")})
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
     assert heard.steps == [("Looking at the target from all sides", 0, 0, "")]
     with pytest.raises(OutputError, match="end the name in"):
-        check_target_files(TARGET, tmp_path / "b.png")
-    assert check_target_files(TARGET).drawing is None
+        check_target_files(CheckOptions(target=TARGET, drawing=tmp_path / "b.png"))
+    assert check_target_files(CheckOptions(target=TARGET)).drawing is None

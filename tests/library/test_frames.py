@@ -11,12 +11,13 @@ pytest.importorskip("av")
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
 from listening import Heard
 
+from cubicfish_cli.commands.frames import FramesOptions, choose_frames
 from cubicfish_cli.errors import DetectionError, PhotoError
 from cubicfish_cli.films.choose import Choice, Patch, Seen
 from cubicfish_cli.library import frame_search
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.frame_search import Found, Search
-from cubicfish_cli.library.frames import choose_frames, earlier_frames
+from cubicfish_cli.library.frames import earlier_frames
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.photos import read_picture
 from cubicfish_cli.target import Target
@@ -160,10 +161,7 @@ def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: T
     film = write_film(tmp_path / "film.mp4", spoilt_film()[0])
     heard = Heard()
     chosen = choose_frames(
-        film,
-        tmp_path / "photos",
-        target,
-        most=5,
+        FramesOptions(films=film, folder=tmp_path / "photos", target=target, most=5),
         run=Run(listener=heard),
     )
     assert len(chosen.photos) == 5
@@ -191,7 +189,7 @@ def test_films_of_other_codecs_and_depths_are_read(
     frames = [photo for photo in photos()[:3] for _ in range(3)]
     quiet = {"x265-params": "log-level=none"} if codec == "libx265" else {}
     film = write_film(tmp_path / "film.mkv", frames, codec=codec, pix_fmt=pix_fmt, options=quiet)
-    chosen = choose_frames(film, tmp_path / "photos", target)
+    chosen = choose_frames(FramesOptions(films=film, folder=tmp_path / "photos", target=target))
     assert len(chosen.photos) == 3
     for path in chosen.photos:
         picture = read_picture(path)
@@ -205,4 +203,4 @@ def test_films_of_other_codecs_and_depths_are_read(
 def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
     for films, says in (([], "no film was given"), (tmp_path / "*.mp4", "matches no film")):
         with pytest.raises(PhotoError, match=says):
-            choose_frames(films, tmp_path / "photos")
+            choose_frames(FramesOptions(films=films, folder=tmp_path / "photos"))

@@ -30,6 +30,7 @@ from cubicfish_cli import (
     LookOptions,
     Observations,
     Run,
+    SimulateOptions,
     Target,
     UndistortOptions,
     build_map,
@@ -494,7 +495,12 @@ def test_photos_of_known_truth_are_those_of_simulate(
     for lens in (fitted, fitted.camera, tmp_path / "camera.yaml"):
         folder = tmp_path / type(lens).__name__
         run = Run(listener=heard)
-        made = simulate_files(target, lens, folder, number=1, form="png", look=look, run=run)
+        made = simulate_files(
+            SimulateOptions(
+                target=target, lens=lens, folder=folder, number=1, form="png", look=look
+            ),
+            run=run,
+        )
         files = [*made.photos, *made.truth.values()]
         assert [file.name for file in files] == [
             "photo_01.png",
@@ -513,10 +519,13 @@ def test_photos_of_known_truth_are_those_of_simulate(
     before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
     again = {"poses": files[2], "form": "png", "look": LookOptions(noise=0)}
     assert "exists already" in refusal(
-        OutputError, lambda: simulate_files(target, fitted, folder, **again)
+        OutputError,
+        lambda: simulate_files(SimulateOptions(target=target, lens=fitted, folder=folder, **again)),
     )
     assert files[0].read_bytes() == before
-    simulate_files(target, fitted, folder, **again, run=Run(overwrite=True))
+    simulate_files(
+        SimulateOptions(target=target, lens=fitted, folder=folder, **again), run=Run(overwrite=True)
+    )
     assert files[0].read_bytes() != before
     assert read_picture(files[0]).mean() > 1.5 * dark
 
@@ -526,7 +535,10 @@ def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> Non
     (tmp_path / "info.yaml").write_text(FOREIGN)
     heard = Heard()
     run = Run(listener=heard)
-    truth = simulate_files(board, tmp_path / "info.yaml", tmp_path / "a", number=1, run=run).truth
+    truth = simulate_files(
+        SimulateOptions(target=board, lens=tmp_path / "info.yaml", folder=tmp_path / "a", number=1),
+        run=run,
+    ).truth
     assert [event for event, _ in heard.told] == [Event.NEAREST_CAMERA, Event.RENDERING]
     true = load_corners(truth["true_corners"], board)
     assert true.image_size == (640, 480)
@@ -539,7 +551,7 @@ def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> Non
     [
         ({"number": 0}, "number must be from 1 to 10000, not 0"),
         ({"form": "jpeg"}, "photos are not written as 'jpeg': did you mean 'jpg'?"),
-        ({"image_size": (640, 480)}, "the lens is for photos of 960x720 pixels"),
+        ({"image_size": (640, 480)}, "the camera says the size of its photos"),
         ({"image_size": (640, -1)}, "image_size must be two whole numbers"),
         ({"poses": "none.csv"}, "none.csv"),
         ({"poses": "none.csv", "number": 3}, "leave -n out"),
@@ -550,7 +562,9 @@ def test_what_cannot_be_simulated_is_refused(
     fitted: Calibration, target: Target, tmp_path: Path, options: dict[str, Any], said: str
 ) -> None:
     asked: dict[str, Any] = {"lens": fitted.camera, "folder": tmp_path / "a", **options}
-    assert said in refusal(CubicfishError, lambda: simulate_files(target, **asked))
+    assert said in refusal(
+        CubicfishError, lambda: simulate_files(SimulateOptions(target=target, **asked))
+    )
     assert not (tmp_path / "a").exists()
 
 

@@ -5,7 +5,13 @@ from pathlib import Path
 import pytest
 from symmetric_board import drawn, misnamed, photos
 
-from cubicfish_cli import calibrate_files, evaluate_files, load_corners, save_corners
+from cubicfish_cli import (
+    CalibrateOptions,
+    calibrate_files,
+    evaluate_files,
+    load_corners,
+    save_corners,
+)
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.report.from_files import facts_of_files
 from cubicfish_cli.target import target_text
@@ -24,7 +30,11 @@ def test_what_is_written_goes_together(tmp_path: Path, kept: str) -> None:
     before = table.read_bytes()
     drawing = tmp_path / "target.yaml"
     drawing.write_text(target_text(target), encoding="utf-8")
-    found = calibrate_files(table, drawing, folder=folder, refine_target="points", report=False)
+    found = calibrate_files(
+        CalibrateOptions(
+            inputs=table, target=drawing, folder=folder, refine_target="points", report=False
+        )
+    )
     assert isinstance(found.fitted, Calibration)
     assert found.fitted.renamed
     assert table.read_bytes() == before

@@ -11,7 +11,7 @@ import fuzz_foreign as foreign
 import fuzz_lenses as lenses
 import numpy as np
 
-from cubicfish_cli.cli.points import read_points
+from cubicfish_cli.commands.points import read_points
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.formats.camera_yaml import load_any_camera

@@ -7,7 +7,7 @@ import re
 import sys
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +15,10 @@ import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, record
+from cubicfish_cli.cli.progress import How
 from cubicfish_cli.cli.terminal import say
-from cubicfish_cli.errors import CorrespondenceError
+from cubicfish_cli.errors import CorrespondenceError, UsageError
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.reading import read_bytes
 from cubicfish_cli.wording import quoted
 
@@ -30,7 +32,7 @@ LONGEST_LINE = 10_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
-    """Points that were read: values (N, columns), and whether a header stood above them."""
+    """Points: values (N, columns), and whether a header stood above those that were read."""
 
     values: npt.NDArray[np.float64]
     has_header: bool
@@ -120,22 +122,29 @@ def _numbers(line: str) -> list[float] | None:
         return None
 
 
-def print_points(points: npt.NDArray[np.float64], columns: Sequence[str] | None) -> None:
-    """Print (N, columns) points as CSV to stdout, with a header when ``columns`` are named.
+def print_points(points: Points, columns: Sequence[str]) -> None:
+    """Print points as CSV to stdout, below a header of ``columns`` where one was read.
 
     Numbers are written so that they read back exactly.
     """
-    lines = [",".join(columns)] if columns else []
-    lines += [",".join(map(repr, row)) for row in points.tolist()]
+    lines = [",".join(columns)] if points.has_header else []
+    lines += [",".join(map(repr, row)) for row in points.values.tolist()]
     if lines:
         click.echo("\n".join(lines))
 
 
 @record
-class AskedProject:
-    """What is asked of ``cubicfish project``."""
+class ProjectOptions:
+    """Points in the camera's frame, which become pixels.
 
-    points: Path = options.argument(
+    Attributes:
+        points: a CSV file of points X,Y,Z, one point written out, or ``-`` for stdin.
+        near: whether it counts how near the points are.
+        camera: its file, or the folder of that.
+
+    """
+
+    points: StrPath = options.argument(
         "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
         default=Path("-"),
     )
@@ -144,7 +153,31 @@ class AskedProject:
         "How near the points are counts: they are in the units of the calibration target, and "
         "the entrance pupil wanders.",
     )
-    model: Path | None = options.model_option
+    camera: StrPath = options.model_options
+
+
+def project_points(asked: ProjectOptions, *, run: Run = RUN) -> Points:
+    """Project points to pixels, (N, 2), as ``cubicfish project`` does.
+
+    Raises:
+        UsageError: the camera has no use for ``near``.
+        CubicfishError: the camera or the points cannot be used.
+
+    """
+    from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
+
+    loaded = load_any_camera(in_folder(Path(asked.camera)))
+    if isinstance(loaded, PointCameraFile) and asked.near:
+        raise UsageError(
+            "--near is of cameras with rays: with lift 'point' points count where they are"
+        )
+    read = read_points(Path(asked.points), ("X", "Y", "Z"))
+    if isinstance(loaded, PointCameraFile):
+        loaded.camera.refuse_off_boards(read.values)
+        pixel = loaded.camera.project(read.values)
+    else:
+        pixel = loaded.camera.project(read.values, near=asked.near)
+    return replace(read, values=pixel)
 
 
 @as_command(
@@ -155,7 +188,7 @@ class AskedProject:
     "echo 0.5,0,1 | cubicfish project",
     cls=PointsCommand,
 )
-def project(given: AskedProject) -> None:
+def project(given: ProjectOptions, how: How) -> None:
     """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
     point may stand on the command line: 0.2,0.1,1.
 
@@ -165,27 +198,38 @@ def project(given: AskedProject) -> None:
     lift 'point' the points are in its own frame (world or camera) and unit, and a point off the
     boards is refused where they did not determine the camera.
     """
-    from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
-
-    loaded = load_any_camera(options.model_path(given.model))
-    read = read_points(given.points, ("X", "Y", "Z"))
-    if isinstance(loaded, PointCameraFile):
-        loaded.camera.refuse_off_boards(read.values)
-        pixel = loaded.camera.project(read.values)
-    else:
-        pixel = loaded.camera.project(read.values, near=given.near)
-    print_points(pixel, ("x", "y") if read.has_header else None)
+    print_points(how.do(project_points, given), ("x", "y"))
 
 
 @record
-class AskedUnproject:
-    """What is asked of ``cubicfish unproject``."""
+class UnprojectOptions:
+    """Pixels, which become viewing rays.
 
-    pixels: Path = options.argument(
+    Attributes:
+        pixels: a CSV file of pixels x,y, one pixel written out, or ``-`` for stdin.
+        camera: its file, or the folder of that.
+
+    """
+
+    pixels: StrPath = options.argument(
         "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
         default=Path("-"),
     )
-    model: Path | None = options.model_option
+    camera: StrPath = options.model_options
+
+
+def unproject_points(asked: UnprojectOptions, *, run: Run = RUN) -> Points:
+    """Turn pixels into unit viewing rays, (N, 3), as ``cubicfish unproject`` does.
+
+    Raises:
+        CubicfishError: the camera or the pixels cannot be used.
+
+    """
+    from cubicfish_cli.formats.camera_yaml import load_camera
+
+    camera = load_camera(in_folder(Path(asked.camera))).camera
+    read = read_points(Path(asked.pixels), ("x", "y"))
+    return replace(read, values=camera.unproject(read.values))
 
 
 @as_command(
@@ -195,7 +239,7 @@ class AskedUnproject:
     "echo 640,400 | cubicfish unproject --model lens_a/",
     cls=PointsCommand,
 )
-def unproject(given: AskedUnproject) -> None:
+def unproject(given: UnprojectOptions, how: How) -> None:
     """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
     One pixel may stand on the command line: 640,400.
 
@@ -203,8 +247,4 @@ def unproject(given: AskedUnproject) -> None:
     negative for rays more than 90 degrees off the axis. Pixels outside the camera's valid
     field give nan,nan,nan. A header in gives a header out.
     """
-    from cubicfish_cli.formats.camera_yaml import load_camera
-
-    camera = load_camera(options.model_path(given.model)).camera
-    read = read_points(given.pixels, ("x", "y"))
-    print_points(camera.unproject(read.values), ("X", "Y", "Z") if read.has_header else None)
+    print_points(how.do(unproject_points, given), ("X", "Y", "Z"))

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import FloatRange, as_command, option, record
-from cubicfish_cli.cli.progress import call
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.cli.progress import How
+from cubicfish_cli.cli.terminal import result
 from cubicfish_cli.formats.registry import READABLE
+from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, made_by_record
 
 if TYPE_CHECKING:
     from cubicfish_cli.library.importing import Imported
@@ -29,10 +32,17 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish import``."""
+class ImportOptions:
+    """Another tool's camera, which becomes a camera.yaml.
 
-    path: Path = options.argument(
+    Attributes:
+        path: the other tool's file.
+        written_by, camera, image_size, max_angle_deg: as for :func:`import_camera`.
+        output: where the camera goes.
+
+    """
+
+    path: StrPath = options.argument(
         "The other tool's camera file.",
         metavar="FILE",
         missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
@@ -46,7 +56,7 @@ class Asked:
         "--camera NAME",
         "Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
     )
-    image_size: tuple[int, int] | None = option(
+    image_size: Sequence[int] | None = option(
         "--size", "Size of the photos, where the file does not say.", options.SIZE
     )
     max_angle_deg: float | None = option(
@@ -55,11 +65,67 @@ class Asked:
         "calibrated. [default: what it shows in the photo, at most 110]",
         FloatRange(min=0, max=175, min_open=True),
     )
-    output: Path = options.output_option(
+    output: StrPath = options.output_option(
         "Where the camera goes.", default="calibration/camera.yaml"
     )
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedFiles:
+    """What became of :func:`import_files`.
+
+    Attributes:
+        file: the camera.yaml.
+        imported: the camera in it.
+
+    """
+
+    file: Path
+    imported: Imported
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish import --json`` prints."""
+        made, conversion = self.imported.camera, self.imported.conversion
+        return {
+            "model": self.file,
+            "format": self.imported.written_by,
+            "lens": self.imported.lens.name,
+            "image_size": made.image_size,
+            **conversion.error.as_record(),
+            "trusted_deg": made.max_angle_deg,
+            "field_ended_by": conversion.ended_by,
+            "fold_deg": conversion.fold_deg,
+        }
+
+
+def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
+    """Write another tool's camera as camera.yaml, as ``cubicfish import`` does.
+
+    Raises:
+        CubicfishError: as :func:`import_camera`, or the camera's file exists and may not be
+            replaced.
+
+    """
+    from cubicfish_cli.files import fingerprint, refuse_existing, write_text
+    from cubicfish_cli.formats.calibrated import camera_text
+    from cubicfish_cli.library.importing import import_camera
+
+    made_at()  # said before the work if it cannot be
+    goal = Path(asked.output)
+    refuse_existing(goal, overwrite=run.overwrite)
+    source = fingerprint(Path(asked.path))
+    run.listener.progress("Fitting the cubic camera to the lens")
+    imported = import_camera(
+        asked.path,
+        written_by=asked.written_by,
+        camera=asked.camera,
+        image_size=asked.image_size,
+        max_angle_deg=asked.max_angle_deg,
+    )
+    made_by = {**made_by_record(run.command, {}, None, [source]), **imported.made_by}
+    text = camera_text(imported.camera, fit={}, made_by=made_by)
+    write_text(goal, text, overwrite=run.overwrite)
+    return ImportedFiles(file=goal, imported=imported)
 
 
 @as_command(
@@ -69,15 +135,13 @@ class Asked:
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",
     "cubicfish import opencv.yaml --size 1280x800",
+    how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: Asked) -> None:
+def command(given: ImportOptions, how: How) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.library.importing import import_files
-
-    files = call(import_files, given)
-    if given.as_json:
-        print_json(files.as_record())
+    files = how.do(import_files, given)
+    if how.print(files):
         return
     imported, made = files.imported, files.imported.camera
     error, (width, height) = imported.conversion.error, made.image_size

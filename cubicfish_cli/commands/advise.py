@@ -1,0 +1,252 @@
+"""``cubicfish advise``: what to photograph next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, option, record
+from cubicfish_cli.cli.progress import How
+from cubicfish_cli.cli.terminal import print_wrote, result, say
+from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
+from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none
+from cubicfish_cli.printing import extra
+
+if TYPE_CHECKING:
+    from cubicfish_cli.advice.advise import Advice
+    from cubicfish_cli.advice.proposals import Proposal
+    from cubicfish_cli.assess.verdict import Verdict
+
+_MOST_PARTS = 4
+_PICTURES = (".svg", ".png", ".pdf")
+# What to name, and how, where corners are lacking.
+_WHAT = {
+    "--corners": "the corners with --corners, and the target with --target",
+    "--target": "the target with --target",
+    "--corners and --target": "those of the fit with --corners and --target",
+}
+
+
+@record
+class AdviseOptions:
+    """What to photograph next, of a calibration.
+
+    Attributes:
+        camera: its file, or the folder of that.
+        target: the calibration target as drawn, where it is not at its recorded place.
+        corners: the corners.csv of the fit, where it is not beside the camera.
+        picture: also draws where the target should appear: .svg, .png or .pdf.
+        poses: also writes the proposed poses.
+        goal_px: the uncertainty wanted over the field; by default 0.2, more for large photos.
+        seed: another one tries other poses.
+
+    """
+
+    camera: StrPath = options.camera_options
+    target: StrPath | None = options.target_option
+    corners: StrPath | None = option(
+        "--corners FILE",
+        "The corners.csv that the camera was calibrated from, where it is not beside it.",
+        options.FILE,
+    )
+    picture: StrPath | None = options.output_option(
+        "Also draw where the target should appear: a picture (.svg, .png, .pdf). Needs pip install "
+        "'cubicfish[report]'.",
+        metavar="FILE",
+    )
+    poses: StrPath | None = option(
+        "--poses FILE",
+        "Also write the proposed poses, for 'cubicfish simulate --poses'.",
+        options.FILE,
+    )
+    goal_px: float | None = option(
+        "--goal PX",
+        "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
+        "pixels per side]",
+        FloatRange(min=0, min_open=True),
+    )
+    seed: int = option(
+        "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AdviceFiles:
+    """What became of :func:`advise_files`.
+
+    Attributes:
+        model: the camera's file.
+        advice: what photos leave open, and which to take next.
+        verdict: what the camera is worth.
+        picture: the drawing; None where none was asked for.
+        poses: the table of proposed poses; likewise.
+
+    """
+
+    model: Path
+    advice: Advice
+    verdict: Verdict
+    picture: Path | None = None
+    poses: Path | None = None
+
+    @property
+    def written(self) -> list[Path]:
+        """The files."""
+        return [path for path in (self.picture, self.poses) if path is not None]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish advise --json`` prints."""
+        files = {"model": self.model, "picture": self.picture, "poses": self.poses}
+        return {**self.advice.as_record(), **files}
+
+
+def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
+    """Say what the photos of a calibration leave open, as ``cubicfish advise`` does.
+
+    Raises:
+        UsageError: corners are named without their target, or files may be replaced and none is
+            written.
+        CubicfishError: a file cannot be used, or exists and may not be replaced.
+
+    """
+    from cubicfish_cli.advice.advise import advise
+    from cubicfish_cli.lenses.cubic import CubicCamera
+    from cubicfish_cli.rendering.truth import pose_table_text
+    from cubicfish_cli.report.from_files import facts_of_files
+
+    named = (asked.picture, asked.poses, asked.corners, asked.target)
+    drawing, table, given, drawn = map(path_or_none, named)
+    if drawing is not None and drawing.suffix.lower() not in _PICTURES:
+        raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
+    if drawing is not None and extra.missing(extra.PRINTING):
+        raise CubicfishError(f"a picture needs matplotlib: {extra.INSTALL}")
+    if run.overwrite and drawing is None and table is None:
+        raise UsageError("--overwrite goes with -o or --poses, which write files: leave it out")
+    refuse_existing(*filter(None, (drawing, table)), overwrite=run.overwrite)
+    path = in_folder(Path(asked.camera))
+    facts = facts_of_files(path, target=drawn, photos=(), corners=given)
+    if given is not None and facts.target is None:
+        raise UsageError("name the target of these corners with --target target.yaml")
+    if not isinstance(facts.camera, CubicCamera):
+        raise CubicfishError(
+            f"{path} is of lift 'point', which has no rays: its uncertainty over the field, "
+            "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
+        )
+    if facts.errors is None:
+        why, name_it = "the corners are not at hand", "--corners"
+        if facts.lack is not None:
+            why, name_it = facts.lack.why, facts.lack.name_it
+        raise CubicfishError(f"{path}: {why}: name {_WHAT[name_it]}")
+    run.listener.progress("Looking for photos that would help")
+    advice = advise(
+        facts.camera,
+        facts.fit,
+        facts.errors.pairs,
+        facts.target,
+        goal_px=asked.goal_px,
+        seed=asked.seed,
+    )
+    files: dict[Path, Content] = {}
+    if drawing is not None:
+        with extra.quiet():
+            from cubicfish_cli.advice.picture import advice_picture
+        files[drawing] = advice_picture(advice, drawing.suffix.lower())
+    if table is not None:
+        poses = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
+        files[table] = pose_table_text(poses)
+    write_files(files, overwrite=run.overwrite)
+    return AdviceFiles(
+        model=path, advice=advice, verdict=facts.known.verdict, picture=drawing, poses=table
+    )
+
+
+@as_command(
+    "advise",
+    "What to photograph next, and how much it would help.",
+    "cubicfish advise",
+    "cubicfish advise calibration/ -o advice.svg",
+    "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
+    "cubicfish advise --goal 0.05 --poses next.csv",
+    how=("overwrite", "as_json"),
+)
+def command(given: AdviseOptions, how: How) -> None:
+    """Say what the photos of a calibration leave open, and what to photograph next.
+
+    Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
+    which parts of the picture are empty and how many more photos it takes, and proposes the three
+    that would help most: where the target should be in the picture, and how far that lowers the
+    camera's uncertainty, worked out from the fit's own equations. Says "enough" when it is.
+    """
+    made = how.do(advise_files, given)
+    if how.print(made):
+        return
+    _print(made.advice, made.verdict)
+    print_wrote(made.written)
+
+
+def _print(advice: Advice, judged: Verdict) -> None:
+    from cubicfish_cli.fitting.findings import COVERED
+
+    result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
+    if advice.now is not None:
+        result(
+            f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning} "
+            f"(goal: {advice.goal_px:g} px)"
+        )
+    result(f"{'coverage':<12}{100 * advice.gaps.cells.coverage:>5.0f} %   {COVERED}\n")
+    if advice.enough:
+        if judged.asks_for_photos:
+            result(f"Heed the verdict first: {judged.line}.")
+            result("By the uncertainty alone more photos are not needed.")
+        else:
+            result("Enough: more photos are not needed.")
+        result("Smaller uncertainty can be asked for with --goal.\n")
+    else:
+        result("Not enough: " + "; ".join(reason.line for reason in advice.reasons) + ".")
+        result(_how_many(advice))
+        _print_gaps(advice)
+        if advice.proposals:
+            result("Take these next; what each brings counts those before it:")
+        for number, proposal in enumerate(advice.proposals, start=1):
+            _print_proposal(number, proposal)
+        if advice.proposals:
+            result()
+    for note in advice.notes:
+        say(f"note: {note}")
+
+
+def _how_many(advice: Advice) -> str:
+    from cubicfish_cli.advice.proposals import MOST_PHOTOS
+
+    if advice.photos_needed is not None:
+        more = count(advice.photos_needed, "more photo")
+        return f"About {more} such as proposed here should do.\n"
+    if advice.proposals:
+        return (
+            f"More than {MOST_PHOTOS} photos would be needed: sharper photos, or boards with more "
+            "squares, bring more.\n"
+        )
+    return ""
+
+
+def _print_gaps(advice: Advice) -> None:
+    parts = advice.gaps.parts
+    if parts:
+        result("No corners here:")
+        for part in parts[:_MOST_PARTS]:
+            result(f"  {part.words}")
+        if len(parts) > _MOST_PARTS:
+            result(f"  and {count(len(parts) - _MOST_PARTS, 'smaller part')}")
+        result()
+
+
+def _print_proposal(number: int, proposal: Proposal) -> None:
+    result(f"  {number}  Put {proposal.words}.")
+    result(
+        f"     Lowers the uncertainty over the field from {proposal.before.median_px:.3f} to "
+        f"{proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians)."
+    )

@@ -1,0 +1,640 @@
+"""``cubicfish calibrate``: photos of a known target to a camera."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import (
+    corners_by_board,
+    count,
+    fitted_rows,
+    hold_gate,
+    mark_of,
+    print_errors,
+    print_figure,
+    print_models,
+    print_photo_table,
+    print_verdict,
+    px,
+    why_lost,
+)
+from cubicfish_cli.cli.options import (
+    DEFAULT_MODEL,
+    IntRange,
+    as_command,
+    option,
+    record,
+    target_options,
+)
+from cubicfish_cli.cli.progress import How, say_left_out
+from cubicfish_cli.cli.report import report_option, say_if_no_page
+from cubicfish_cli.cli.terminal import (
+    apart,
+    detail,
+    print_next,
+    print_table,
+    print_wrote,
+    result,
+    say,
+)
+from cubicfish_cli.commands.frames import with_frames
+from cubicfish_cli.errors import OutputError, UsageError
+from cubicfish_cli.files import Content, refuse_existing, write_files
+from cubicfish_cli.films import MOST
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    check_inputs,
+    holds_world_points,
+    made_at,
+    made_by_record,
+    path_or_none,
+    paths_of,
+    tables_among,
+)
+from cubicfish_cli.printing import extra
+from cubicfish_cli.words.codes import Event
+
+if TYPE_CHECKING:
+    from cubicfish_cli.assess.camera_facts import CameraFacts
+    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.fitting.calibration import Calibration
+    from cubicfish_cli.fitting.climb import RefineTarget
+    from cubicfish_cli.fitting.point_fit import PointCalibration
+    from cubicfish_cli.lenses.cubic import CubicCamera
+    from cubicfish_cli.library.inputs import Inputs
+    from cubicfish_cli.observations import Observations
+    from cubicfish_cli.target import Target
+
+_LONGEST_TITLE = 100
+
+NAMES = {
+    "camera": "camera.yaml",
+    "map": "undistort_map.npz",
+    "target": "target.refined.yaml",
+    "report": "report.html",
+    "corners": "corners.csv",
+    "drawn": "target.yaml",
+}
+"""Of its files by what they hold; the camera is the first to go and the last to be there."""
+
+# Made by a calibration only, and true of its camera only. A corners.csv may be the user's own.
+_ITS_OWN = ("map", "target", "report")
+
+
+@record
+class CalibrateOptions:
+    """What a camera is calibrated from, how, and what is written.
+
+    Attributes:
+        inputs: photos (files, folders and globs), films, or one corners.csv or correspondences.csv.
+        target: the calibration target, or its file; 2D-3D pairs have none.
+        correspondences: a table of 2D-3D pairs in the place of ``inputs``.
+        image_size: (width, height) of the photos, for tables that do not say.
+        folder: where camera.yaml and what goes with it is written.
+        title: what the camera is called.
+        refine_target: as in :func:`calibrate`; by default ``auto``.
+        hold_out: likewise.
+        lift: what the cubics are of: the viewing ray, or the 3D point itself.
+        best: calibrates from so many of many photos, those that add most; of films 60 frames where
+            it is None, and otherwise all.
+        compare: also fits other lens models to the same corners.
+        report: also writes report.html, where the extra ``report`` is installed.
+
+    Raises:
+        UsageError: they do not go together.
+
+    """
+
+    inputs: StrPath | Sequence[StrPath] = options.argument(
+        "Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
+        nargs=-1,
+        metavar="[PHOTOS|FILM|CSV]...",
+    )
+    target: TargetSource | Target | StrPath | None = target_options
+    correspondences: StrPath | None = option(
+        "--correspondences FILE",
+        "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
+        options.FILE,
+    )
+    image_size: tuple[int, int] | None = options.size_option
+    folder: StrPath = options.output_option(
+        "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
+        default="calibration",
+        folder=True,
+    )
+    title: str | None = option("--title TEXT", "What to call this camera, in its file and report.")
+    refine_target: RefineTarget | None = options.refine_target_option(
+        "Fit the target too: boards' shapes and places, or each corner's own place as well; "
+        "auto goes as far as it lowers the held-out error. [default: auto]",
+        default=None,
+    )
+    hold_out: bool = option(
+        "--hold-out/--no-hold-out",
+        "Measure the error on photos left out of the fit (five more fits; "
+        "--refine-target auto needs it).",
+        default=True,
+    )
+    lift: Literal["ray", "point"] = option(
+        "--lift",
+        "What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
+        "point itself, as the paper prints it, which holds only where the corners were.",
+        click.Choice(["ray", "point"]),
+        "ray",
+    )
+    best: int | None = option(
+        "--best N",
+        "Calibrate from those N of many photos that add most. [default: all photos, and of films "
+        f"{MOST} frames]",
+        IntRange(min=1),
+    )
+    compare: bool = option(
+        "--compare", "Also fit other lens models to the same corners, and print one table."
+    )
+    report: bool = report_option
+
+    def __post_init__(self) -> None:
+        title = self.title
+        if title is not None and (
+            not title.strip() or not title.isprintable() or len(title) > _LONGEST_TITLE
+        ):
+            raise UsageError(
+                f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
+            )
+        if self.lift == "point" and self.compare:
+            raise UsageError("--compare is of cameras with rays: it goes with --lift ray")
+        if self.lift == "point" and self.refine_target is not None:
+            raise UsageError("--refine-target goes with --lift ray: leave it out")
+        if self.refine_target == "auto" and not self.hold_out:
+            raise UsageError(
+                "--refine-target auto goes by photos that are held out, and not with "
+                "--no-hold-out: choose off, shape or points"
+            )
+
+    def refuse_unused(self, run: Run) -> None:
+        """Refuse what says nothing about such inputs.
+
+        Raises:
+            UsageError: something is asked that would not be done.
+
+        """
+        tables, target = tables_among(paths_of(self.inputs)), TargetSource.of(self.target)
+        pairs = self.correspondences is not None or any(map(holds_world_points, tables))
+        if pairs and target.is_known and not target.told:
+            raise UsageError(
+                "--target, --board and --square say what photos show, and 2D-3D pairs know their "
+                "points: leave it out"
+            )
+        if pairs and self.refine_target is not None:
+            raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
+        if not pairs and not tables:
+            if self.image_size is not None:
+                raise UsageError("--size is of CSV files: photos have their own size")
+            return
+        for name, given in (
+            ("--best", self.best is not None),
+            ("--jobs", run.jobs is not None),
+            ("--no-cache", run.anew),
+        ):
+            if given:
+                raise UsageError(
+                    f"{name} goes with photos and films, which are searched, not with CSV files"
+                )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibratedFiles:
+    """What became of :func:`calibrate_files`.
+
+    Attributes:
+        fitted: the fit; a :class:`PointCalibration` where the lift was ``point``.
+        inputs: what it was fitted to.
+        record: the fit as camera.yaml has it.
+        facts: the camera in the figures that people ask for first.
+        verdict: what it is worth.
+        files: what was written, by its name in :data:`NAMES`.
+        removed: what went of an earlier calibration.
+        advice: what to photograph next, in a line; None for the lift ``point``.
+        models: a record a lens model, where they were compared.
+
+    """
+
+    fitted: Calibration | PointCalibration
+    inputs: Inputs
+    record: dict[str, Any]
+    facts: CameraFacts
+    verdict: Verdict
+    files: dict[str, Path]
+    removed: list[Path]
+    advice: str | None = None
+    models: list[dict[str, Any]] | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish calibrate --json`` prints."""
+        return {
+            **self.record,
+            **({} if self.models is None else {"models": self.models}),
+            **self.inputs.remarks(self.fitted.remarks),
+            **({} if self.advice is None else {"advice": self.advice}),
+            "summary": self.facts.line,
+            "chosen": self.fitted.made_by.get("chosen"),
+            "verdict": self.verdict.as_record(),
+            "report": self.files.get("report"),
+            "files": self.files,
+            "model": self.files["camera"],
+        }
+
+
+def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFiles:
+    """Calibrate a camera from files into a folder, as ``cubicfish calibrate`` does.
+
+    Everything is written together at the end, or nothing is, but for frames of films.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, a file exists and may not be replaced, or no camera
+            can be fitted.
+
+    """
+    paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
+    pairs, folder = path_or_none(asked.correspondences), Path(asked.folder)
+    check_inputs(paths, pairs, source)
+    asked.refuse_unused(run)
+    made_at()  # said before the work if it cannot be
+    from cubicfish_cli.advice.enough import summary
+    from cubicfish_cli.fitting.calibration import Calibration
+    from cubicfish_cli.library.inputs import load_inputs, recorded_as
+
+    read = [path for path in (*paths, source.path, pairs) if path is not None]
+    goals = {kind: folder / name for kind, name in NAMES.items()}
+    # Corners that were read from this very file need not be written again.
+    with_corners = bool(paths) and not _is_among(read, goals["corners"])
+    with_page = asked.report and not extra.missing(extra.REPORT)
+    kinds = {"report": with_page, "corners": with_corners, "drawn": source.needs_file}
+    own = [kind for kind, wanted in kinds.items() if wanted]
+    kinds_refused = ("camera", "map", "target", *own)
+    refuse_existing(*(goals[kind] for kind in kinds_refused), overwrite=run.overwrite)
+    if asked.refine_target != "off" and _is_among(read, goals["target"]):
+        raise OutputError(
+            f"{goals['target']} would be replaced, and is what this calibration is made from: "
+            "choose another folder with -o"
+        )
+    photos, chosen = with_frames(paths, folder / "frames", source, asked.best, run)
+    loaded = load_inputs(
+        photos, source, run, correspondences=pairs, image_size=asked.image_size, best=asked.best
+    )
+    fitted, how = _fit(loaded, asked, run)
+    drawn = loaded.drawn(source)
+    named = {} if asked.title is None else {"title": asked.title}
+    made_by = {**named, **made_by_record(run.command, how, loaded.target_file, loaded.files)}
+    chosen = loaded.chosen or chosen
+    if chosen is not None:
+        made_by["chosen"] = chosen
+    if drawn is not None:
+        made_by["target"] = recorded_as(drawn, goals["drawn"])
+    fitted = replace(fitted, made_by=made_by)
+    loaded = loaded.named_by(fitted)
+    contents = _contents(fitted, loaded.corners if with_corners else None, drawn)
+    if contents.get("map") is None and asked.lift == "ray":
+        width, height = fitted.camera.image_size
+        run.listener.tell(Event.NO_MAP, width=width, height=height)
+    if with_page:
+        contents["report"] = _page(fitted, loaded, run)
+    run.listener.progress("Writing")
+    files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
+    others = [goals[kind] for kind in _ITS_OWN if kind not in files]
+    obsolete = [path for path in others if path.is_file() and not _is_among(read, path)]
+    write_files(
+        {path: contents[kind] or "" for kind, path in files.items()},
+        overwrite=run.overwrite,
+        obsolete=obsolete if run.overwrite else (),
+    )
+    record, advice, models = fitted.as_record(), None, None
+    if isinstance(fitted, Calibration):
+        advice = summary(fitted.camera, record, fitted.pairs)
+        if asked.compare:
+            from cubicfish_cli.fitting.model_comparison import compare_models  # all lens models
+
+            run.listener.tell(Event.OTHER_MODELS)
+            run.listener.progress("Fitting other lens models")
+            rows = compare_models(fitted, drawn=loaded.pairs.target, hold_out=asked.hold_out)
+            models = [row.as_record() for row in rows]
+    return CalibratedFiles(
+        fitted=fitted,
+        inputs=loaded,
+        record=record,
+        facts=fitted.facts,
+        verdict=fitted.verdict,
+        files=files,
+        removed=[path for path in obsolete if not path.exists()],
+        advice=advice,
+        models=models,
+    )
+
+
+def _is_among(inputs: Sequence[Path], path: Path) -> bool:
+    """Whether a file is one of those that the calibration is made from."""
+    return path.exists() and any(one.exists() and path.samefile(one) for one in inputs)
+
+
+def _contents(
+    fitted: Calibration | PointCalibration,
+    corners: Observations | None,
+    drawn: str | None,
+) -> dict[str, Content | None]:
+    """What is written of a fit of either lift, but for the report, by the names in :data:`NAMES`.
+
+    ``map`` is None where it would take gigabytes.
+    """
+    from cubicfish_cli.corner_files.observations_csv import save_corners
+    from cubicfish_cli.fitting.calibration import Calibration
+    from cubicfish_cli.target import target_text
+
+    contents: dict[str, Content | None] = {"drawn": drawn, "camera": fitted.text()}
+    if corners is not None:
+        contents["corners"] = partial(save_corners, corners=corners, overwrite=False)
+    if isinstance(fitted, Calibration):
+        contents["map"] = _map(fitted.camera)
+        if fitted.refined != "off" and fitted.target is not None:
+            contents["target"] = target_text(fitted.target)
+    return contents
+
+
+def _map(camera: CubicCamera) -> Content | None:
+    from cubicfish_cli.photos import MAX_PIXELS
+    from cubicfish_cli.undistortion.choose import build_view
+    from cubicfish_cli.undistortion.maps import build_map, save_map
+
+    if math.prod(camera.image_size) > MAX_PIXELS:
+        return None
+    return lambda path: save_map(path, build_map(camera, build_view(camera)), overwrite=False)
+
+
+def _fit(
+    loaded: Inputs, asked: CalibrateOptions, run: Run
+) -> tuple[Calibration | PointCalibration, dict[str, Any]]:
+    """Fit, and say what of the options camera.yaml is to keep."""
+    refine_target, hold_out = asked.refine_target or "auto", asked.hold_out
+    run.listener.found(loaded.photo_findings)
+    uncertain = loaded.pairs.uncertain_images
+    if refine_target == "auto" and uncertain:
+        run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
+    run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
+    if asked.lift == "point":
+        from cubicfish_cli.fitting.point_fit import calibrate_points
+
+        run.listener.progress("Fitting")
+        return calibrate_points(loaded.pairs, hold_out=hold_out), {"lift": asked.lift}
+    from cubicfish_cli.library.calibration import calibrate
+
+    fitted = calibrate(
+        loaded.given, refine_target=refine_target, hold_out=hold_out, listener=run.listener
+    )
+    return fitted, {"hold_out": hold_out, "refine_target": refine_target}
+
+
+def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> str | None:
+    """The page about it.
+
+    A camera that was hard to come by is not lost because a page about it cannot be made: then
+    there is none, and that is told.
+    """
+    start = perf_counter()
+    run.listener.progress("Making the report")
+    try:
+        with extra.quiet():
+            from cubicfish_cli.report.from_files import facts_of_fit
+            from cubicfish_cli.report.page import report_html
+
+        page = report_html(facts_of_fit(fitted, loaded.pairs, loaded.photos))
+    except Exception as problem:  # matplotlib may be broken in ways of its own
+        what = f"{type(problem).__name__}: {problem}".splitlines()[0]
+        run.listener.tell(Event.NO_PAGE, problem=what)
+        return None
+    run.listener.tell(Event.PAGE_TOOK, seconds=perf_counter() - start)
+    return page
+
+
+@as_command(
+    "calibrate",
+    "Photos of a known target to a camera and its undistortion map.",
+    "cubicfish calibrate photos/ --target target.yaml",
+    "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
+    "cubicfish calibrate film.mp4 --target target.yaml",
+    "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
+    "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
+    how=("max_rms", "overwrite", "as_json", "jobs", "no_cache"),
+)
+def command(given: CalibrateOptions, how: How) -> None:
+    """Calibrate a camera from PHOTOS (files, folders or globs) of the target in target.yaml.
+
+    One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
+    from 'cubicfish detect' or any other detector, may stand for the photos. Of films, frames are
+    chosen and kept in the folder, as 'cubicfish frames' does. Everything else is written together
+    at the end, or nothing is. With --overwrite, what an earlier calibration left in the
+    folder goes.
+    """
+    made = how.do(calibrate_files, given)
+    from cubicfish_cli.fitting.calibration import Calibration
+
+    fitted, printed = made.fitted, how.print(made)
+    say_left_out(fitted.unfit)
+    if isinstance(fitted, Calibration):
+        _say_findings(fitted, made.record)
+    if not printed:
+        apart()
+        result(made.facts.line, mark=(made.verdict.words, made.verdict.level))
+        if isinstance(fitted, Calibration):
+            _print_calibration(made, fitted)
+        else:
+            _print_points(made, fitted)
+    for path in made.removed:
+        say(f"removed {path}, which was of an earlier calibration")
+    say_if_no_page(made.files, wanted=given.report)
+    hold_gate(fitted.errors.rms_px, how.max_rms)
+
+
+def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
+    """Say what is odd about a fit, on stderr."""
+    for corner in record["dropped_corners"]:
+        detail(
+            "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
+                **corner
+            )
+        )
+    for finding in calibration.findings:
+        say(f"{mark_of(finding)}: {finding.line}")
+    for note in calibration.notes:
+        say(f"note: {note}")
+    for deformation in calibration.departures:
+        for doubt in deformation.doubts:
+            say(f"warning: board {deformation.board} seems {doubt.what}: {doubt.do}")
+
+
+def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
+    """The figures that the verdict rests on, the photos, what was written, and what to do next."""
+    camera, pairs, detection = calibration.camera, calibration.pairs, made.inputs.detection
+    print_verdict(made.verdict)
+    result(f"advice: {made.advice}\n")
+    _print_figures(calibration, made.record)
+    lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
+    lost |= why_lost(detection)
+    rows = fitted_rows(made.record, camera.image_size, corners_by_board(pairs), lost)
+    everything = str(made.files["camera"])
+    print_photo_table(rows, pairs.boards, made.record, everything=everything, apart=True)
+    result()
+    _print_object(calibration)
+    if made.models:
+        print_models(made.models)
+        result()
+    print_wrote(made.files.values())
+    used = {Path(name).name for name in pairs.images}
+    photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
+    say_next(made.verdict, made.files["camera"], photo, made.files.get("report"))
+
+
+def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
+    from cubicfish_cli.assess.uncertainty import recorded_uncertainty
+    from cubicfish_cli.fitting.findings import COVERED
+    from cubicfish_cli.frame_names import counted
+
+    dropped = len(calibration.dropped)
+    result(
+        f"{counted(row['image'] for row in record['per_image'])}, "
+        f"{count(record['corners'], 'corner')} used, "
+        f"{count(dropped, 'outlier')}{' (-v lists them)' * bool(dropped)}\n"
+    )
+    held_out = calibration.held_out
+    more: list[tuple[str, float | None, str]] = [
+        ("  radial reference", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
+    ]
+    if held_out is None:
+        more += [("held-out RMS", None, "not measured")]
+    else:
+        more += [
+            ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
+            ("  radial reference", held_out.companion_rms_px, ""),
+        ]
+    print_errors(record, more)
+    reach = f"corners reach {calibration.covered_deg:.1f}°"
+    meaning = f"from the axis, where the camera may be trusted; {reach}"
+    print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
+    print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
+    uncertainty = recorded_uncertainty(record)
+    if uncertainty is not None:
+        print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
+    print_figure("entrance pupil", px(calibration.pupil.rim_px), meaning=calibration.pupil.meaning)
+
+
+def _print_object(calibration: Calibration) -> None:
+    """Say in one line per board what was found of the target, where any of it was fitted."""
+    if not calibration.departures or calibration.target is None:
+        return
+    units = calibration.target.units
+    what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
+    levels = {"off": "as drawn", "shape": "shapes", "points": "corners too"}
+    tried = ", ".join(
+        f"{levels[level]} {px(rms)}" for level, rms in calibration.held_out_by_level.items()
+    )
+    result(
+        f"target fitted too: {what[calibration.refined]}"
+        + f" (held-out error px: {tried})" * bool(tried)
+    )
+    if calibration.renamed:
+        photos = count(len(calibration.renamed), "photo")
+        result(f"corners counted from the other end in {photos}, as the board's shape tells")
+    print_table(
+        ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
+         "stretch y %", f"moved {units}", "turned °", f"corners {units}"),
+        [
+            (
+                part.board,
+                *(f"{bend:.2g}" for bend in part.bend),
+                f"{part.twist:.2g}",
+                *(f"{100 * share:.2f}" for share in part.stretch),
+                f"{part.shift:.2g}",
+                f"{part.turn_deg:.2f}",
+                f"{part.offset_rms:.2g}",
+            )
+            for part in calibration.departures
+        ],
+    )  # fmt: skip
+    result()
+
+
+def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
+    """Print the photos, the errors, what P means and what was written."""
+    camera, pairs, record = calibration.camera, calibration.pairs, made.record
+    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), {})
+    print_photo_table(rows, pairs.boards, record)
+    result(
+        f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
+        f"{record['dropped']} dropped\n"
+    )
+    print_errors(
+        record,
+        [
+            ("  linear, plain", calibration.plain_rms_px, "Eq. 8 and 9"),
+            ("  linear, reweighted", calibration.reweighted_rms_px, "over its denominators"),
+            (
+                "held-out RMS",
+                calibration.held_out_rms_px,
+                "not measured" if calibration.held_out_rms_px is None else "poses by a radial lens",
+            ),
+        ],
+    )
+    meaning = (
+        "the corners determine P in the volume that they fill"
+        if camera.rank == 20
+        else "P means something on the boards only; points off them are refused"
+    )
+    print_figure("rank", str(camera.rank), "", f"of 20: {meaning}")
+    print_figure("frame", camera.frame, "", "of the points that it takes")
+    result()
+    print_verdict(made.verdict)
+    result()
+    print_wrote(made.files.values())
+    print_next(f"cubicfish project POINTS --model {made.files['camera']}")
+
+
+def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | None) -> None:
+    """Say what is to be done next, unless ``--quiet``.
+
+    Args:
+        judged: what the camera is worth.
+        camera: its file.
+        photo: one of those that it was made from.
+        report: the page about it, where there is one.
+
+    """
+    from cubicfish_cli.words.finding import asks_for_photos
+
+    lines = []
+    if judged.level == "bad":
+        lines.append(judged.reasons[0].do)
+        if asks_for_photos(judged.reasons[:1]):
+            lines.append(f"cubicfish advise{_folder(camera)}")
+    else:
+        name = "PHOTO" if photo is None else shlex.quote(str(photo))
+        flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
+        option = f" --model{_folder(camera)}" if camera != DEFAULT_MODEL else ""
+        lines.append(f"cubicfish undistort {name} {flat}{option}")
+    if report is not None:
+        lines.append(f"open {shlex.quote(str(report))}")
+    print_next(*lines)
+
+
+def _folder(camera: Path) -> str:
+    return "" if camera == DEFAULT_MODEL else f" {shlex.quote(str(camera.parent))}"

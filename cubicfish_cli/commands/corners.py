@@ -1,0 +1,140 @@
+"""``cubicfish corners``: corners that another detector found, as corners.csv."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import as_command, option, record
+from cubicfish_cli.cli.progress import How
+from cubicfish_cli.cli.terminal import result, say
+from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of, target_in
+from cubicfish_cli.words.phrases import listed
+
+if TYPE_CHECKING:
+    from cubicfish_cli.observations import Observations
+    from cubicfish_cli.target import Target
+
+_HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
+
+These are mrcal's corners.vnl, as mrgingham writes them: '# filename x y', maybe with level or
+weight, and one row for each corner of one board, dashes where it was not found. Corners are
+numbered row by row from the target's corner (0, 0); corners of a board that would be seen from
+behind are refused. The files do not say how large the photos are: --size does.
+
+What another detector writes can be made a corners.csv, a plain table.
+"""
+
+
+@record
+class CornersOptions:
+    """Corners that another detector found, which become a corners.csv.
+
+    Attributes:
+        files: mrcal's corners.vnl, as mrgingham writes it.
+        target: the calibration target, or its file.
+        table: where the corners go.
+        image_size: (width, height) of the photos in pixels, which such files do not state.
+        board: the name of the target's board in the photos; not needed where there is one.
+        only: a pattern for the names of photos, such as ``left*``.
+
+    """
+
+    files: StrPath | Sequence[StrPath] = options.argument(
+        "What the detector wrote.",
+        nargs=-1,
+        required=True,
+        metavar="FILES...",
+        missing="name what the detector wrote: 'cubicfish corners corners.vnl --size 1920x1080'",
+    )
+    target: Target | StrPath = options.needed_target
+    table: StrPath = options.output_option("Where the corners go.", default="corners.csv")
+    image_size: tuple[int, int] = option(
+        "--size", "Size of the photos.", options.SIZE, required=True
+    )
+    board: str | None = option(
+        "--board NAME", "The target's board in the photos. [default: the only one]"
+    )
+    only: str | None = option("--only GLOB", "Only photos whose names match, such as 'left*'.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedCornerFiles:
+    """What became of :func:`import_corner_files`.
+
+    Attributes:
+        file: the table of corners.
+        corners: what is in it.
+        left_out: how many corners the files declare as not found.
+        empty: names of photos without any corner.
+
+    """
+
+    file: Path
+    corners: Observations
+    left_out: int
+    empty: tuple[str, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish corners --json`` prints."""
+        return {
+            "file": self.file,
+            "image_size": self.corners.image_size,
+            "images": len(self.corners.images),
+            "corners": len(self.corners.pixel),
+            "left_out": self.left_out,
+            "empty_images": self.empty,
+        }
+
+
+def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCornerFiles:
+    """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
+
+    Raises:
+        CubicfishError: a file or the target cannot be used, or the table exists and may not be
+            replaced.
+
+    """
+    from cubicfish_cli.corner_files.observations_csv import save_corners
+    from cubicfish_cli.corner_files.vnlog import read_vnlogs
+    from cubicfish_cli.files import refuse_existing
+
+    goal = Path(asked.table)
+    refuse_existing(goal, overwrite=run.overwrite)
+    read = read_vnlogs(
+        paths_of(asked.files),
+        target_in(asked.target),
+        image_size=asked.image_size,
+        board=asked.board,
+        only=asked.only,
+    )
+    save_corners(goal, read.corners, overwrite=run.overwrite)
+    return ImportedCornerFiles(
+        file=goal, corners=read.corners, left_out=read.left_out, empty=read.empty
+    )
+
+
+@as_command(
+    "corners",
+    "Take over corners that another detector found.",
+    "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
+    "cubicfish corners corners.vnl --target box.yaml --size 752x480 --board floor --only 'left*'",
+    how=("overwrite", "as_json"),
+    help=_HELP,
+)
+def command(given: CornersOptions, how: How) -> None:
+    """See ``_HELP``."""
+    made = how.do(import_corner_files, given)
+    if how.print(made):
+        return
+    corners = made.corners
+    found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+    result(f"wrote {made.file}: {found}")
+    if made.left_out:
+        say(f"{count(made.left_out, 'corner')} left out, as the files say they were not found.")
+    if made.empty:
+        say(f"{count(len(made.empty), 'photo')} without corners: {listed(made.empty, 'photos')}")

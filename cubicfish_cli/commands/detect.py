@@ -1,0 +1,176 @@
+"""``cubicfish detect``: find and name the corners, and stop there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import (
+    GOOD,
+    PhotoRow,
+    corners_by_board,
+    count,
+    lost_word,
+    mark_of,
+    print_photo_table,
+)
+from cubicfish_cli.cli.options import as_command, option, record, target_options
+from cubicfish_cli.cli.progress import How, say_found
+from cubicfish_cli.cli.terminal import result, say
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
+
+if TYPE_CHECKING:
+    from cubicfish_cli.identification.identified import Detection
+    from cubicfish_cli.target import Target
+
+_FEW_CORNERS = 20
+
+
+@record
+class DetectOptions:
+    """Photos of a target, whose corners become a corners.csv.
+
+    Attributes:
+        photos: files, folders and globs.
+        target: the calibration target, or its file.
+        table: where the corners go.
+        draw: a folder for a picture of what was found in each photo that could be read.
+
+    """
+
+    photos: StrPath | Sequence[StrPath] = options.argument(
+        "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
+    )
+    target: TargetSource | Target | StrPath | None = target_options
+    table: StrPath = options.output_option("Where the corners go.", default="corners.csv")
+    draw: StrPath | None = option(
+        "--draw FOLDER",
+        "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
+        "corner (0, 0), arrows along x and y, in red what was left out and why.",
+        options.FOLDER,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DetectedFiles:
+    """What became of :func:`detect_files`.
+
+    Attributes:
+        detection: the corners, and what became of each photo.
+        file: the table of corners.
+        drawings: pictures of what was found; None where none were asked for.
+
+    """
+
+    detection: Detection
+    file: Path
+    drawings: list[Path] | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish detect --json`` prints."""
+        keys = ("boards", "corners", "added", "exact", "problem", "notes")
+        corners = self.detection.corners
+        return {
+            "file": self.file,
+            "image_size": corners.image_size,
+            "images": len(corners.images),
+            "corners": len(corners.pixel),
+            "findings": [finding.as_record() for finding in self.detection.findings],
+            "per_image": [
+                {
+                    "image": photo.name,
+                    **{key: getattr(photo, key) for key in keys},
+                    "findings": [finding.as_record() for finding in photo.findings],
+                }
+                for photo in self.detection.photos
+            ],
+            **({} if self.drawings is None else {"drawings": self.drawings}),
+        }
+
+
+def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
+    """Find the corners of a target in photos and write them, as ``cubicfish detect`` does.
+
+    Raises:
+        UsageError: no target is named.
+        CubicfishError: a photo or the target cannot be used, no corner could be named, or a file
+            exists and may not be replaced.
+
+    """
+    source, file = TargetSource.of(asked.target), Path(asked.table)
+    source.check()
+    from cubicfish_cli.corner_files.observations_csv import save_corners
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.library.detection import drawings, find_corners
+    from cubicfish_cli.overlay import draw_found
+    from cubicfish_cli.photos import read_grey
+    from cubicfish_cli.undistortion.images import write_picture
+
+    refuse_existing(file, overwrite=run.overwrite)
+    found = named_photos(paths_of(asked.photos), run.listener)
+    pictures = {} if asked.draw is None else drawings(Path(asked.draw), found)
+    refuse_existing(*pictures.values(), overwrite=run.overwrite)
+    detection = find_corners(found, source.load(run.listener), run)
+    save_corners(file, detection.corners, overwrite=run.overwrite)
+    if asked.draw is None:
+        return DetectedFiles(detection=detection, file=file)
+    written, progress = [], run.listener.counting("Drawing")
+    for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):
+        progress(done, len(found))
+        if report.found is not None:
+            drawn = draw_found(read_grey(photo.path), report, detection.corners)
+            write_picture(pictures[photo.name], drawn, overwrite=run.overwrite)
+            written.append(pictures[photo.name])
+    return DetectedFiles(detection=detection, file=file, drawings=written)
+
+
+@as_command(
+    "detect",
+    "Find and name the corners of the target in photos.",
+    "cubicfish detect photos/ --target target.yaml",
+    "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
+    how=("overwrite", "as_json", "jobs", "scheduler", "no_cache"),
+)
+def command(given: DetectOptions, how: How) -> None:
+    """Find the corners of the target in PHOTOS (files, folders or globs) and name them.
+
+    The result is a table, one corner per line: image, board, column, row, x, y.
+    """
+    made = how.do(detect_files, given)
+    detection, printed = made.detection, how.print(made)
+    say_found([one for photo in detection.photos for one in photo.findings])
+    for finding in detection.findings:
+        say(f"{mark_of(finding)}: {finding.line}")
+    if not printed:
+        corners = detection.corners
+        found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+        print_photo_table(_rows(detection), corners.boards)
+        result(f"\nwrote {given.table}: {found}")
+
+
+def _rows(detection: Detection) -> list[PhotoRow]:
+    by_board = corners_by_board(detection.corners)
+    rows = []
+    for photo in detection.photos:
+        said = []
+        if photo.lost:
+            said.append(lost_word(photo))
+        elif photo.corners < _FEW_CORNERS:
+            said.append("few corners")
+        if not photo.exact:
+            said.append("not sure which corners")
+        if not photo.lost and photo.notes:
+            said.append(f"{count(len(photo.notes), 'remark')}")
+        rows.append(
+            PhotoRow(
+                name=photo.name,
+                words="; ".join(said) or GOOD,
+                level="good" if not said else "bad" if photo.lost else "care",
+                boards=by_board.get(photo.name, {}),
+                corners=None if photo.lost else photo.corners,
+            )
+        )
+    return rows

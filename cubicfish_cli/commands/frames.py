@@ -1,0 +1,195 @@
+"""``cubicfish frames``: from films to the few frames that are worth calibrating from."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import IntRange, as_command, option, record, target_options
+from cubicfish_cli.cli.progress import How
+from cubicfish_cli.cli.terminal import print_next, result
+from cubicfish_cli.films import MOST
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos
+from cubicfish_cli.words.codes import Event
+
+if TYPE_CHECKING:
+    from cubicfish_cli.target import Target
+
+
+@record
+class FramesOptions:
+    """Films of one camera, of which frames are chosen.
+
+    Attributes:
+        films: all of one size: files, recordings with their topic, or globs.
+        target: the calibration target or its file, or what it may be; None looks for any
+            checkerboard.
+        folder: where the frames go.
+        most: how many frames may be chosen.
+
+    """
+
+    films: StrPath | Sequence[StrPath] = options.argument(
+        "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
+    )
+    target: TargetSource | Target | Sequence[Target] | StrPath | None = target_options
+    folder: StrPath = options.output_option(
+        "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
+        "go.",
+        folder=True,
+        required=True,
+    )
+    most: int = option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenFrames:
+    """What became of films.
+
+    Attributes:
+        photos: the pictures that were written, in the films' order.
+        table: frames.csv.
+        sheet: the contact sheet.
+        frames: how many frames the films have.
+        looked_at: in how many of them corners were looked for.
+        ended: why no more were chosen, in a sentence.
+        films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
+            told), missing (how many frames it announces, or has, that could not be decoded), and
+            the problem with it in one line or None.
+
+    """
+
+    photos: tuple[Path, ...]
+    table: Path
+    sheet: Path
+    frames: int
+    looked_at: int
+    ended: str
+    films: tuple[dict[str, Any], ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish frames --json`` prints."""
+        return {
+            "photos": self.photos,
+            "file": self.table,
+            "sheet": self.sheet,
+            "frames": self.frames,
+            "looked_at": self.looked_at,
+            "ended": self.ended,
+            "films": self.films,
+        }
+
+
+def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
+    """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
+
+    They are written as PNG, with their time in the name, beside frames.csv and a contact sheet, or
+    nothing is.
+
+    Raises:
+        PhotoError: a film cannot be used.
+        DetectionError: no frame shows the target.
+        OutputError: ``folder`` holds frames already, or cannot be written; the extra ``video`` is
+            not installed.
+
+    """
+    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.films.scan import room_for_frames
+    from cubicfish_cli.films.source import open_films
+    from cubicfish_cli.films.written import SHEET, TABLE, depends_on, write_chosen
+    from cubicfish_cli.library import frames
+
+    folder, targets = Path(asked.folder), frames.targets_of(asked.target, run.listener)
+    films = open_films(frames.expanded_films(asked.films))
+    for name in (TABLE, SHEET):
+        refuse_existing(folder / name, overwrite=run.overwrite)
+    with room_for_frames(folder) as room:
+        measured = frames.scanned(films, room, asked.most, run.listener)
+        chosen = frames.chosen_of(measured, targets, asked.most, run)
+        of = depends_on(films, asked.most, frames.fingerprint_of(targets))
+        run.listener.progress("Writing frames")
+        write_chosen(folder, of, chosen, overwrite=run.overwrite)
+    return ChosenFrames(
+        photos=tuple(folder / chosen.frames[at].photo.name for at in chosen.numbers),
+        table=folder / TABLE,
+        sheet=folder / SHEET,
+        frames=sum(map(len, measured)),
+        looked_at=len(chosen.looked_at),
+        ended=chosen.ended,
+        films=tuple(frames.record_of(one) for one in measured),
+    )
+
+
+def with_frames(
+    inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
+) -> tuple[Sequence[Path], str | None]:
+    """The inputs, with frames that are chosen of films in their place.
+
+    Those that an earlier run chose of the same films are taken as they are, unless nothing is kept.
+
+    Args:
+        inputs: photos and films.
+        folder: where the frames go.
+        target: what they show.
+        best: how many frames are chosen at most; None for the usual number.
+        run: how the work is done.
+
+    Returns:
+        The inputs, and why no more frames were chosen, in a sentence; None where there is no film.
+
+    Raises:
+        CubicfishError: a film cannot be used, or photos are of another size.
+
+    """
+    from cubicfish_cli.library.inputs import films_among
+
+    films, most = films_among(inputs), best or MOST
+    if not films:
+        return inputs, None
+    from cubicfish_cli.library.frames import earlier_frames, refuse_other_photos
+
+    photos = [path for path in inputs if path not in films]
+    if photos:
+        refuse_other_photos(named_photos(photos, run.listener), films)
+    targets = target.load()
+    kept, ended = ((), "") if run.anew else earlier_frames(films, folder, targets, most=most)
+    if kept:
+        run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder, ended=ended)
+        return [*photos, *kept], ended
+    asked = FramesOptions(films=films, folder=folder, target=targets, most=most)
+    chosen = choose_frames(asked, run=run)
+    told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
+    run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
+    return [*photos, *chosen.photos], chosen.ended
+
+
+@as_command(
+    "frames",
+    "Choose frames of films to calibrate from.",
+    "cubicfish frames film.mp4 -o photos/ --target target.yaml",
+    "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
+    how=("overwrite", "as_json", "jobs", "no_cache"),
+)
+def command(given: FramesOptions, how: How) -> None:
+    """Choose the frames of each FILM that a camera is best calibrated from.
+
+    They are sharp, still, and each shows something that the others do not: corners in another
+    part of the picture, or a board from another side.
+    """
+    target, chosen = given.target, how.do(choose_frames, given)
+    if how.print(chosen):
+        return
+    result(
+        f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
+        f"in {chosen.looked_at}"
+    )
+    result(chosen.ended)
+    result(f"wrote {given.folder}: frames, {chosen.table.name} and {chosen.sheet.name}")
+    if isinstance(target, TargetSource) and target.path is not None:
+        photos = ["calibrate", str(given.folder), "--target", str(target.path)]
+        print_next(shlex.join(["cubicfish", *photos]))

@@ -1,0 +1,256 @@
+"""``cubicfish simulate``: photos of known truth, through any camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import count
+from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, bundle, option, record
+from cubicfish_cli.cli.progress import How
+from cubicfish_cli.cli.terminal import print_next, print_wrote, result
+from cubicfish_cli.errors import OutputError, UsageError
+from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
+from cubicfish_cli.rendering.options import FORMATS, LOOKS, LookOptions
+from cubicfish_cli.wording import did_you_mean, quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.files import Content
+    from cubicfish_cli.formats.calibrated import Calibrated
+    from cubicfish_cli.lenses.cubic import CubicCamera
+    from cubicfish_cli.target import Target
+
+_SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml"}
+_MOST_PHOTOS = 10_000
+_RENDERING = "Rendering"
+
+look_options = bundle(
+    LookOptions,
+    option(
+        "--noise LEVELS",
+        "Standard deviation of the sensor's noise, grey levels of 255.",
+        FloatRange(*LOOKS["noise"]),
+        LookOptions.noise,
+    ),
+    option(
+        "--blur PX",
+        "Standard deviation of the lens's blur, pixels.",
+        FloatRange(*LOOKS["blur"]),
+        LookOptions.blur,
+    ),
+    option(
+        "--vignetting SHARE",
+        "Share of the light that is lost 90° from the axis.",
+        FloatRange(*LOOKS["vignetting"]),
+        LookOptions.vignetting,
+    ),
+    option(
+        "--exposure FACTOR",
+        "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
+        "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
+        FloatRange(*LOOKS["exposure"]),
+        LookOptions.exposure,
+    ),
+    option(
+        "--seed N",
+        "Other poses and other noise; the same seed gives the same photos.",
+        IntRange(0),
+        LookOptions.seed,
+    ),
+)
+
+
+def _lens(model: Path | None, lens: Path | None) -> Path:
+    if lens is None:
+        return options.model_path(model)
+    if options.is_given("model"):
+        raise UsageError("--lens stands in the place of --model: leave one of them out")
+    return lens
+
+
+@record
+class SimulateOptions:
+    """Photos of a target, taken through a camera.
+
+    Attributes:
+        target: the calibration target, or its file; its boards are rendered flat.
+        lens: a camera or a fit; or a file: camera.yaml or another tool's.
+        image_size: (width, height) of the pictures in pixels, for files that do not say.
+        number: of photos, where there are no ``poses``; by default 12.
+        folder: where photo_01.jpg and so on go, true_corners.csv (pixels), true_poses.csv and
+            true_camera.yaml.
+        poses: a table to take photos from, such as the true_poses.csv of earlier ones; lengths
+            in the target's unit, rotation vectors in radians, ``camera_from_world``.
+        look: how they look.
+        form: of the photos: ``jpg`` or ``png``.
+
+    Raises:
+        UsageError: one is not usable, or they do not go together.
+
+    """
+
+    target: Target | StrPath = options.needed_target
+    lens: Calibrated | CubicCamera | StrPath = bundle(
+        _lens,
+        options.model_option,
+        option(
+            "--lens FILE",
+            "In place of --model: another tool's camera file, such as mrcal's .cameramodel or "
+            "COLMAP's cameras.txt, as it is.",
+            options.FILE,
+        ),
+    )
+    image_size: Sequence[int] | None = option(
+        "--size", "Size of the photos, where the file of --lens does not say.", options.SIZE
+    )
+    number: int | None = option(
+        "-n --number N", "How many photos. [default: 12]", IntRange(1, _MOST_PHOTOS)
+    )
+    folder: StrPath = options.output_option(
+        "Where the photos and their truth go.", default="simulated", folder=True
+    )
+    poses: StrPath | None = option(
+        "--poses FILE",
+        "Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
+        "(camera_from_world), such as the true_poses.csv of earlier photos.",
+        options.FILE,
+    )
+    look: LookOptions = look_options
+    form: str = option(
+        "--format",
+        "Of the photos; png keeps every grey level.",
+        click.Choice(FORMATS),
+        FORMATS[0],
+    )
+
+    def __post_init__(self) -> None:
+        if self.poses is not None and self.number is not None:
+            raise UsageError("--poses says how many photos there are: leave -n out")
+        if self.number is not None and not 1 <= self.number <= _MOST_PHOTOS:
+            raise UsageError(f"number must be from 1 to {_MOST_PHOTOS}, not {self.number}")
+        if self.form not in FORMATS:
+            told = did_you_mean(str(self.form), FORMATS)
+            raise UsageError(f"photos are not written as {quoted(self.form)}: {told}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedFiles:
+    """What became of :func:`simulate_files`.
+
+    Attributes:
+        photos: the photos.
+        truth: the files beside them: ``true_corners``, ``true_poses`` and ``true_camera``.
+        corners: how many corners can be seen in them.
+        image_size: (width, height), pixels.
+        seed: their seed.
+
+    """
+
+    photos: Sequence[Path]
+    truth: Mapping[str, Path]
+    corners: int
+    image_size: tuple[int, int]
+    seed: int
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish simulate --json`` prints."""
+        named = ("photos", "corners", "image_size", "seed")
+        return {**{name: getattr(self, name) for name in named}, **self.truth}
+
+
+def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
+    """Render photos of a target beside their truth, as ``cubicfish simulate`` does.
+
+    The poses fill the camera's field. All files are written, or none.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CameraFileError: the lens cannot be used.
+        CorrespondenceError: the table cannot be used.
+        TargetError: the target cannot be drawn, or is not seen so often.
+        OutputError: no photo shows a corner, or a file exists and may not be replaced.
+
+    """
+    from cubicfish_cli.files import write_files
+    from cubicfish_cli.library.simulation import poses_of_table, source_of
+    from cubicfish_cli.rendering.simulate import chosen_poses, photo_bytes, simulated_photos
+    from cubicfish_cli.rendering.truth import pose_table_text, true_corners_text
+    from cubicfish_cli.words.codes import Event
+    from cubicfish_cli.words.phrases import plural
+
+    thing, form, look, listener = target_in(asked.target), asked.form, asked.look, run.listener
+    listener.progress("Choosing where to take photos from")
+    source = source_of(asked.lens, asked.image_size, thing)
+    if source.note is not None:
+        listener.tell(Event.NEAREST_CAMERA, **source.note)
+    if any(board.shape is not None for board in thing.boards):
+        listener.tell(Event.RENDERED_FLAT)
+    folder = Path(asked.folder)
+    flat, seed = thing.with_flat_boards(), look.seed
+    if asked.poses is None:
+        chosen = chosen_poses(thing, source.lens, source.image_size, asked.number or 12, seed=seed)
+        digits = max(2, len(str(len(chosen))))
+        named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
+    else:
+        named = poses_of_table(Path(asked.poses), form)
+    corners = true_corners_text(flat, source.lens, named, source.image_size)
+    if corners.count("\n") <= 2:
+        raise OutputError("no photo shows a corner: check the poses, the target and its units")
+    texts = {
+        "true_corners": corners,
+        "true_poses": pose_table_text(named),
+        "true_camera": source.text,
+    }
+    width, height = source.image_size
+    listener.tell(Event.RENDERING, pictures=plural(len(named), "photo"), width=width, height=height)
+    listener.progress(_RENDERING)
+    rendered = simulated_photos(flat, source.lens, source.image_size, named, look)
+
+    def write(done: int, path: Path) -> None:
+        path.write_bytes(photo_bytes(next(rendered)[1], path.suffix[1:]))
+        listener.progress(_RENDERING, done, len(named))
+
+    truth = {name: folder / f"{name}{_SUFFIXES[name]}" for name in texts}
+    photos = {folder / name: partial(write, done) for done, name in enumerate(named, start=1)}
+    files: dict[Path, Content] = {**photos, **{truth[name]: texts[name] for name in texts}}
+    write_files(files, overwrite=run.overwrite)
+    return SimulatedFiles(
+        photos=list(photos),
+        truth=truth,
+        corners=corners.count("\n") - 2,
+        image_size=source.image_size,
+        seed=seed,
+    )
+
+
+@as_command(
+    "simulate",
+    "Render photos of a target through a camera, with the truth beside them.",
+    "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
+    "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
+    "cubicfish simulate -t target.yaml --lens other.cameramodel --exposure 2",
+    "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
+    how=("overwrite", "as_json"),
+)
+def command(given: SimulateOptions, how: How) -> None:
+    """Render photos of the target in target.yaml as a camera would take them.
+
+    The camera is a camera.yaml, or another tool's file with --lens, which does not flatter the fit
+    as a lens does that the cubic can hold. Poses are chosen so that the photos together fill its
+    field, from different sides and distances, each with whole boards. Beside the photos go
+    true_corners.csv (where each corner that can be seen really is), true_poses.csv and
+    true_camera.yaml: calibrate the photos, and you know how far the result is from the truth.
+    """
+    made = how.do(simulate_files, given)
+    if how.print(made):
+        return
+    photos, corners = count(len(made.photos), "photo"), count(made.corners, "corner")
+    result(f"wrote {photos} with {corners} to {given.folder}")
+    print_wrote(made.truth.values())
+    print_next(f"cubicfish calibrate {given.folder} --target {given.target}")
