@@ -10,8 +10,8 @@ from cubicfish_cli import Comparison as Comparison
 from cubicfish_cli import CornersOptions as CornersOptions
 from cubicfish_cli import CubicCamera as CubicCamera
 from cubicfish_cli import CubicfishError as CubicfishError
-from cubicfish_cli import DetectOptions as DetectOptions
 from cubicfish_cli import Detection as Detection
+from cubicfish_cli import DetectOptions as DetectOptions
 from cubicfish_cli import Evaluation as Evaluation
 from cubicfish_cli import Event as Event
 from cubicfish_cli import Finding as Finding
