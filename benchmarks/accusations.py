@@ -64,8 +64,7 @@ def outcome(trial: Trial) -> tuple[Trial, str, list[str], list[str]]:
         found = calibrate(pairs, target=target)
     except FitError as error:
         return trial, "stopped", [], [str(error)]
-    record = found.as_record()
-    judged = verdict(record, pairs.image_size, found.camera.outline())
+    judged = verdict(found.fit, pairs.image_size, found.camera.outline())
     words = [finding.line for finding in found.findings if finding.severity == "bad"]
     if judged.level == "bad" and not words:
         words = [f"verdict: {judged.line}"]

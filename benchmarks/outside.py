@@ -95,7 +95,7 @@ def measured(lens, errors: CornerErrors, poses, target: Target, seed: int) -> tu
     start = time.process_time()
     fit = calibrate(corners.with_target(target))
     seconds = time.process_time() - start
-    angle = min(fit.covered_deg, lens.max_angle_deg - 0.5, fit.camera.max_angle_deg)
+    angle = min(fit.fit.covered_deg, lens.max_angle_deg - 0.5, fit.camera.max_angle_deg)
     rays = cone_rays(np.radians(angle), 3000)
     pixel = truth.lens.project(rays)
     with np.errstate(invalid="ignore"):
@@ -108,7 +108,7 @@ def measured(lens, errors: CornerErrors, poses, target: Target, seed: int) -> tu
         rms(radial),
         float(np.percentile(length, 95)),
         float(length.max()),
-        float(fit.uncertainty_grid["median_px"]),
+        float(fit.fit.uncertainty.median_px),
         len(corners.pixel),
         seconds,
     )

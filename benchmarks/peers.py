@@ -98,7 +98,7 @@ def ours(pairs: Observations, target: Target) -> Calibration:
         )
         row(
             f"  its radial reference, target {level}",
-            fit.companion_rms_px,
+            fit.fit.companion_rms_px,
             held_out and held_out.companion_rms_px,
             None,
         )
@@ -228,7 +228,7 @@ def main() -> None:
             size=kept.image_size,
             folds=min(FOLDS, len(kept.images)),
             focal=round(fit.camera.radial.fx, -1),
-            fov_deg=min(330, int(2 * fit.covered_deg) + 10),
+            fov_deg=min(330, int(2 * fit.fit.covered_deg) + 10),
         )
         if options.mrcal:
             mrcal_rows(options.mrcal, npz)

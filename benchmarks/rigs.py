@@ -152,7 +152,7 @@ def place_errors(rig: RigCalibration, truth: RigTruth) -> list[np.ndarray]:
     """(6,) of each camera but the first: turn in radians, shift in the target's unit."""
     turns = []
     for one, true in zip(rig.cameras, truth.cameras, strict=True):
-        covered = np.deg2rad(float(one.fit["covered_deg"]))
+        covered = np.deg2rad(float(one.fit.covered_deg))
         rays = cone_rays(covered, 2000)
         # What the fitted camera sees along d, the true one sees along turn d.
         turns.append(aligned_difference(true.lens, one.camera, rays)[1])

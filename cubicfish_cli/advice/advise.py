@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +12,8 @@ from cubicfish_cli.advice.field import GRID, Field, reach_of
 from cubicfish_cli.advice.gaps import Gaps, find_gaps
 from cubicfish_cli.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.advice.proposals import Proposal, proposed
-from cubicfish_cli.assess.uncertainty import FieldUncertainty, recorded_uncertainty
+from cubicfish_cli.assess.fit_record import FitRecord
+from cubicfish_cli.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -95,7 +95,7 @@ class Advice:
 @one_blas_thread()
 def advise(
     camera: CubicCamera,
-    fit: Mapping[str, Any],
+    fit: FitRecord,
     pairs: Observations,
     target: Target | None,
     *,
@@ -107,7 +107,7 @@ def advise(
 
     Args:
         camera: a calibrated camera.
-        fit: its record, as ``as_record`` of a calibration gives and camera.yaml keeps.
+        fit: its record.
         pairs: the pairs that it was fitted to, world points those of the target as fitted.
         target: the calibration target as fitted; None for pairs that came without one.
         goal_px: uncertainty wanted over the field; by default :func:`default_goal`.
@@ -183,13 +183,13 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
 
 
 def _as_recorded(
-    knowledge: Knowledge, fit: Mapping[str, Any], field: Field
+    knowledge: Knowledge, fit: FitRecord, field: Field
 ) -> tuple[Knowledge, FieldUncertainty]:
     """The knowledge with the uncertainty that the record has, to the last digit, and that.
 
     Where the target was fitted too, a fit that begins at its end differs by a few percent.
     """
-    own, known = field.summed(knowledge.information), recorded_uncertainty(fit)
+    own, known = field.summed(knowledge.information), fit.uncertainty.field
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
         return knowledge, own
     noise_px = knowledge.information.noise_px * known.median_px / own.median_px

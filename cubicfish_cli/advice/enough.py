@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.advice.gaps import Gaps, find_gaps
-from cubicfish_cli.assess.uncertainty import FieldUncertainty, recorded_uncertainty
+from cubicfish_cli.assess.fit_record import FitRecord
+from cubicfish_cli.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.assess.verdict import verdict
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
@@ -61,17 +60,17 @@ def seen_share(camera: CubicCamera) -> float:
     return float(area / (np.pi * (min(camera.image_size) / 2) ** 2))
 
 
-def summary(camera: CubicCamera, fit: Mapping[str, Any], pairs: Observations) -> str:
+def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
     """Whether more photos are needed, and of which parts of the picture, in one line.
 
     Args:
         camera: a calibrated camera.
-        fit: its record, as ``as_record`` of a calibration gives and camera.yaml keeps.
+        fit: its record.
         pairs: the pairs that it was fitted to.
 
     """
     gaps = find_gaps(camera, pairs)
-    now = recorded_uncertainty(fit)
+    now = fit.uncertainty.field
     goal = default_goal(camera.image_size)
     reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     judged = verdict(fit, camera.image_size, camera.outline())

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.records import recorded_number
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.fitting.robust import noise_px
-from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import Information, information
 from cubicfish_cli.fitting.world import World
@@ -61,18 +59,17 @@ class Knowledge:
         return held
 
 
-def recorded_poses(fit: Mapping[str, Any], images: Sequence[str]) -> Poses | None:
+def recorded_poses(fit: FitRecord, images: Sequence[str]) -> Poses | None:
     """camera_from_world of photos from a fit's record; None where one is not on record."""
-    known = poses_on_record(fit)
-    if not images or any(name not in known for name in images):
+    if not images or any(name not in fit.poses for name in images):
         return None
-    vectors, shifts = zip(*(known[name] for name in images), strict=True)
+    vectors, shifts = zip(*(fit.poses[name] for name in images), strict=True)
     return Poses(rotation=rotation_from_vector(vectors), translation=np.array(shifts))
 
 
 def know(
     camera: CubicCamera,
-    fit: Mapping[str, Any],
+    fit: FitRecord,
     pairs: Observations,
     poses: Poses,
     target: Target | None,
@@ -81,7 +78,7 @@ def know(
 
     Args:
         camera: the camera.
-        fit: its record, as camera.yaml has it.
+        fit: its record.
         pairs: the pairs that it was fitted to, world points those of the target as fitted.
         poses: camera_from_world of each of ``pairs.images``, in the target's units.
         target: the calibration target as fitted.
@@ -98,7 +95,7 @@ def know(
     miss = np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)
     pairs = weighed(pairs, miss)
     reference = radial_near(camera.radial, pairs, poses)
-    level, spread = fit.get("refine_target"), None
+    level, spread = fit.refine_target, None
     world: World | None = None
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
@@ -123,27 +120,17 @@ def know(
     )
 
 
-def _hold(fit: Mapping[str, Any], *, central: bool) -> Hold:
+def _hold(fit: FitRecord, *, central: bool) -> Hold:
     """How P was held; as in files that do not say where it is not a number."""
-    spread, weight = (
-        recorded_number(fit.get("prior_spread")),
-        recorded_number(fit.get("prior_weight")),
-    )
     return Hold(
-        spread=_OLDER_SPREAD if spread is None or spread < 0 else spread,
-        weight=EXPECTED.weight if weight is None or weight <= 0 else weight,
+        spread=fit.prior_spread if fit.prior_spread >= 0 else _OLDER_SPREAD,
+        weight=fit.prior_weight if fit.prior_weight > 0 else EXPECTED.weight,
         central=central,
     )
 
 
-def _offset_spread(fit: Mapping[str, Any], scale: float) -> float:
+def _offset_spread(fit: FitRecord, scale: float) -> float:
     """Typical offset of a corner, from what the record has of each board."""
-    deformations = fit.get("departures")
-    found = [
-        record.get("offset_rms")
-        for record in (deformations if isinstance(deformations, list) else [])
-        if isinstance(record, Mapping)
-    ]
-    known = [x for x in found if isinstance(x, int | float) and 0 < x < math.inf]
+    known = [board.offset_rms for board in fit.departures if board.offset_rms > 0]
     # The record's lengths are of three coordinates.
     return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.pupil import PupilEffect, recorded_pupil
-from cubicfish_cli.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.assess.fit_record import FitRecord
+from cubicfish_cli.assess.records import plain_record
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
 from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
@@ -50,15 +51,9 @@ class CameraFacts:
         image_size: (width, height), pixels.
         focal_px: (x, y) pixels per radian on the axis.
         principal_point: (x, y) pixel of the axis.
-        focal_sigma_px, principal_point_sigma_px: one standard deviation of each, from the
-            corners' noise.
         field: the field that a photo shows.
         max_angle_deg: as far from the axis the camera may be trusted.
-        covered_deg: as far from it corners reach.
-        pupil: what it matters that the entrance pupil wanders.
-        rms_px, held_out_rms_px: reprojection errors of the fit.
-        images, corners: how many were used.
-        pictures: how many photos, or frames of which films, in words.
+        fit: how well it fits.
         verdict: what the fit is worth; None for a camera of which no fit is on record.
         date: when it was made, ISO 8601.
         version: of the program that made it.
@@ -71,22 +66,32 @@ class CameraFacts:
     image_size: tuple[int, int]
     focal_px: tuple[float, float] | None
     principal_point: tuple[float, float] | None
-    focal_sigma_px: tuple[float, float] | None
-    principal_point_sigma_px: tuple[float, float] | None
     field: FieldSeen | None
     max_angle_deg: float | None
-    covered_deg: float | None
-    pupil: PupilEffect | None
-    rms_px: float | None
-    held_out_rms_px: float | None
-    images: int | None
-    corners: int | None
-    pictures: str | None
+    fit: FitRecord
     verdict: Verdict | None
     date: str | None
     version: str | None
     command: str | None
     target: str | None
+
+    @property
+    def focal_sigma_px(self) -> tuple[float, ...] | None:
+        """One standard deviation of ``focal_px``, from the corners' noise."""
+        return _two(self.fit.uncertainty.focal_px)
+
+    @property
+    def principal_point_sigma_px(self) -> tuple[float, ...] | None:
+        """One standard deviation of ``principal_point``, likewise."""
+        return _two(self.fit.uncertainty.principal_point_px)
+
+    @property
+    def pictures(self) -> str | None:
+        """How many photos, or frames of which films, the fit is from, in words."""
+        images, names = self.fit.images, [photo.image for photo in self.fit.per_image]
+        if images <= 0:
+            return None
+        return counted(names if len(names) == images else [""] * images)
 
     @property
     def line(self) -> str:
@@ -107,45 +112,52 @@ class CameraFacts:
                 f"focal length {sum(self.focal_px) / 2:.1f} px, principal point "
                 "({:.1f}, {:.1f})".format(*self.principal_point)
             )
-        if self.held_out_rms_px is not None:
-            parts.append(f"held-out error {self.held_out_rms_px:.3f} px")
-        elif self.rms_px is not None:
-            parts.append(f"error {self.rms_px:.3f} px RMS")
+        if math.isfinite(self.fit.held_out_rms_px):
+            parts.append(f"held-out error {self.fit.held_out_rms_px:.3f} px")
+        elif math.isfinite(self.fit.rms_px):
+            parts.append(f"error {self.fit.rms_px:.3f} px RMS")
         if self.verdict is not None:
             parts.append(self.verdict.words)
         return ", ".join(parts)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        record = {one.name: getattr(self, one.name) for one in fields(self)}
-        record = {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in record.items()
-        }
-        seen, judged = record.pop("field"), record.pop("verdict")
-        del record["pictures"]
+        fit, seen = self.fit, self.field
         return {
-            **record,
             "title": self.title or None,
+            "image_size": list(self.image_size),
+            "focal_px": self.focal_px and list(self.focal_px),
+            "principal_point": self.principal_point and list(self.principal_point),
+            "focal_sigma_px": plain_record(self.focal_sigma_px),
+            "principal_point_sigma_px": plain_record(self.principal_point_sigma_px),
+            "max_angle_deg": self.max_angle_deg,
+            "covered_deg": plain_record(fit.covered_deg),
+            "pupil": plain_record(fit.pupil),
+            "rms_px": plain_record(fit.rms_px),
+            "held_out_rms_px": plain_record(fit.held_out_rms_px),
+            "images": fit.images or None,
+            "corners": fit.corners or None,
+            "date": self.date,
+            "version": self.version,
+            "command": self.command,
+            "target": self.target,
             "summary": self.line,
             "horizontal_deg": seen and seen.horizontal,
             "vertical_deg": seen and seen.vertical,
             "diagonal_deg": seen and seen.diagonal,
-            "pupil": self.pupil and self.pupil.as_record(),
-            "verdict": judged and judged.as_record(),
+            "verdict": self.verdict and self.verdict.as_record(),
         }
 
 
 def camera_facts(
-    camera: CubicCamera | PointCamera, fit: Mapping[str, Any], made_by: Mapping[str, Any]
+    camera: CubicCamera | PointCamera, fit: FitRecord, made_by: Mapping[str, Any]
 ) -> CameraFacts:
     """What a camera is.
 
     Args:
         camera: the camera.
-        fit: its errors, as camera.yaml has them; what is missing there, or no figure, counts as
-            not known.
-        made_by: how it was made, likewise.
+        fit: how well it fits.
+        made_by: how it was made, plain data; what is missing there, or no text, is not known.
 
     """
     focal = axis = seen = None
@@ -154,27 +166,17 @@ def camera_facts(
         focal = (float(slope[0, 0]), float(slope[1, 1]))
         axis = (float(pixel[0]), float(pixel[1]))
         seen = field_seen(camera)
-    uncertainty = fit.get("uncertainty")
-    sigma = uncertainty if isinstance(uncertainty, Mapping) else {}
     target = made_by.get("target")
     return CameraFacts(
         title=_text(made_by, "title") or "",
         image_size=camera.image_size,
         focal_px=focal,
         principal_point=axis,
-        focal_sigma_px=_two(sigma.get("focal_px")),
-        principal_point_sigma_px=_two(sigma.get("principal_point_px")),
         field=seen,
         max_angle_deg=camera.max_angle_deg if isinstance(camera, CubicCamera) else None,
-        covered_deg=recorded_number(fit.get("covered_deg")),
-        pupil=recorded_pupil(fit),
-        rms_px=recorded_number(fit.get("rms_px")),
-        held_out_rms_px=recorded_number(fit.get("held_out_rms_px")),
-        images=_count(fit.get("images")),
-        corners=_count(fit.get("corners")),
-        pictures=_pictures(fit),
+        fit=fit,
         verdict=verdict(fit, camera.image_size, camera.outline())
-        if recorded_number(fit.get("rms_px")) is not None
+        if math.isfinite(fit.rms_px)
         else None,
         date=_text(made_by, "date"),
         version=_text(made_by, "version"),
@@ -205,23 +207,8 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
     )
 
 
-def _count(value: object) -> int | None:
-    number = recorded_number(value)
-    return None if number is None else int(number)
-
-
-def _pictures(fit: Mapping[str, Any]) -> str | None:
-    images, named = _count(fit.get("images")), recorded_mappings(fit.get("per_image"))
-    if images is None or images < 0:
-        return None
-    names = [str(row.get("image")) for row in named]
-    return counted(names if len(names) == images else [""] * images)
-
-
-def _two(value: object) -> tuple[float, float] | None:
-    numbers = [recorded_number(one) for one in value] if isinstance(value, list) else []
-    known = [number for number in numbers if number is not None]
-    return (known[0], known[1]) if len(known) == len(numbers) == 2 else None
+def _two(values: tuple[float, ...]) -> tuple[float, ...] | None:
+    return values if len(values) == 2 and all(map(math.isfinite, values)) else None
 
 
 def _text(record: Mapping[str, Any], key: str) -> str | None:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.pupil import from_pupil
 from cubicfish_cli.lenses.sphere import ray_at
@@ -32,7 +29,7 @@ class PupilEffect:
 
     travel: float
     distance: float
-    units: str | None
+    units: str | None = None
     rim_px: float
 
     @property
@@ -40,10 +37,6 @@ class PupilEffect:
         """Behind ``rim_px``."""
         away = length_words(self.distance, self.units or "")
         return f"outward at the rim for things as near as corners were, {away}"
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return asdict(self)
 
 
 def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> PupilEffect:
@@ -67,23 +60,4 @@ def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> Pup
         distance=distance,
         units=camera.units,
         rim_px=float(np.median(outward)),
-    )
-
-
-def recorded_pupil(fit: Mapping[str, Any]) -> PupilEffect | None:
-    """What a fit's record has of it; None where it has nothing."""
-    record = fit.get("pupil")
-    if not isinstance(record, Mapping):
-        return None
-    travel, distance, rim_px = (
-        recorded_number(record.get(key)) for key in ("travel", "distance", "rim_px")
-    )
-    units = record.get("units")
-    if travel is None or distance is None or rim_px is None:
-        return None
-    return PupilEffect(
-        travel=travel,
-        distance=distance,
-        units=units if isinstance(units, str) else None,
-        rim_px=rim_px,
     )

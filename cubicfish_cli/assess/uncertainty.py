@@ -5,13 +5,11 @@ The field is where the camera may be trusted, as far as the photo shows it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.records import recorded_number
 from cubicfish_cli.types import FloatArray
 
 CERTAIN_PX = 0.5
@@ -50,6 +48,13 @@ class FieldUncertainty:
         return f"1σ, median over the field; 95 % of it within {self.p95_px:.3f} px"
 
 
+@dataclass(frozen=True, kw_only=True)
+class PixelUncertainty(FieldUncertainty):
+    """The same at some pixels, and the largest."""
+
+    max_px: float
+
+
 def summed(sigma: FloatArray) -> FieldUncertainty:
     """Uncertainty at many places (N,), N above 0, in two figures."""
     return FieldUncertainty(
@@ -57,91 +62,87 @@ def summed(sigma: FloatArray) -> FieldUncertainty:
     )
 
 
-def recorded_uncertainty(fit: Mapping[str, Any]) -> FieldUncertainty | None:
-    """That of a fit's record, as camera.yaml keeps it; None where it does not say."""
-    record = fit.get("uncertainty")
-    if not isinstance(record, Mapping):
-        return None
-    rows = record.get("sigma_px")
-    grid = [
-        recorded_number(value)
-        for row in (rows if isinstance(rows, list) else [])
-        for value in (row if isinstance(row, list) else [])
-    ]
-    known = [value for value in grid if value is not None]
-    counted = summed(np.array(known)) if known else None
-    # Older files have no figure of 95 %: the grid does.
-    told = counted.as_record() if counted else {}
-    for name in ("median_px", "p95_px"):
-        number = recorded_number(record.get(name))
-        told |= {} if number is None else {name: number}
-    return FieldUncertainty(**told) if len(told) == 2 else None
+@dataclass(frozen=True, kw_only=True, repr=False)
+class UncertaintyGrid:
+    """One standard deviation of a distant point's pixel, on a grid over the photo.
 
-
-def recorded_grid(fit: Mapping[str, Any]) -> Any:
-    """The uncertainty over the photo of a fit's record, for :func:`sigma_at`; None if it is none.
-
-    Its x and y grow, and its values are None, where nothing is known, or pixels.
-    """
-    record: Any = fit.get("uncertainty")
-    try:
-        x, y, sigma = (np.array(record[name], np.float64) for name in ("x", "y", "sigma_px"))
-        sides = [bool((np.diff(side) > 0).all()) and np.isfinite(side).all() for side in (x, y)]
-        of_two = sigma.ndim == 2 and sigma.shape == (*y.shape, *x.shape)
-        right = of_two and all(sides) and min(len(x), len(y)) > 1
-    except (KeyError, TypeError, ValueError):
-        return None
-    return record if right and not bool(np.any((sigma < 0) | (sigma >= _LARGEST_PX))) else None
-
-
-def sigma_at(record: Mapping[str, Any], pixel: FloatArray) -> FloatArray:
-    """Uncertainty at pixels, from the grid that a camera file holds.
-
-    Args:
-        record: the grid that a fit leaves (``uncertainty_record`` of fitting/uncertainty.py).
-        pixel: (N, 2).
-
-    Returns:
-        (N,) pixels: bilinear between the grid's points that lie in the valid field; NaN where
-        none of the four around does.
+    Attributes:
+        noise_px: standard deviation of a corner's coordinate.
+        median_px, p95_px, max_px: over the grid.
+        focal_px: of the focal lengths along x and y, pixels per radian.
+        principal_point_px: of the centre of symmetry, x and y.
+        x, y: (C,) and (R,) pixels of the grid.
+        sigma_px: (R, C) sqrt(var x + var y), pixels; NaN outside the valid field.
 
     """
-    x, y = np.asarray(record["x"], float), np.asarray(record["y"], float)
-    sigma = np.array(
-        [[np.nan if value is None else value for value in row] for row in record["sigma_px"]], float
-    )
-    place = np.stack(
-        [np.interp(pixel[:, 0], x, np.arange(len(x))), np.interp(pixel[:, 1], y, np.arange(len(y)))]
-    )
-    first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
-    share = place - first
-    total, weights = np.zeros(len(pixel)), np.zeros(len(pixel))
-    for right in (0, 1):
-        for down in (0, 1):
-            weight = np.abs(1 - right - share[0]) * np.abs(1 - down - share[1])
-            value = sigma[first[1] + down, first[0] + right]
-            weight = np.where(np.isfinite(value), weight, 0)
-            total += weight * np.nan_to_num(value)
-            weights += weight
-    with np.errstate(invalid="ignore"):
-        return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
 
+    noise_px: float = math.nan
+    median_px: float = math.nan
+    p95_px: float = math.nan
+    max_px: float = math.nan
+    focal_px: tuple[float, ...] = ()
+    principal_point_px: tuple[float, ...] = ()
+    x: tuple[float, ...] = ()
+    y: tuple[float, ...] = ()
+    sigma_px: tuple[tuple[float, ...], ...] = ()
 
-def uncertainty_at(fit: Mapping[str, Any], pixel: FloatArray) -> dict[str, float] | None:
-    """How far the camera itself may be off at some pixels (N, 2), by the record of its fit.
+    @property
+    def field(self) -> FieldUncertainty | None:
+        """In two figures; None where neither they nor the grid are known."""
+        median, p95 = self.median_px, self.p95_px
+        grid = np.array([one for row in self.sigma_px for one in row if math.isfinite(one)])
+        if len(grid):  # older files have no figure of 95 %
+            counted = summed(grid)
+            median = counted.median_px if math.isnan(median) else median
+            p95 = counted.p95_px if math.isnan(p95) else p95
+        known = math.isfinite(median + p95)
+        return FieldUncertainty(median_px=median, p95_px=p95) if known else None
 
-    Returns:
-        ``median_px``, ``p95_px`` and ``max_px``; None where the record does not say.
+    @property
+    def has_grid(self) -> bool:
+        """Whether x and y grow, and values are unknown or pixels."""
+        if min(len(self.x), len(self.y)) < 2 or len(self.sigma_px) != len(self.y):
+            return False
+        if any(len(row) != len(self.x) for row in self.sigma_px):
+            return False
+        grow = all(bool((np.diff(side) > 0).all()) for side in (self.x, self.y))
+        sigma = np.array(self.sigma_px)
+        return grow and not bool(np.any((sigma < 0) | (sigma >= _LARGEST_PX)))
 
-    """
-    record = fit.get("uncertainty")
-    if not isinstance(record, dict):
-        return None
-    try:
-        sigma = sigma_at(record, pixel)
-    except (KeyError, TypeError, ValueError, IndexError):
-        return None  # not this tool's; the errors are measured all the same
-    sigma = sigma[np.isfinite(sigma)]
-    if not len(sigma):
-        return None
-    return {**summed(sigma).as_record(), "max_px": float(sigma.max())}
+    def at(self, pixel: FloatArray) -> FloatArray | None:
+        """The uncertainty at pixels (N, 2).
+
+        Returns:
+            (N,) pixels: bilinear between the grid's points that lie in the valid field; NaN where
+            none of the four around does. None where there is no grid.
+
+        """
+        if not self.has_grid:
+            return None
+        x, y, sigma = np.array(self.x), np.array(self.y), np.array(self.sigma_px)
+        sides = zip(pixel.T, (x, y), strict=True)
+        place = np.stack([np.interp(own, side, np.arange(len(side))) for own, side in sides])
+        first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
+        share = place - first
+        total, weights = np.zeros(len(pixel)), np.zeros(len(pixel))
+        for right in (0, 1):
+            for down in (0, 1):
+                weight = np.abs(1 - right - share[0]) * np.abs(1 - down - share[1])
+                value = sigma[first[1] + down, first[0] + right]
+                weight = np.where(np.isfinite(value), weight, 0)
+                total += weight * np.nan_to_num(value)
+                weights += weight
+        with np.errstate(invalid="ignore"):
+            return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
+
+    def over(self, pixel: FloatArray) -> PixelUncertainty | None:
+        """In figures, over some pixels (N, 2); None where nothing is known of them."""
+        sigma = self.at(pixel)
+        sigma = None if sigma is None else sigma[np.isfinite(sigma)]
+        if sigma is None or not len(sigma):
+            return None
+        return PixelUncertainty(**vars(summed(sigma)), max_px=float(sigma.max()))
+
+    def __repr__(self) -> str:
+        """Its figures in one line."""
+        return f"<uncertainty: {self.median_px:.3f} px, at most {self.max_px:.3f} px>"

@@ -19,8 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import (
+    DroppedCorner,
+    ErrorStatistics,
+    FitRecord,
+    PhotoRecord,
+)
 from cubicfish_cli.assess.records import Numbers, recorded_mappings, recorded_number
-from cubicfish_cli.assess.uncertainty import CERTAIN_PX
+from cubicfish_cli.assess.uncertainty import CERTAIN_PX, FieldUncertainty
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import (
@@ -119,13 +125,12 @@ class Verdict:
 
 
 def verdict(
-    fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None = None
+    fit: FitRecord, image_size: tuple[int, int], outline: FloatArray | None = None
 ) -> Verdict:
     """Judge a fit by its record.
 
     Args:
-        fit: what ``as_record`` of a calibration gives and camera.yaml keeps; a figure that is
-            missing or no finite number counts as not known.
+        fit: the record.
         image_size: (width, height), pixels.
         outline: (K, 2) the field within the photo where the camera may be trusted, pixels;
             None where there is none.
@@ -144,20 +149,23 @@ def verdict(
 
 
 def evaluation_verdict(
-    record: Mapping[str, Any], fit: Mapping[str, Any], image_size: tuple[int, int]
+    errors: ErrorStatistics,
+    uncertainty: FieldUncertainty | None,
+    fit: FitRecord,
+    image_size: tuple[int, int],
 ) -> Verdict:
     """Judge how a camera does on photos that it was not fitted to.
 
     Args:
-        record: what ``as_record`` of an evaluation gives.
-        fit: the record of the camera's own fit; empty where its file has none.
+        errors: on these.
+        uncertainty: of the camera where their corners are; None where it is not known.
+        fit: the record of the camera's own fit.
         image_size: (width, height), pixels.
 
     """
     scale = max(1.0, max(image_size) / _SIDE)
-    own, numbers = Numbers(record), Numbers(fit)
-    rms, before = own.rms_px, numbers.held_out_rms_px
-    before = before if before > 0 else numbers.rms_px
+    rms, before = errors.rms_px, fit.held_out_rms_px
+    before = before if before > 0 else fit.rms_px
     if math.isnan(rms):
         return Verdict(level="bad", figures="no figures are known", reasons=())
     beside = f", against {before:.3f} px when it was calibrated" if math.isfinite(before) else ""
@@ -169,15 +177,15 @@ def evaluation_verdict(
     else:
         figures = {"rms_px": rms, "before_px": before, "times": rms / before}
         code = Code.WORSE_THAN_BEFORE
-        if own.p95_px <= 3 * before:
+        if errors.p95_px <= 3 * before:
             code, level, figures = (
                 Code.A_FEW_FAR_OFF,
                 Severity.CARE,
-                {**figures, "p95_px": own.p95_px},
+                {**figures, "p95_px": errors.p95_px},
             )
         reasons = [Finding(code=code, severity=level, figures=figures)]
     # Poses of these photos take up much of what a camera is off by: small errors alone clear none.
-    median_px = Numbers(record.get("uncertainty")).median_px
+    median_px = math.nan if uncertainty is None else uncertainty.median_px
     level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
     reasons += _reason(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
     reasons.sort(key=_is_mild)
@@ -189,26 +197,24 @@ def evaluation_verdict(
 
 
 def photo_verdicts(
-    fit: Mapping[str, Any], image_size: tuple[int, int]
+    photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
 ) -> list[tuple[Finding, ...]]:
-    """What is told of each photo of ``per_image``: its errors, also beside those of the others."""
+    """What is told of each photo: its errors, also beside those of the others."""
     most = _ERROR_PX[0] * max(1.0, max(image_size) / _SIDE)
-    records = recorded_mappings(fit.get("per_image"))
-    errors = [Numbers(record).rms_px for record in records]
+    errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
-    dropped = recorded_mappings(fit.get("dropped_corners"))
-    lost = Counter(str(corner.get("image")) for corner in dropped)
+    lost = Counter(corner.image for corner in dropped)
     told = []
-    for record, error in zip(records, errors, strict=True):
-        own, out = list[Finding](), lost[str(record.get("image"))]
+    for photo, error in zip(photos, errors, strict=True):
+        own, out = list[Finding](), lost[photo.image]
         if len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
             own += _reason(Severity.BAD, Code.STANDS_OUT, times=error / typical)
         elif error > most:
             own += _reason(Severity.BAD, Code.LARGE_ERRORS, "photo")
-        corners = Numbers(record).corners
-        own += _reason(Severity.NOTE if math.isnan(error) and corners > 0 else None, Code.NO_ERROR)
+        unknown = math.isnan(error) and photo.corners > 0
+        own += _reason(Severity.NOTE if unknown else None, Code.NO_ERROR)
         own += _reason(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
-        few = not corners >= _FEW_CORNERS_IN_PHOTO
+        few = photo.corners < _FEW_CORNERS_IN_PHOTO
         own += _reason(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
         told.append(tuple(own))
     return told
@@ -223,65 +229,62 @@ def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) 
     return [] if level is None else [Finding(code=code, severity=level, case=case, figures=figures)]
 
 
-def _of_findings(fit: Mapping[str, Any]) -> tuple[list[Finding], list[Finding]]:
+def _of_findings(fit: FitRecord) -> tuple[list[Finding], list[Finding]]:
     """What a diagnosis blames, but for what is no fault of the camera.
 
     Returns:
         What explains errors, and what does not.
 
     """
-    told = [of_record(one) for one in recorded_mappings(fit.get("findings"))]
-    against = [one for one in told if one is not None and one.severity is not Severity.NOTE]
+    against = [one for one in fit.findings if one.severity is not Severity.NOTE]
     causes = [one for one in against if one.code not in _NO_ERRORS]
     return causes, [one for one in against if one.code in _NO_ERRORS]
 
 
 def _of_figures(
-    fit: Mapping[str, Any], image_size: tuple[int, int], outline: FloatArray | None, scale: float
+    of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
     """One rule after the other, by what they weigh; what is not known breaks none.
 
     First how wrong the camera is and what says that it cannot be right, then where it is less so.
     """
-    of, reach, known = (Numbers(one) for one in (fit, fit.get("reach"), fit.get("uncertainty")))
+    reach, known = of.reach, of.uncertainty
     held_out, rms, radial, photos = (
         of.held_out_rms_px, of.rms_px, of.companion_held_out_rms_px, of.images,
     )  # fmt: skip
     error = float(np.fmax(held_out, rms))
-    if not fit:  # no calibration of ours, such as an import
+    if of.says_nothing:  # no calibration of ours, such as an import
         yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")
     elif math.isnan(error):
         yield from _reason(Severity.BAD, Code.NO_FIGURES)
     else:
         level = _above(error / scale, _ERROR_PX)
         yield from _reason(level, Code.LARGE_ERRORS, error_px=error)
-    many = None if math.isnan(photos) else photos
     case = "few" if 0 < photos < _FEW_PHOTOS else ""
-    level = _care(bool(fit) and math.isnan(held_out))
-    yield from _reason(level, Code.NOT_HELD_OUT, case, photos=many)
+    level = _care(math.isnan(held_out) and not of.says_nothing)
+    yield from _reason(level, Code.NOT_HELD_OUT, case, photos=photos or None)
     level = ratio_above(held_out, rms, _OVERFIT, scale)
     yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
     level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
     yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
     uncertain = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
     yield from _reason(uncertain, Code.UNCERTAIN, median_px=known.median_px)
-    if fit.get("flat") is True:  # much of a lens is open in each photo: the others must tell it
+    if of.flat and photos:  # much of a lens is open in each photo: the others must tell it
         level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
         yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
     # What was left out.
-    dropped, used = np.nan_to_num([of.dropped, of.corners]).tolist()
+    dropped, used = of.dropped, of.corners
     level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
     yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
-    rejected = fit.get("unfit_images")
-    left_out = len(rejected) if isinstance(rejected, Mapping) else 0
-    every = left_out + (many or 0)
+    left_out = len(of.unfit_images)
+    every = left_out + photos
     level = _above(left_out / max(every, 1), _REJECTED_SHARE)
     yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
     level = _above(-of.coverage, (-_COVERAGE[0], -_COVERAGE[1]))
     yield from _reason(level, Code.LOW_COVERAGE, share=of.coverage)
-    lift, full = ("point", 20) if fit.get("lift") == "point" else ("", 16)
-    yield from _reason(_care(of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
+    lift, full = ("point", 20) if of.lift == "point" else ("", 16)
+    yield from _reason(_care(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
     # The field: at the rim, and beyond the corners.
     rim, middle, start = reach.rim_rms_px, reach.middle_rms_px, reach.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
@@ -297,24 +300,18 @@ def _of_figures(
     if outline is not None and len(outline) > 2:
         seen = _area(outline) / (image_size[0] * image_size[1])
     yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
-    yield from _reason(_care(of.corners < _FEW_CORNERS), Code.FEW_CORNERS, corners=of.corners)
+    yield from _reason(_care(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
 
 
-def _of_object(fit: Mapping[str, Any]) -> Iterator[Finding]:
-    for deformation in recorded_mappings(fit.get("departures")):
-        known = [of_record(one) for one in recorded_mappings(deformation.get("doubted"))]
-        doubts = ", and ".join(one.what for one in known if one is not None)
-        yield from _reason(
-            _care(bool(doubts)),
-            Code.BOARD_DOUBTED,
-            board=str(deformation.get("board")),
-            doubted=doubts,
-        )
+def _of_object(fit: FitRecord) -> Iterator[Finding]:
+    for one in fit.departures:
+        doubts = ", and ".join(doubt.what for doubt in one.doubted)
+        level = _care(bool(doubts))
+        yield from _reason(level, Code.BOARD_DOUBTED, board=one.board, doubted=doubts)
 
 
-def _figures(fit: Mapping[str, Any]) -> str:
-    of, reach = Numbers(fit), Numbers(fit.get("reach"))
-    radial, rim = of.companion_held_out_rms_px, reach.rim_coverage
+def _figures(of: FitRecord) -> str:
+    radial, rim = of.companion_held_out_rms_px, of.reach.rim_coverage
     parts = []
     if math.isfinite(of.held_out_rms_px):
         beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
@@ -327,9 +324,8 @@ def _figures(fit: Mapping[str, Any]) -> str:
             f"corners cover {100 * of.coverage:.0f} % of the field{beside}, out to "
             f"{of.covered_deg:.0f}° from the axis"
         )
-    rejected = fit.get("unfit_images")
-    if isinstance(rejected, Mapping) and rejected:
-        parts.append(f"{len(rejected)} photo{'s' * (len(rejected) != 1)} left out")
+    if out := len(of.unfit_images):
+        parts.append(f"{out} photo{'s' * (out != 1)} left out")
     return ", ".join(parts) or "no figures are known"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,6 +16,7 @@ from cubicfish_cli.cli.terminal import print_json, print_table, result
 _BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 
 if TYPE_CHECKING:
+    from cubicfish_cli.fitting.comparison import Comparison
     from cubicfish_cli.library.describing import ComparedRigFiles
 
 
@@ -83,16 +84,17 @@ def command(given: Asked) -> None:
     if given.as_json:
         print_json(record)
     else:
-        _print(record)
+        _print(made.comparison)
         if made.picture is not None:
             result(f"\nwrote {made.picture}")
     hold_gate(record["rms_px"], given.max_rms)
 
 
-def _print(record: dict[str, Any]) -> None:
+def _print(comparison: Comparison) -> None:
+    record, spread = comparison.as_record(), comparison.statistics
     meaning = "sqrt(mean(dx² + dy²)) over pixels"
-    print_figure("RMS difference", px(record["rms_px"]), meaning=meaning)
-    print_spread(record)
+    print_figure("RMS difference", px(spread.rms_px), meaning=meaning)
+    print_spread(spread)
     share = 100 * record["common_share"]
     print_figure("common field", f"{share:.1f}", "%", "of what A sees")
     result(f"{'rotation taken out':<24}{record['rotation_deg']:>7.3f}°")

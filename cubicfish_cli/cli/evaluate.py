@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -27,6 +27,7 @@ from cubicfish_cli.cli.terminal import print_json, print_table, result, say
 from cubicfish_cli.library.asked import check_inputs
 
 if TYPE_CHECKING:
+    from cubicfish_cli.fitting.rig.evaluate import RigEvaluation
     from cubicfish_cli.library.asked import TargetSource
     from cubicfish_cli.library.calibration_files import EvaluatedFiles
     from cubicfish_cli.words.finding import Finding
@@ -115,7 +116,7 @@ def _evaluate_rig(path: Path, given: Asked) -> None:
     if given.as_json:
         print_json({"model": str(path), **record})
     else:
-        _print_rig(record)
+        _print_rig(evaluation)
     hold_gate(record["rms_px"], given.max_rms)
 
 
@@ -128,12 +129,14 @@ def _unplaced(photos: Sequence[str]) -> dict[str, Finding]:
     return dict.fromkeys(photos, too_few)
 
 
-def _print_rig(record: Mapping[str, Any]) -> None:
+def _print_rig(evaluation: RigEvaluation) -> None:
     from cubicfish_cli.cli.rig import print_pairs
+
+    record = evaluation.as_record()
 
     result(f"{count(len(record['per_shot']), 'shot')}, {count(record['corners'], 'corner')}\n")
     meaning = "the same corners with each photo's own pose: what is more is the rig's"
-    print_errors(record, [("each alone", record["alone_rms_px"], meaning)])
+    print_errors(evaluation.errors, [("each alone", evaluation.alone_rms_px, meaning)])
     result()
     print_table(
         ("camera", "photos", "RMS px", "alone px"),
@@ -146,20 +149,21 @@ def _print_rig(record: Mapping[str, Any]) -> None:
 
 
 def _print(made: EvaluatedFiles) -> None:
-    record, pairs = made.record, made.inputs.pairs
-    lost = dict.fromkeys(made.evaluation.unplaced, "too few corners")
+    known, pairs = made.evaluation, made.inputs.pairs
+    lost = dict.fromkeys(known.unplaced, "too few corners")
     lost |= why_lost(made.inputs.detection)
-    by_board = corners_by_board(made.evaluation.pairs)
-    rows = fitted_rows(record, pairs.image_size, by_board, lost)
-    print_photo_table(rows, pairs.boards, record)
-    result(f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')}\n")
-    print_errors(record, [])
-    if record["uncertainty"] is not None:
-        sigma = record["uncertainty"]
+    by_board = corners_by_board(known.pairs)
+    rows = fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
+    print_photo_table(rows, pairs.boards, known.errors)
+    photos = count(len(known.pairs.images), "photo")
+    result(f"\n{photos}, {count(known.errors.corners, 'corner')}\n")
+    print_errors(known.errors, [])
+    sigma = made.uncertainty
+    if sigma is not None:
         meaning = (
             "of the camera itself: 1σ, median over these corners; 95 % of them within "
-            f"{px(sigma['p95_px'])} px"
+            f"{px(sigma.p95_px)} px"
         )
-        print_figure("uncertainty", px(sigma["median_px"]), meaning=meaning)
+        print_figure("uncertainty", px(sigma.median_px), meaning=meaning)
     result()
     print_verdict(made.verdict)

@@ -8,6 +8,7 @@ pipes and files have them all.
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -22,6 +23,7 @@ from cubicfish_cli.cli.streams import Style, columns_of
 from cubicfish_cli.cli.terminal import Column, Row, print_columns, result, tell
 
 if TYPE_CHECKING:
+    from cubicfish_cli.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
     from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.identification.identified import Detection, PhotoReport
     from cubicfish_cli.observations import Observations
@@ -33,7 +35,7 @@ EXIT_GATE = 3
 
 def px(value: float | None) -> str:
     """Pixels to three decimals; a dash for what is not known."""
-    return "-" if value is None else f"{value:.3f}"
+    return "-" if value is None or math.isnan(value) else f"{value:.3f}"
 
 
 def count(number: int, what: str) -> str:
@@ -46,21 +48,22 @@ def print_figure(name: str, value: str, unit: str = "px", meaning: str = "") -> 
     result(f"{name:<24}{value:>7} {unit:<2}  {meaning}".rstrip())
 
 
-def print_errors(record: Mapping[str, Any], more: Sequence[tuple[str, float | None, str]]) -> None:
+def print_errors(errors: ErrorStatistics, more: Sequence[tuple[str, float, str]]) -> None:
     """Print reprojection errors: the RMS and what it means, other RMS beside it, the spread."""
     lines = [
-        ("RMS reprojection error", record["rms_px"], "sqrt(mean(dx² + dy²)) over all corners used"),
+        ("RMS reprojection error", errors.rms_px, "sqrt(mean(dx² + dy²)) over all corners used"),
         *more,
     ]
     for name, value, meaning in lines:
-        print_figure(name, px(value), "" if value is None else "px", meaning)
-    print_spread(record)
+        print_figure(name, px(value), "" if math.isnan(value) else "px", meaning)
+    print_spread(errors)
 
 
-def print_spread(record: Mapping[str, Any]) -> None:
+def print_spread(errors: ErrorStatistics) -> None:
     """Print the median, what 95 % are within and the largest, a line each."""
-    for name, key in (("median", "median_px"), ("95 % within", "p95_px"), ("largest", "max_px")):
-        print_figure(name, px(record[key]))
+    print_figure("median", px(errors.median_px))
+    print_figure("95 % within", px(errors.p95_px))
+    print_figure("largest", px(errors.max_px))
 
 
 def print_verdict(judged: Verdict) -> None:
@@ -147,10 +150,10 @@ class PhotoRow:
     boards: Mapping[str, int] = field(default_factory=dict)
     corners: int | None = None
     dropped: int = 0
-    rms_px: float | None = None
-    median_px: float | None = None
-    p95_px: float | None = None
-    max_px: float | None = None
+    rms_px: float = math.nan
+    median_px: float = math.nan
+    p95_px: float = math.nan
+    max_px: float = math.nan
 
 
 def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
@@ -184,7 +187,8 @@ def why_lost(detection: Detection | None) -> dict[str, str]:
 
 
 def fitted_rows(
-    record: Mapping[str, Any],
+    photos: Sequence[PhotoRecord],
+    dropped: Sequence[DroppedCorner],
     image_size: tuple[int, int],
     by_board: ByBoard,
     lost: Mapping[str, str],
@@ -192,7 +196,8 @@ def fitted_rows(
     """Rows of photos with reprojection errors, and of those that take no part.
 
     Args:
-        record: ``per_image`` and ``dropped_corners`` as calibrate's JSON has them.
+        photos: that were placed.
+        dropped: corners that were left out.
         image_size: (width, height), pixels.
         by_board: corners used, by photo and board.
         lost: photos that take no part, and a word for why.
@@ -201,24 +206,23 @@ def fitted_rows(
     from cubicfish_cli.assess.verdict import photo_verdicts
     from cubicfish_cli.words.finding import joined, level_of
 
-    records = record["per_image"]
-    dropped = Counter(corner["image"] for corner in record.get("dropped_corners", ()))
+    out = Counter(corner.image for corner in dropped)
     rows = [
         PhotoRow(
-            name=str(one["image"]),
+            name=one.image,
             words=joined(told),
             short="; ".join(one.short for one in told),
             level=level_of(told),
-            boards=by_board.get(one["image"], {}),
-            corners=one["corners"],
-            dropped=dropped[one["image"]],
-            **{key: one.get(key) for key in ("rms_px", "median_px", "p95_px", "max_px")},
+            boards=by_board.get(one.image, {}),
+            corners=one.corners,
+            dropped=out[one.image],
+            **_errors_of(one),
         )
-        for one, told in zip(records, photo_verdicts(record, image_size), strict=True)
+        for one, told in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
     ]
     known = {row.name for row in rows}
     rows += [
-        PhotoRow(name=name, words=why, level="bad", dropped=dropped[name])
+        PhotoRow(name=name, words=why, level="bad", dropped=out[name])
         for name, why in lost.items()
         if name not in known
     ]
@@ -228,7 +232,7 @@ def fitted_rows(
 def print_photo_table(
     rows: Sequence[PhotoRow],
     boards: Sequence[str],
-    total: Mapping[str, Any] | None = None,
+    total: ErrorStatistics | None = None,
     *,
     everything: str = "--json",
     apart: bool = False,
@@ -248,7 +252,7 @@ def print_photo_table(
     if apart or room is not None:
         result()
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
-        order = sorted(rows, key=lambda row: (_RANK[row.level], -(row.rms_px or 0.0)))
+        order = sorted(rows, key=_badness)
         chosen = order[:_MOST_ROWS]
         result(f"The odd ones and the worst of {len(rows):,} photos:\n")
     if room is not None and room < _ROOMY:
@@ -258,18 +262,22 @@ def print_photo_table(
         Row(cells=[cell(row) for _, cell in columns], style=_STYLE[row.level]) for row in chosen
     ]
     if len(rows) > 1:
-        every = _together(rows, boards, total or {})
+        every = _together(rows, boards, total)
         table.append(Row(cells=[cell(every) for _, cell in columns], total=True))
     print_columns([column for column, _ in columns], table)
     if len(chosen) < len(rows):
         result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
 
 
+def _badness(row: PhotoRow) -> tuple[int, float]:
+    return _RANK[row.level], 0.0 if math.isnan(row.rms_px) else -row.rms_px
+
+
 def _columns(
     rows: Sequence[PhotoRow], boards: Sequence[str], room: int | None
 ) -> list[tuple[Column, Callable[[PhotoRow], str]]]:
     """The table's columns, each with what its cells say of a photo."""
-    with_errors = any(row.rms_px is not None for row in rows)
+    with_errors = any(math.isfinite(row.rms_px) for row in rows)
     columns: list[tuple[Column, Callable[[PhotoRow], str]]] = [
         (Column(title="photo", least=12), lambda row: row.name),
         (
@@ -302,7 +310,7 @@ def _of_board(row: PhotoRow, board: str) -> str:
 
 
 def _together(
-    rows: Sequence[PhotoRow], boards: Sequence[str], total: Mapping[str, Any]
+    rows: Sequence[PhotoRow], boards: Sequence[str], total: ErrorStatistics | None
 ) -> PhotoRow:
     return PhotoRow(
         name=f"all {len(rows):,}",
@@ -316,5 +324,9 @@ def _together(
         },
         corners=sum(row.corners or 0 for row in rows),
         dropped=sum(row.dropped for row in rows),
-        **{key: total.get(key) for key in ("rms_px", "median_px", "p95_px", "max_px")},
+        **({} if total is None else _errors_of(total)),
     )
+
+
+def _errors_of(one: ErrorStatistics | PhotoRecord) -> dict[str, float]:
+    return {name: getattr(one, name) for name in ("rms_px", "median_px", "p95_px", "max_px")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,7 +58,7 @@ def command(given: Asked) -> None:
 
 def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     """(what, in words) of all that is known."""
-    rows = [("size", "{} x {} px".format(*facts.image_size))]
+    fit, rows = facts.fit, [("size", "{} x {} px".format(*facts.image_size))]
     if facts.focal_px is not None and facts.principal_point is not None:
         rows += [
             ("focal length", _two(facts.focal_px, facts.focal_sigma_px)),
@@ -66,16 +67,16 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     if facts.field is not None:
         rows.append(("field of view", facts.field.words))
     if facts.max_angle_deg is not None:
-        reach = f"; corners reach {facts.covered_deg:.1f}°" if facts.covered_deg else ""
+        reach = f"; corners reach {fit.covered_deg:.1f}°" if fit.covered_deg > 0 else ""
         rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))
-    if facts.pupil is not None:
-        rows.append(("entrance pupil", f"{px(facts.pupil.rim_px)} px {facts.pupil.meaning}"))
-    if facts.rms_px is not None:
-        held_out = facts.held_out_rms_px
-        left_out = f", {px(held_out)} px on photos left out" if held_out is not None else ""
-        rows.append(("error", f"{px(facts.rms_px)} px RMS{left_out}"))
-    if facts.pictures is not None and facts.corners is not None:
-        rows.append(("from", f"{facts.pictures}, {count(facts.corners, 'corner')}"))
+    if fit.pupil is not None:
+        rows.append(("entrance pupil", f"{px(fit.pupil.rim_px)} px {fit.pupil.meaning}"))
+    if math.isfinite(fit.rms_px):
+        out = fit.held_out_rms_px
+        left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""
+        rows.append(("error", f"{px(fit.rms_px)} px RMS{left_out}"))
+    if facts.pictures is not None and fit.corners:
+        rows.append(("from", f"{facts.pictures}, {count(fit.corners, 'corner')}"))
     if facts.target is not None:
         rows.append(("target", facts.target))
     if facts.date is not None:
@@ -86,7 +87,7 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     return rows
 
 
-def _two(value: tuple[float, float], sigma: tuple[float, float] | None) -> str:
+def _two(value: tuple[float, float], sigma: tuple[float, ...] | None) -> str:
     """``x 277.13 ± 0.02 px, y 277.20 ± 0.02 px``."""
     spread = sigma or (None, None)
     return ", ".join(

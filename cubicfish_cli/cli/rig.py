@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,15 +124,17 @@ def _lens(text: Path) -> tuple[str, Path | str]:
 
 def print_rig(record: Mapping[str, Any]) -> None:
     """Print where the cameras stand, and how well it fits."""
+    from cubicfish_cli.assess.fit_record import ErrorStatistics
+    from cubicfish_cli.assess.records import read_record
+
     units, fit = record["units"] or "", record["fit"]
     result(
         f"{count(len(record['cameras']), 'camera')}, {count(fit['shots'], 'shot')}, "
         f"{count(fit['corners'], 'corner')} used\n"
     )
-    out = fit["held_out_rms_px"]
-    print_errors(
-        fit, [("held-out RMS", out, "shots judged by rigs that never saw them" if out else "")]
-    )
+    out, errors = fit["held_out_rms_px"], read_record(ErrorStatistics, fit) or ErrorStatistics()
+    meaning = "shots judged by rigs that never saw them" if out else ""
+    print_errors(errors, [("held-out RMS", out or math.nan, meaning)])
     result()
     print_table(
         ("camera", f"x {units}".strip(), "y", "z", "± shift", "turned °", "± turn °", "photos",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -323,7 +323,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     )
     record, advice, models = fitted.as_record(), None, None
     if isinstance(fitted, Calibration):
-        advice = summary(fitted.camera, record, fitted.pairs)
+        advice = summary(fitted.camera, fitted.fit, fitted.pairs)
         if asked.compare:
             from cubicfish_cli.fitting.model_comparison import compare_models  # all lens models
 
@@ -452,7 +452,7 @@ def command(given: CalibrateOptions, how: How) -> None:
     fitted, printed = made.fitted, how.print(made)
     say_left_out(fitted.unfit)
     if isinstance(fitted, Calibration):
-        _say_findings(fitted, made.record)
+        _say_findings(fitted)
     if not printed:
         apart()
         result(made.facts.line, mark=(made.verdict.words, made.verdict.level))
@@ -463,37 +463,37 @@ def command(given: CalibrateOptions, how: How) -> None:
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
     say_if_no_page(made.files, wanted=given.report)
-    hold_gate(fitted.errors.rms_px, how.max_rms)
+    hold_gate(fitted.fit.rms_px, how.max_rms)
 
 
-def _say_findings(calibration: Calibration, record: Mapping[str, Any]) -> None:
+def _say_findings(calibration: Calibration) -> None:
     """Say what is odd about a fit, on stderr."""
-    for corner in record["dropped_corners"]:
-        detail(
-            "dropped: {image} {board} column {column} row {row}: {error_px:.1f} px off".format(
-                **corner
-            )
-        )
+    for one in calibration.fit.dropped_corners:
+        place = f"{one.image} {one.board} column {one.column} row {one.row}"
+        detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in calibration.findings:
         say(f"{mark_of(finding)}: {finding.line}")
     for note in calibration.notes:
         say(f"note: {note}")
-    for deformation in calibration.departures:
-        for doubt in deformation.doubts:
-            say(f"warning: board {deformation.board} seems {doubt.what}: {doubt.do}")
+    for departure in calibration.fit.departures:
+        for doubt in departure.doubts:
+            say(f"warning: board {departure.board} seems {doubt}")
 
 
 def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
     """The figures that the verdict rests on, the photos, what was written, and what to do next."""
     camera, pairs, detection = calibration.camera, calibration.pairs, made.inputs.detection
+    fit = calibration.fit
     print_verdict(made.verdict)
     result(f"advice: {made.advice}\n")
-    _print_figures(calibration, made.record)
+    _print_figures(calibration)
     lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
     lost |= why_lost(detection)
-    rows = fitted_rows(made.record, camera.image_size, corners_by_board(pairs), lost)
+    rows = fitted_rows(
+        fit.per_image, fit.dropped_corners, camera.image_size, corners_by_board(pairs), lost
+    )
     everything = str(made.files["camera"])
-    print_photo_table(rows, pairs.boards, made.record, everything=everything, apart=True)
+    print_photo_table(rows, pairs.boards, fit, everything=everything, apart=True)
     result()
     _print_object(calibration)
     if made.models:
@@ -505,48 +505,44 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
     say_next(made.verdict, made.files["camera"], photo, made.files.get("report"))
 
 
-def _print_figures(calibration: Calibration, record: Mapping[str, Any]) -> None:
-    from cubicfish_cli.assess.uncertainty import recorded_uncertainty
+def _print_figures(calibration: Calibration) -> None:
     from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
 
-    dropped = len(calibration.dropped)
+    fit = calibration.fit
     result(
-        f"{counted(row['image'] for row in record['per_image'])}, "
-        f"{count(record['corners'], 'corner')} used, "
-        f"{count(dropped, 'outlier')}{' (-v lists them)' * bool(dropped)}\n"
+        f"{counted(calibration.pairs.images)}, {count(fit.corners, 'corner')} used, "
+        f"{count(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped)}\n"
     )
-    held_out = calibration.held_out
-    more: list[tuple[str, float | None, str]] = [
-        ("  radial reference", calibration.companion_rms_px, "a Kannala–Brandt lens, same corners"),
-    ]
-    if held_out is None:
-        more += [("held-out RMS", None, "not measured")]
+    more = [("  radial reference", fit.companion_rms_px, "a Kannala–Brandt lens, same corners")]
+    if not fit.held_out_folds:
+        more += [("held-out RMS", math.nan, "not measured")]
     else:
         more += [
-            ("held-out RMS", held_out.rms_px, "photos judged by cameras that never saw them"),
-            ("  radial reference", held_out.companion_rms_px, ""),
+            ("held-out RMS", fit.held_out_rms_px, "photos judged by cameras that never saw them"),
+            ("  radial reference", fit.companion_held_out_rms_px, ""),
         ]
-    print_errors(record, more)
-    reach = f"corners reach {calibration.covered_deg:.1f}°"
+    print_errors(fit, more)
+    reach = f"corners reach {fit.covered_deg:.1f}°"
     meaning = f"from the axis, where the camera may be trusted; {reach}"
     print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
-    print_figure("coverage", f"{100 * calibration.coverage:.0f}", "%", COVERED)
-    uncertainty = recorded_uncertainty(record)
+    print_figure("coverage", f"{100 * fit.coverage:.0f}", "%", COVERED)
+    uncertainty = fit.uncertainty.field
     if uncertainty is not None:
         print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
-    print_figure("entrance pupil", px(calibration.pupil.rim_px), meaning=calibration.pupil.meaning)
+    if fit.pupil is not None:
+        print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=fit.pupil.meaning)
 
 
 def _print_object(calibration: Calibration) -> None:
     """Say in one line per board what was found of the target, where any of it was fitted."""
-    if not calibration.departures or calibration.target is None:
+    if not calibration.fit.departures or calibration.target is None:
         return
     units = calibration.target.units
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
     levels = {"off": "as drawn", "shape": "shapes", "points": "corners too"}
     tried = ", ".join(
-        f"{levels[level]} {px(rms)}" for level, rms in calibration.held_out_by_level.items()
+        f"{levels[level]} {px(rms)}" for level, rms in calibration.fit.held_out_by_level.items()
     )
     result(
         f"target fitted too: {what[calibration.refined]}"
@@ -568,7 +564,7 @@ def _print_object(calibration: Calibration) -> None:
                 f"{part.turn_deg:.2f}",
                 f"{part.offset_rms:.2g}",
             )
-            for part in calibration.departures
+            for part in calibration.fit.departures
         ],
     )  # fmt: skip
     result()
@@ -576,23 +572,21 @@ def _print_object(calibration: Calibration) -> None:
 
 def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
     """Print the photos, the errors, what P means and what was written."""
-    camera, pairs, record = calibration.camera, calibration.pairs, made.record
-    rows = fitted_rows(record, camera.image_size, corners_by_board(pairs), {})
-    print_photo_table(rows, pairs.boards, record)
+    camera, pairs, fit = calibration.camera, calibration.pairs, calibration.fit
+    rows = fitted_rows(fit.per_image, (), camera.image_size, corners_by_board(pairs), {})
+    print_photo_table(rows, pairs.boards, fit)
     result(
-        f"\n{count(record['images'], 'photo')}, {count(record['corners'], 'corner')} used, "
-        f"{record['dropped']} dropped\n"
+        f"\n{count(fit.images, 'photo')}, {count(fit.corners, 'corner')} used, "
+        f"{fit.dropped} dropped\n"
     )
+    unknown = math.isnan(fit.held_out_rms_px)
+    meaning = "not measured" if unknown else "poses by a radial lens"
     print_errors(
-        record,
+        fit,
         [
-            ("  linear, plain", calibration.plain_rms_px, "Eq. 8 and 9"),
-            ("  linear, reweighted", calibration.reweighted_rms_px, "over its denominators"),
-            (
-                "held-out RMS",
-                calibration.held_out_rms_px,
-                "not measured" if calibration.held_out_rms_px is None else "poses by a radial lens",
-            ),
+            ("  linear, plain", fit.plain_rms_px, "Eq. 8 and 9"),
+            ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
+            ("held-out RMS", fit.held_out_rms_px, meaning),
         ],
     )
     meaning = (

@@ -106,6 +106,7 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
             replaced.
 
     """
+    from cubicfish_cli.assess.fit_record import FitRecord
     from cubicfish_cli.files import fingerprint, refuse_existing, write_text
     from cubicfish_cli.formats.calibrated import camera_text
     from cubicfish_cli.library.importing import import_camera
@@ -123,7 +124,7 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
         max_angle_deg=asked.max_angle_deg,
     )
     made_by = {**made_by_record(run.command, {}, None, [source]), **imported.made_by}
-    text = camera_text(imported.camera, fit={}, made_by=made_by)
+    text = camera_text(imported.camera, fit=FitRecord(), made_by=made_by)
     write_text(goal, text, overwrite=run.overwrite)
     return ImportedFiles(file=goal, imported=imported)
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.assess.records import recorded_number
-from cubicfish_cli.assess.uncertainty import CERTAIN_PX
+from cubicfish_cli.assess.uncertainty import CERTAIN_PX, UncertaintyGrid
 from cubicfish_cli.diagnosis.other_lens import LensChange, lens_change
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -121,11 +119,10 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
     return []
 
 
-def _stated_px(uncertainty: Mapping[str, Any]) -> float:
+def _stated_px(uncertainty: UncertaintyGrid) -> float:
     """One standard deviation of the camera: of its pixels, or of its centre if that is more."""
-    centre = [recorded_number(one) for one in uncertainty["principal_point_px"]]
-    known = [recorded_number(uncertainty["median_px"]), *centre]
-    return max((one for one in known if one is not None), default=0.0)
+    known = (uncertainty.median_px, *uncertainty.principal_point_px)
+    return max((one for one in known if np.isfinite(one)), default=0.0)
 
 
 def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:

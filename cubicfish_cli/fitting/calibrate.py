@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.doubts import with_doubts
+from cubicfish_cli.assess.fit_record import Departure, DroppedCorner, FitRecord
 from cubicfish_cli.assess.pupil import pupil_effect
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.climb import Climbed, RefineTarget, climb
 from cubicfish_cli.fitting.cubic_fit import CubicResult
-from cubicfish_cli.fitting.deformation import deformations
+from cubicfish_cli.fitting.deformation import departures
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.fitting.findings import blind_angle, dropped_groups, field_cells
 from cubicfish_cli.fitting.frame import in_references_frame
@@ -29,7 +31,6 @@ from cubicfish_cli.fitting.radial_reference import (
 from cubicfish_cli.fitting.reach import reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import Drawing, TargetFit, as_drawn, to_the_bottom
 from cubicfish_cli.fitting.rejection import (
-    DroppedCorner,
     dropped_corners,
     strays,
     without_gross,
@@ -37,9 +38,9 @@ from cubicfish_cli.fitting.rejection import (
 )
 from cubicfish_cli.fitting.repeats import repeated_groups
 from cubicfish_cli.fitting.stages import Progress, Stages
-from cubicfish_cli.fitting.statistics import error_statistics, rms_px
+from cubicfish_cli.fitting.statistics import error_statistics, photo_records, rms_px
 from cubicfish_cli.fitting.subset import flatness, middle, with_mean_weight_one, world_scale
-from cubicfish_cli.fitting.uncertainty import uncertainty_record
+from cubicfish_cli.fitting.uncertainty import uncertainty_grid
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.lift import lift
 from cubicfish_cli.lenses.nearest import nearest_from_near
@@ -50,26 +51,18 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import renamed
 from cubicfish_cli.target import Target
 from cubicfish_cli.threads import one_blas_thread
-from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
 # Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
 MIN_PAIRS = 30
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
+# A sheet that is fitted too is bent a little; a target of two boards leaves a plane by far more.
+_NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
 _RAYS = 500
 _NO_CONVERGENCE = "the fit does not converge"
-_INSTEAD_OF_DOUBTS = (
-    Code.BOARD_PLACE,
-    Code.BOARD_SQUARE,
-    Code.TWO_LENSES,
-    Code.ZOOM,
-    Code.SCALED,
-    Code.SHIFTED,
-    Code.TURNED,
-)
 
 
 class _UndeterminedError(FitError):
@@ -132,11 +125,13 @@ def calibrate(
             # The likely cause in place of general advice.
             error = FitError(error.what, do=found[0].line) if found else error
         raise error from failure
-    used = near.pairs
+    used, poses = near.pairs, near.poses.of_world(origin)
+    photos = photo_records(used.images, used.image, near.residual, poses, used.tells_error)
     return replace(
         near,
+        fit=replace(near.fit, per_image=photos),
         pairs=replace(used, world=used.world + origin, weight=used.weight * weight),
-        poses=near.poses.of_world(origin),
+        poses=poses,
         target=near.target.moved(origin) if near.target and near.refined != "off" else given,
     )
 
@@ -217,7 +212,7 @@ def _assessed(
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
-    uncertainty = uncertainty_record(spread, camera, blind_angle(points))
+    uncertainty = uncertainty_grid(spread, camera, blind_angle(points))
     told = np.where(used.tells_error[:, None], cubic.residual, np.nan)
     rim = reach(camera, points, told, spread.sigma_px)
     camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
@@ -235,34 +230,52 @@ def _assessed(
                 uncertainty=uncertainty,
             )
         )
-    # What is put down to one board, or to the lens, is not doubted of every board.
-    wrong = any(finding.code in _INSTEAD_OF_DOUBTS for finding in findings)
-    departures = deformations(target, refined, doubted=not wrong) if target and refined else ()
+    departed: tuple[Departure, ...] = ()
+    if target is not None and refined is not None:
+        departed = with_doubts(departures(target, refined), target, findings)
+    errors = error_statistics(cubic.errors, len(used.pixel))
+    tried: dict[str, float] = {level: error.rms_px for level, error in held_out.items() if error}
+    left_out = held_out.get(fit.level)
+    notes = tuple(dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped]))
+    record = FitRecord(
+        **vars(errors),
+        images=len(used.images),
+        held_out_rms_px=left_out.rms_px if left_out else np.nan,
+        held_out_folds=left_out.folds if left_out else 0,
+        companion_rms_px=rms_px(reference.errors),
+        companion_held_out_rms_px=left_out.companion_rms_px if left_out else np.nan,
+        refine_target=fit.level,
+        held_out_by_level=tried,
+        renamed_images=tuple(drawing.renamed),
+        departures=departed,
+        rank=_rank(reference, cubic),
+        covered_deg=covered_deg,
+        reach=rim,
+        pupil=effect,
+        flat=flatness(used.world) < _NEARLY_FLAT,
+        prior_weight=cubic.hold.weight,
+        prior_spread=cubic.hold.spread,
+        coverage=field_cells(camera, used.pixel).coverage,
+        notes=tuple(note.line for note in notes),
+        findings=tuple(findings),
+        uncertainty=uncertainty,
+        dropped=len(dropped),
+        dropped_corners=dropped,
+        unfit_images={photo: why.line for photo, why in reference.unfit.items()},
+    )
     return Calibration(
         camera=camera,
         poses=poses,
         pairs=used,
         residual=cubic.residual,
-        errors=error_statistics(cubic.errors, len(used.pixel)),
-        companion_rms_px=rms_px(reference.errors),
-        held_out=held_out.get(fit.level),
-        held_out_by_level={level: error.rms_px for level, error in held_out.items() if error},
-        rank=_rank(reference, cubic),
-        covered_deg=covered_deg,
-        reach=rim,
-        pupil=effect,
+        fit=record,
+        held_out=left_out,
         hold=cubic.hold,
         rivals=cubic.rivals,
-        dropped=dropped,
         unfit=reference.unfit,
-        refined=fit.level,
         target=refined,
         renamed=drawing.renamed,
-        departures=tuple(departures),
-        uncertainty_grid=uncertainty,
-        coverage=field_cells(camera, used.pixel).coverage,
-        notes=tuple(dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped])),
-        findings=tuple(findings),
+        notes=notes,
     )
 
 

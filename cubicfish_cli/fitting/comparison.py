@@ -10,9 +10,10 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.fit_record import ErrorStatistics
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
+from cubicfish_cli.fitting.statistics import error_statistics, rms_px
 from cubicfish_cli.types import FloatArray
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.

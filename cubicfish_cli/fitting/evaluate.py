@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import ErrorStatistics, PhotoRecord
+from cubicfish_cli.assess.records import plain_record
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.held_out import pose_only_residual
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, photo_records
+from cubicfish_cli.fitting.statistics import error_statistics, photo_records
 from cubicfish_cli.fitting.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
@@ -42,6 +44,14 @@ class Evaluation:
     outside: int
     unplaced: tuple[str, ...]
 
+    @cached_property
+    def photos(self) -> tuple[PhotoRecord, ...]:
+        """Errors and pose of each of ``pairs.images``."""
+        pairs = self.pairs
+        return photo_records(
+            pairs.images, pairs.image, self.residual, self.poses, pairs.tells_error
+        )
+
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
@@ -49,13 +59,7 @@ class Evaluation:
             "images": len(self.pairs.images),
             "outside_field": self.outside,
             "unplaced": list(self.unplaced),
-            "per_image": photo_records(
-                self.pairs.images,
-                self.pairs.image,
-                self.residual,
-                self.poses,
-                self.pairs.tells_error,
-            ),
+            "per_image": plain_record(self.photos),
         }
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.fitting.refinement import Drawing, TargetFit
 from cubicfish_cli.fitting.subset import select_photos, world_scale
 from cubicfish_cli.observations import Observations
@@ -70,7 +70,7 @@ class FitEvidence(CornerEvidence):
         fit: the final fit.
         drawing: the target as drawn.
         dropped: photo and board of each corner that was left out as grossly wrong.
-        uncertainty: what is stated of the camera, as its record has it.
+        uncertainty: what is stated of the camera.
 
     """
 
@@ -78,7 +78,7 @@ class FitEvidence(CornerEvidence):
     fit: TargetFit
     drawing: Drawing
     dropped: Sequence[tuple[str, str | None]]
-    uncertainty: Mapping[str, Any]
+    uncertainty: UncertaintyGrid
 
 
 Diagnose = Callable[[Evidence], Sequence[Finding]]

@@ -124,7 +124,7 @@ def compare_models(
         _figures(RadialCamera.label, 4 + reference.terms, _fit_radial, reference, folds),
     ]
     if known is not None:  # one thing has one figure, and that of the fit is known
-        rows[0] = replace(rows[0], rms_px=calibration.errors.rms_px, held_out_rms_px=known.rms_px)
+        rows[0] = replace(rows[0], rms_px=calibration.fit.rms_px, held_out_rms_px=known.rms_px)
     camera = calibration.camera
     rows[0] = replace(
         rows[0],

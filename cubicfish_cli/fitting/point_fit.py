@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from cubicfish_cli.assess.fit_record import FitRecord, PhotoRecord
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.known_lens import fit_poses
@@ -21,7 +22,6 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.robust import gross_px, huber_px
 from cubicfish_cli.fitting.statistics import (
-    ErrorStatistics,
     error_statistics,
     photo_records,
     rms_px,
@@ -78,11 +78,8 @@ class PointCalibration(CameraRecord):
         poses: camera_from_world of each photo, from the radial reference; None with one photo
             whose pose was not needed.
         residual: (N, 2) projection less pixel, pixels.
-        errors: over the used pairs.
-        held_out_rms_px: of photos that took no part in the fit, placed by a radial reference
-            that never saw them either; None with fewer than three photos, or where not asked for.
-        plain_rms_px, reweighted_rms_px: of the two linear solutions on the same pairs.
-        dropped: how many corners were left out as grossly wrong.
+        fit: how well it fits; photos that were left out of it for the held-out error were placed
+            by a radial reference that never saw them either.
         unfit: photos left out, with the reason.
         target: the calibration target, as drawn; None of pairs.
         made_by: where it comes from, plain data.
@@ -93,11 +90,7 @@ class PointCalibration(CameraRecord):
     pairs: Observations
     poses: Poses | None
     residual: FloatArray
-    errors: ErrorStatistics
-    held_out_rms_px: float | None
-    plain_rms_px: float
-    reweighted_rms_px: float
-    dropped: int
+    fit: FitRecord
     unfit: Mapping[str, Finding]
     target: Target | None = None
     made_by: Mapping[str, Any] = field(default_factory=dict)
@@ -111,30 +104,6 @@ class PointCalibration(CameraRecord):
         """What is told beside the figures: photos that were left out."""
         unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
         return (*unfit,)
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: ``fit`` of camera.yaml and the command's JSON."""
-        return {
-            **self.errors.as_record(),
-            "images": len(self.pairs.images),
-            "held_out_rms_px": self.held_out_rms_px,
-            "lift": "point",
-            "frame": self.camera.frame,
-            "rank": self.camera.rank,
-            "plain_rms_px": self.plain_rms_px,
-            "reweighted_rms_px": self.reweighted_rms_px,
-            "dropped": self.dropped,
-            "unfit_images": {photo: why.line for photo, why in self.unfit.items()},
-            "per_image": self._photos(),
-        }
-
-    def _photos(self) -> list[dict[str, Any]]:
-        names = self.pairs.images
-        if self.poses is not None:
-            return photo_records(
-                names, self.pairs.image, self.residual, self.poses, self.pairs.tells_error
-            )
-        return [{"image": names[0], **self.errors.as_record()}]
 
 
 @one_blas_thread()
@@ -163,25 +132,36 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
         used, photos = select(used, near)
         poses = poses[photos] if poses is not None else None
         camera, stages, residual = _fit(used, poses)
+    errors = error_statistics(residual)
     return PointCalibration(
         camera=camera,
         pairs=used,
         poses=poses,
         residual=residual,
-        errors=error_statistics(residual),
-        held_out_rms_px=_held_out(used, poses) if hold_out else None,
-        plain_rms_px=stages[0],
-        reweighted_rms_px=stages[1],
-        dropped=given - len(used.pixel),
+        fit=FitRecord(
+            **vars(errors),
+            images=len(used.images),
+            held_out_rms_px=_held_out(used, poses) if hold_out else np.nan,
+            lift="point",
+            frame=camera.frame,
+            rank=camera.rank,
+            plain_rms_px=stages[0],
+            reweighted_rms_px=stages[1],
+            dropped=given - len(used.pixel),
+            unfit_images={photo: why.line for photo, why in unfit.items()},
+            per_image=(PhotoRecord(image=used.images[0], **vars(errors)),)
+            if poses is None
+            else photo_records(used.images, used.image, residual, poses, used.tells_error),
+        ),
         unfit=unfit,
         target=pairs.target,
     )
 
 
-def _held_out(pairs: Observations, poses: Poses | None) -> float | None:
+def _held_out(pairs: Observations, poses: Poses | None) -> float:
     """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
     if poses is None:
-        return None
+        return np.nan
     photos = np.arange(len(pairs.images))
     folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi)
     residuals = []
@@ -193,14 +173,14 @@ def _held_out(pairs: Observations, poses: Poses | None) -> float | None:
             camera = calibrate_points(train, hold_out=False).camera
             reference = fit_radial(train.with_world(train.world / scale))
         except FitError:
-            return None
+            return np.nan
         placed, own, _ = fit_poses(reference.camera, test.with_world(test.world / scale))
         if placed is None:
-            return None
+            return np.nan
         points = placed.poses.apply(own.image, own.world) * scale
         residuals.append(camera.project(points) - own.pixel)
     if not residuals:
-        return None
+        return np.nan
     residual = np.vstack(residuals)
     # Beyond the volume of the training corners there is no answer to judge.
     return rms_px(residual[np.isfinite(residual[:, 0])])

@@ -7,12 +7,11 @@ few corners are, that is too coarse: here each direction from the axis is looked
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
+from cubicfish_cli.assess.fit_record import Reach
 from cubicfish_cli.assess.uncertainty import CERTAIN_PX
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import ray_at
@@ -35,35 +34,6 @@ _MIDDLE = 0.5
 _TIMES, _SIDE = 2.0, 2000.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reach:
-    """What corners say of the field's rim; pixels are None where too few corners tell.
-
-    Attributes:
-        all_around_deg: how far from the axis corners reach in nearly every direction that the
-            photo shows.
-        rim_coverage: share of the directions in which corners reach the rim.
-        extrapolated_deg: how far beyond the corners the field goes, the median over directions.
-        edge_uncertainty_px: one standard deviation of a pixel at the field's edge, median.
-        rim_from_deg: from where on the rim's errors are counted.
-        rim_rms_px: RMS of the outermost corners, those beyond ``rim_from_deg``.
-        middle_rms_px: RMS of the corners within half of that.
-
-    """
-
-    all_around_deg: float
-    rim_coverage: float
-    extrapolated_deg: float
-    edge_uncertainty_px: float | None
-    rim_from_deg: float | None
-    rim_rms_px: float | None
-    middle_rms_px: float | None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return asdict(self)
 
 
 def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: Sigma) -> Reach:
@@ -92,7 +62,7 @@ def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: 
         all_around_deg=_all_around(reached, edge, covered),
         rim_coverage=float(np.mean(short <= _NEAR * covered)),
         extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
-        edge_uncertainty_px=float(np.median(uncertain)) if uncertain.size else None,
+        edge_uncertainty_px=float(np.median(uncertain)) if uncertain.size else np.nan,
         rim_from_deg=rim_from,
         rim_rms_px=rim,
         middle_rms_px=middle,
@@ -136,20 +106,18 @@ def _all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
     return float(angles[short[0]] - 1) if short.size else covered
 
 
-def _errors(
-    angle: FloatArray, residual: FloatArray
-) -> tuple[float | None, float | None, float | None]:
-    """RMS at the rim and in the middle, and from which angle on the rim is."""
+def _errors(angle: FloatArray, residual: FloatArray) -> tuple[float, float, float]:
+    """RMS at the rim and in the middle, and from which angle on the rim is; NaN if too few tell."""
     told = np.isfinite(residual[:, 0])
     angle, residual = angle[told], residual[told]
     count = max(_FEWEST_AT_THE_RIM, round(_RIM_SHARE * len(angle)))
     if len(angle) < 3 * count:
-        return None, None, None
+        return np.nan, np.nan, np.nan
     start = float(np.floor(np.sort(angle)[-count]))
     square = np.sum(residual * residual, axis=1)
     rim, middle = square[angle >= start], square[angle <= _MIDDLE * start]
     if len(middle) < _FEWEST_AT_THE_RIM:
         middle = square[angle < start]
     if not middle.size:
-        return None, None, None
+        return np.nan, np.nan, np.nan
     return float(np.sqrt(rim.mean())), float(np.sqrt(middle.mean())), start

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import DroppedCorner
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.findings import noisy_photos
 from cubicfish_cli.fitting.hold import EXPECTED
@@ -26,21 +26,6 @@ _FEWEST_NEIGHBOURS = 3
 # A corner stands alone when it is so many times farther off than most neighbours (percent) are.
 _BEYOND_NEIGHBOURS = 3.0
 _MOST = 75
-
-
-@dataclass(frozen=True, kw_only=True)
-class DroppedCorner:
-    """A corner that was left out because it was off by far more than noise."""
-
-    image: str
-    board: str | None
-    column: int
-    row: int
-    error_px: float
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return asdict(self)
 
 
 def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedCorner, ...]:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.uncertainty import summed
+from cubicfish_cli.assess.uncertainty import UncertaintyGrid, summed
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.lenses import CubicFit
@@ -288,15 +288,12 @@ def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -
     return np.sqrt(uncertainty.variance(rays, centre))
 
 
-def uncertainty_record(
+def uncertainty_grid(
     uncertainty: Sigma, camera: CubicCamera, blind: float = 0.0
-) -> dict[str, Any]:
-    """Uncertainty on a grid over the photo, plain data for camera.yaml and JSON.
+) -> UncertaintyGrid:
+    """Uncertainty on a grid over the photo, for the fit's record.
 
-    ``sigma_px`` holds a row for each of ``y`` with a number for each of ``x``, null outside the
-    valid field and within ``blind`` radians of the axis. ``median_px``, ``p95_px`` and ``max_px``
-    are of these numbers; ``focal_px`` and ``principal_point_px`` are one standard deviation each
-    of x and y, on the axis and of the centre of symmetry.
+    It is NaN outside the valid field and within ``blind`` radians of the axis.
     """
     x, y, rays = field_grid(camera, blind)
     seen = np.isfinite(rays[..., 0])
@@ -306,17 +303,14 @@ def uncertainty_record(
     centre = np.full(2, np.nan)
     if seen.sum() > _FEW_RAYS:
         centre = _centre_sigma_px(uncertainty, camera.radial.parameters, rays[seen])
-    return {
-        "noise_px": uncertainty.noise_px,
-        "median_px": whole.median_px if whole else None,
-        "p95_px": whole.p95_px if whole else None,
-        "max_px": float(np.max(sigma[seen])) if seen.any() else None,
-        "focal_px": _focal_sigma_px(uncertainty).tolist(),
-        "principal_point_px": [float(x) if np.isfinite(x) else None for x in centre],
-        "x": x.tolist(),
-        "y": y.tolist(),
-        "sigma_px": [
-            [round(float(value), 5) if np.isfinite(value) else None for value in row]
-            for row in sigma
-        ],
-    }
+    return UncertaintyGrid(
+        noise_px=uncertainty.noise_px,
+        median_px=whole.median_px if whole else np.nan,
+        p95_px=whole.p95_px if whole else np.nan,
+        max_px=float(np.max(sigma[seen])) if seen.any() else np.nan,
+        focal_px=tuple(_focal_sigma_px(uncertainty).tolist()),
+        principal_point_px=tuple(centre.tolist()),
+        x=tuple(x.tolist()),
+        y=tuple(y.tolist()),
+        sigma_px=tuple(tuple(round(value, 5) for value in row) for row in sigma.tolist()),
+    )

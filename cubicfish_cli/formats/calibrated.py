@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
 from html import escape
@@ -19,7 +18,7 @@ import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.assess.uncertainty import sigma_at
+from cubicfish_cli.assess.fit_record import ErrorStatistics, FitRecord
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.files import write_text
@@ -36,7 +35,7 @@ _MAX_DEPTH = 8  # the reader takes no more than a few levels
 def camera_text(
     camera: CubicCamera | PointCamera,
     *,
-    fit: Mapping[str, Any],
+    fit: FitRecord,
     made_by: Mapping[str, Any],
     comment: str = "",
 ) -> str:
@@ -47,7 +46,7 @@ def camera_text(
         "image_size": [int(side) for side in camera.image_size],
         "lift": "point" if is_point else "ray",
         **(_point_record(camera) if isinstance(camera, PointCamera) else _ray_record(camera)),
-        "fit": dict(fit),
+        "fit": fit.as_record(),
         "made_by": dict(made_by),
     }
     return (f"# {comment}\n" if comment else "") + plain_yaml_text(record)
@@ -89,21 +88,28 @@ def unit_norm(P: FloatArray) -> FloatArray:
     return np.asarray(P / np.linalg.norm(P))
 
 
-class CameraRecord(ABC):
+class CameraRecord:
     """A camera of either lift, and the record of its fit.
 
     Attributes:
         camera: the camera.
+        fit: how well it fits.
         made_by: where it comes from, plain data; empty where nothing is known.
 
     """
 
     camera: CubicCamera | PointCamera
+    fit: FitRecord
     made_by: Mapping[str, Any]
 
-    @abstractmethod
+    @property
+    def errors(self) -> ErrorStatistics:
+        """Reprojection errors over the used pairs."""
+        return self.fit
+
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml."""
+        return self.fit.as_record()
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -111,12 +117,12 @@ class CameraRecord(ABC):
         known = self.facts.verdict
         if known is not None:
             return known
-        return verdict(self.as_record(), self.camera.image_size, self.camera.outline())
+        return verdict(self.fit, self.camera.image_size, self.camera.outline())
 
     @cached_property
     def facts(self) -> CameraFacts:
         """The camera in the figures that people ask for first."""
-        return camera_facts(self.camera, self.as_record(), self.made_by)
+        return camera_facts(self.camera, self.fit, self.made_by)
 
     def text(self, made_by: Mapping[str, Any] | None = None) -> str:
         """The text of its camera.yaml.
@@ -130,9 +136,8 @@ class CameraRecord(ABC):
 
         """
         origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
-        record = self.as_record()
-        facts = camera_facts(self.camera, record, origin) if made_by else self.facts
-        return camera_text(self.camera, fit=record, made_by=origin, comment=facts.line)
+        facts = camera_facts(self.camera, self.fit, origin) if made_by else self.facts
+        return camera_text(self.camera, fit=self.fit, made_by=origin, comment=facts.line)
 
     def save(
         self,
@@ -198,13 +203,12 @@ class Calibrated(CameraRecord):
         sides = np.array(self.camera.image_size)
         index = np.flatnonzero(((flat >= -0.5) & (flat <= sides - 0.5)).all(axis=1))
         seen = index[np.isfinite(self.camera.unproject(flat[index])[:, 0])]
-        sigma = np.full(len(flat), np.nan)
-        try:
-            sigma[seen] = sigma_at(self.as_record()["uncertainty"], flat[seen])
-        except (KeyError, TypeError, ValueError, IndexError) as problem:
+        known, sigma = self.fit.uncertainty.at(flat[seen]), np.full(len(flat), np.nan)
+        if known is None:
             raise CameraFileError(
                 "this camera's file does not say how certain it is: calibrate again"
-            ) from problem
+            )
+        sigma[seen] = known
         return sigma.reshape(pixel.shape[:-1])
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import FitRecord, fit_record
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.calibrated import (
     FORMAT_VERSION,
@@ -52,18 +53,14 @@ class CameraFile(Calibrated):
 
     Attributes:
         camera: the camera.
-        fit: how well it fits, plain data; empty when the file says nothing of it.
+        fit: how well it fits.
         made_by: version, date, options and hashes, plain data.
 
     """
 
     camera: CubicCamera
-    fit: Mapping[str, Any]
+    fit: FitRecord
     made_by: Mapping[str, Any]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: ``fit`` of camera.yaml."""
-        return dict(self.fit)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -71,12 +68,8 @@ class PointCameraFile(CameraRecord):
     """What a camera.yaml of the ``point`` lift holds; see :class:`CameraFile`."""
 
     camera: PointCamera
-    fit: Mapping[str, Any]
+    fit: FitRecord
     made_by: Mapping[str, Any]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: ``fit`` of camera.yaml."""
-        return dict(self.fit)
 
 
 def load_camera(path: Path | str) -> CameraFile:
@@ -151,7 +144,8 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     P = _numbers(path, record, "P", (3, SIZE))
     if not P.any():
         raise CameraFileError(f"{path}: P is all zeros: calibrate again")
-    fit, made_by = (mapping(path, record.get(key, {}), key) for key in ("fit", "made_by"))
+    known, made_by = (mapping(path, record.get(key, {}), key) for key in ("fit", "made_by"))
+    fit = fit_record(known)
     if kind[0] == "point":
         frame: Frame = "world" if kind[1] == "world" else "camera"
         point = _point_camera(path, record, image_size, P, frame)

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError, FitError
 from cubicfish_cli.files import write_text
@@ -135,7 +136,7 @@ def save_camera(
 
     """
     if isinstance(camera, CubicCamera):
-        camera = CameraFile(camera=camera, fit={}, made_by={})
+        camera = CameraFile(camera=camera, fit=FitRecord(), made_by={})
     if not isinstance(camera, Calibrated):
         raise CameraFileError(f"{type(camera).__name__} is no camera that can be saved")
     camera.save(path, made_by=made_by, overwrite=overwrite)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.assess.uncertainty import uncertainty_at
+from cubicfish_cli.assess.fit_record import FitRecord
+from cubicfish_cli.assess.records import plain_record
+from cubicfish_cli.assess.uncertainty import PixelUncertainty
 from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict
 from cubicfish_cli.files import Fingerprint
 from cubicfish_cli.fitting.evaluate import Evaluation, evaluate
@@ -39,6 +41,7 @@ class EvaluatedFiles:
         inputs: what they were measured on.
         record: both as plain data: what ``cubicfish evaluate --json`` prints.
         camera: the camera.
+        uncertainty: of the camera where the corners are; None where it is not known.
         verdict: how well it does there.
 
     """
@@ -47,6 +50,7 @@ class EvaluatedFiles:
     inputs: Inputs
     record: dict[str, Any]
     camera: CubicCamera
+    uncertainty: PixelUncertainty | None
     verdict: Verdict
 
 
@@ -80,24 +84,27 @@ def evaluate_files(
     loaded = load_inputs(paths, source, run, image_size=image_size or size)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
-    sigma = uncertainty_at(file.fit, evaluation.pairs.pixel)
-    record = {**evaluation.as_record(), "uncertainty": sigma, **loaded.remarks()}
+    sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)
+    record = {**evaluation.as_record(), "uncertainty": plain_record(sigma), **loaded.remarks()}
     return EvaluatedFiles(
         evaluation=evaluation,
         inputs=loaded,
         record=record,
         camera=file.camera,
-        verdict=evaluation_verdict(record, _with_this_target(file, loaded.target_file), size),
+        uncertainty=sigma,
+        verdict=evaluation_verdict(
+            evaluation.errors, sigma, _with_this_target(file, loaded.target_file), size
+        ),
     )
 
 
-def _with_this_target(file: CameraFile, target: Fingerprint | None) -> Mapping[str, Any]:
+def _with_this_target(file: CameraFile, target: Fingerprint | None) -> FitRecord:
     """The camera's fit, and what it was off by on a target that was no better known than this one.
 
     Where the target was refined, its file as drawn leaves errors that are not the camera's.
     """
-    given, levels = file.made_by.get("target"), file.fit.get("held_out_by_level")
+    given, as_drawn = file.made_by.get("target"), file.fit.held_out_by_level.get("off")
     drawn = target and isinstance(given, Mapping) and given.get("sha256") == target.sha256
-    if drawn and isinstance(levels, Mapping) and "off" in levels:
-        return {**file.fit, "held_out_rms_px": levels["off"]}
-    return file.fit
+    if not drawn or as_drawn is None:
+        return file.fit
+    return replace(file.fit, held_out_rms_px=as_drawn)

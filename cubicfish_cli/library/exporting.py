@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,7 +17,6 @@ from cubicfish_cli import __version__
 from cubicfish_cli.errors import CubicfishError, FitError, UsageError, ViewError
 from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
-from cubicfish_cli.fitting.statistics import poses_on_record
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_format import (
     FlatPair,
@@ -109,13 +109,12 @@ def export_camera(
     """
     if to not in WRITTEN:
         raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(WRITTEN))}")
-    camera, fit = calibrated.camera, calibrated.as_record()
-    covered = fit.get("covered_deg")
+    camera, covered = calibrated.camera, calibrated.fit.covered_deg
     convert = partial(
         to_lens,
         camera,
         WRITTEN[to].lenses[to],
-        covered_deg=float(covered) if isinstance(covered, int | float) else None,
+        covered_deg=covered if math.isfinite(covered) else None,
     )
     conversion = convert(max_angle_deg=max_angle_deg)
     if not conversion.error.max_px <= max_error:
@@ -129,7 +128,7 @@ def export_camera(
         note=_note(conversion, to, calibrated.made_by, trusted),
         poses={
             photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
-            for photo, (vector, translation) in poses_on_record(fit).items()
+            for photo, (vector, translation) in calibrated.fit.poses.items()
         },
     )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.fitting.conversion.from_lens import (
     LARGEST_ANGLE_DEG,
@@ -101,7 +102,7 @@ def import_camera(
     }
     return Imported(
         camera=made.camera,
-        fit={},
+        fit=FitRecord(),
         made_by={
             "options": {"imported_from": found, "lens": lens.name},
             "conversion": conversion,

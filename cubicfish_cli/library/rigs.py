@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.errors import CorrespondenceError, FitError
 from cubicfish_cli.files import Content, write_files
@@ -112,7 +113,7 @@ def calibrate_rig(
             name=name,
             pairs=observed(own, target),
             camera=known[name].camera if name in known else None,
-            fit=known[name].fit if name in known else None,
+            fit=known[name].fit if name in known else FitRecord(),
             moving=None if moving is None else moving.get(name),
         )
         for name, own in cameras.items()
@@ -198,7 +199,7 @@ def rig_record(rig: RigCalibration) -> dict[str, Any]:
                 one.covariance,
                 {
                     **one.errors.as_record(),
-                    "images": int(one.fit["images"]),
+                    "images": one.fit.images,
                     "held_out_rms_px": one.held_out_rms_px,
                     "alone_rms_px": one.alone_rms_px,
                     "late_ms": None if one.late_s is None else 1e3 * one.late_s,

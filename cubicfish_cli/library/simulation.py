@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError, UsageError
 from cubicfish_cli.formats.calibrated import Calibrated, camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -91,7 +92,7 @@ def _of_another_tool(path: Path, size: tuple[int, int] | None) -> Source:
 
 
 def _camera_text(camera: CubicCamera, made_by: Mapping[str, object]) -> str:
-    return camera_text(camera, fit={}, made_by={"command": "simulate", **made_by})
+    return camera_text(camera, fit=FitRecord(), made_by={"command": "simulate", **made_by})
 
 
 def poses_of_table(path: Path, form: str) -> dict[str, Pose]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.formats.calibrated import Calibrated
@@ -384,9 +385,9 @@ def _loaded(
 ) -> tuple[Path | None, Any]:
     """The camera's file, where it has one, and what has the camera and its record."""
     if isinstance(camera, CubicCamera):
-        return None, CameraFile(camera=camera, fit={}, made_by={})
+        return None, CameraFile(camera=camera, fit=FitRecord(), made_by={})
     if isinstance(camera, Calibrated):
-        return None, CameraFile(camera=camera.camera, fit=camera.as_record(), made_by={})
+        return None, CameraFile(camera=camera.camera, fit=camera.fit, made_by={})
     path = in_folder(Path(camera))
     return path, load_any_camera(path) if in_planes else load_camera(path)
 

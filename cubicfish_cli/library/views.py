@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.arrays import Refusal
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import UsageError, ViewError
 from cubicfish_cli.formats.camera_yaml import CameraFile, PointCameraFile
@@ -196,9 +197,6 @@ class PlanesOfPhotos(Views):
             TargetError: the target's file cannot be used.
 
         """
-        # Undistortion of a photo or two is done before scipy is loaded.
-        from cubicfish_cli.fitting.statistics import photos_on_record
-
         self._loaded, self._asked, self._target = loaded, asked, asked.loaded()
         self.interpolation = interpolation
         try:
@@ -206,9 +204,7 @@ class PlanesOfPhotos(Views):
         except ViewError as problem:
             raise UsageError(str(problem)) from None
         self._poses = _poses_of(loaded.fit)
-        self._photos = {
-            Path(str(record.get("image"))).name for record in photos_on_record(loaded.fit)
-        }
+        self._photos = {Path(photo.image).name for photo in loaded.fit.per_image}
 
     def group(self, source: Path, size: Size) -> Hashable:
         """The photo itself."""
@@ -235,7 +231,7 @@ class PlanesOfPhotos(Views):
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
         photos = [Photo(name=source.name, path=source) for source in missing]
         found = detect_corners(photos, self._target, run.work("Finding corners"))
-        self._poses |= _poses_of(evaluate(camera, found.corners).as_record())
+        self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
         """The board's plane in this photo."""
@@ -277,8 +273,6 @@ class PlanesOfPhotos(Views):
         return camera, matrix_of_rotation(vector), translation
 
 
-def _poses_of(fit: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+def _poses_of(fit: FitRecord) -> dict[str, tuple[Any, Any]]:
     """Rotation vector and translation by the photo's file name, without folders."""
-    from cubicfish_cli.fitting.statistics import poses_on_record
-
-    return {Path(name).name: pose for name, pose in poses_on_record(fit).items()}
+    return {Path(name).name: pose for name, pose in fit.poses.items()}

@@ -6,17 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.advice.enough import summary
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.assess.fit_record import FitRecord, PhotoRecord
 from cubicfish_cli.assess.verdict import photo_verdicts
 from cubicfish_cli.fitting.findings import FieldCells, field_cells
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
-from cubicfish_cli.fitting.statistics import photos_on_record, poses_on_record, rms_px
+from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.formats.calibrated import CameraRecord
 from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
@@ -24,11 +23,10 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import best_named
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray
-from cubicfish_cli.words.finding import Finding, joined
+from cubicfish_cli.words.finding import joined
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""
-_OF_PHOTO = ("rms_px", "median_px", "p95_px", "max_px")
 _HINTS = {"--target": "; 'cubicfish report --target FILE' names it"}
 # Errors that are worked out again and differ by more than this share are of other corners.
 _SAME_RMS = 0.02
@@ -37,46 +35,6 @@ _NO_PHOTOS = (
     "Pictures of the photos, and an undistorted one: the photos are not at hand. "
     "'cubicfish report --photos FOLDER' shows them."
 )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PhotoFacts:
-    """A photo of the fit.
-
-    Attributes:
-        name: of the photo.
-        corners: how many were used.
-        rms_px, median_px, p95_px, max_px: of its reprojection errors; None where not known.
-        rotation, translation: (3, 3) and (3,) camera_from_world; None where not known.
-        told: how it stands beside the others; empty where it is good.
-
-    """
-
-    name: str
-    corners: int
-    rms_px: float | None
-    median_px: float | None
-    p95_px: float | None
-    max_px: float | None
-    rotation: FloatArray | None
-    translation: FloatArray | None
-    told: tuple[Finding, ...]
-
-    @property
-    def words(self) -> str:
-        """What is told, in a few words."""
-        return joined(self.told)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DroppedFacts:
-    """A corner that was left out as grossly wrong."""
-
-    image: str
-    board: str | None
-    column: int
-    row: int
-    error_px: float | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,9 +80,8 @@ class Facts:
 
     Attributes:
         known: the camera and its records, and what follows from these.
-        photos: of the fit, in its order.
-        dropped: corners that were left out; only counted where the lift is ``point``.
-        dropped_pixels: photo and (2,) pixel of those of them that are at hand.
+        told: how each photo stands beside the others, in words, by its name.
+        dropped_pixels: photo and (2,) pixel of those dropped corners that are at hand.
         errors: None where the corners or what they are of are not at hand.
         lack: why ``errors`` is None; None where it is not.
         target: the calibration target as fitted; None where it is not at hand.
@@ -137,8 +94,7 @@ class Facts:
     """
 
     known: CameraRecord
-    photos: tuple[PhotoFacts, ...]
-    dropped: tuple[DroppedFacts, ...]
+    told: Mapping[str, str]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
     lack: Lack | None
@@ -153,14 +109,15 @@ class Facts:
         """The camera."""
         return self.known.camera
 
-    @cached_property
-    def fit(self) -> Mapping[str, Any]:
-        """The fit's record, as camera.yaml has it."""
-        return self.known.as_record()
+    @property
+    def fit(self) -> FitRecord:
+        """How well it fits."""
+        return self.known.fit
 
-    def number(self, key: str) -> float | None:
-        """A finite number of the fit's record; None where there is none."""
-        return recorded_number(self.fit.get(key))
+    @property
+    def photos(self) -> tuple[PhotoRecord, ...]:
+        """Of the fit, in its order."""
+        return self.fit.per_image
 
     @property
     def units(self) -> str:
@@ -187,8 +144,7 @@ def gather(
     """Put together what a page says.
 
     Args:
-        known: the camera and its records; whatever in them is not what a calibration writes is
-            passed over.
+        known: the camera and its records.
         pairs: the corners with the world points of the target as fitted. Those that the fit
             left out may be among them.
         target: the calibration target as fitted.
@@ -198,30 +154,28 @@ def gather(
         absent: what else is known to be missing and why, a line each.
 
     """
-    camera, fit = known.camera, known.as_record()
-    photos = _photos(fit, camera.image_size)
-    dropped = _dropped(fit)
+    camera, fit = known.camera, known.fit
+    told = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
     lines = [f"Corners and errors: {lack.why}{_HINTS.get(lack.name_it, '')}."] if lack else []
     lines += absent
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
-        if target is not None and fit.get("renamed_images"):
-            pairs = best_named(pairs, target, partial(_squared, camera, photos))
-        errors, problem = _errors(camera, fit, pairs, photos, dropped)
+        if target is not None and fit.renamed_images:
+            pairs = best_named(pairs, target, partial(_squared, camera, fit))
+        errors, problem = _errors(camera, fit, pairs)
         if problem:
             lines.append(f"Corners and errors: {problem}.")
             lack = Lack(why=problem, name_it="--corners and --target")
         pixels = tuple(
             (pairs.images[pairs.image[index]], pairs.pixel[index])
-            for index in np.flatnonzero(_among(pairs, dropped))
+            for index in np.flatnonzero(_among(pairs, fit))
         )
-    if photos and not files:
+    if fit.per_image and not files:
         lines.append(_NO_PHOTOS)
     return Facts(
         known=known,
-        photos=photos,
-        dropped=dropped,
+        told={photo.image: joined(own) for photo, own in zip(fit.per_image, told, strict=True)},
         dropped_pixels=pixels,
         errors=errors,
         lack=lack,
@@ -235,47 +189,13 @@ def gather(
     )
 
 
-def _photos(fit: Mapping[str, Any], size: tuple[int, int]) -> tuple[PhotoFacts, ...]:
-    photos, poses = [], poses_on_record(fit)
-    for record, told in zip(photos_on_record(fit), photo_verdicts(fit, size), strict=True):
-        name = str(record.get("image"))
-        vector, translation = poses.get(name, (None, None))
-        photos.append(
-            PhotoFacts(
-                name=name,
-                corners=int(recorded_number(record.get("corners")) or 0),
-                **{key: recorded_number(record.get(key)) for key in _OF_PHOTO},
-                rotation=None if vector is None else rotation_from_vector(vector[None])[0],
-                translation=translation,
-                told=told,
-            )
-        )
-    return tuple(photos)
-
-
-def _dropped(fit: Mapping[str, Any]) -> tuple[DroppedFacts, ...]:
-    return tuple(
-        DroppedFacts(
-            image=str(record.get("image")),
-            board=None if record.get("board") is None else str(record["board"]),
-            column=int(recorded_number(record.get("column")) or 0),
-            row=int(recorded_number(record.get("row")) or 0),
-            error_px=recorded_number(record.get("error_px")),
-        )
-        for record in recorded_mappings(fit.get("dropped_corners"))
-    )
-
-
-def _squared(
-    camera: CubicCamera | PointCamera, photos: Sequence[PhotoFacts], pairs: Observations
-) -> FloatArray:
+def _squared(camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations) -> FloatArray:
     """(N,) squared errors of corners in photos whose poses are on record, else NaN."""
     squared = np.full(len(pairs.image), np.nan)
-    for photo in photos:
-        turn, shift = photo.rotation, photo.translation
-        if photo.name in pairs.images and turn is not None and shift is not None:
-            rows = np.flatnonzero(pairs.image == pairs.images.index(photo.name))
-            points = pairs.world[rows] @ turn.T + shift
+    for name, (vector, shift) in fit.poses.items():
+        if name in pairs.images:
+            rows = np.flatnonzero(pairs.image == pairs.images.index(name))
+            points = pairs.world[rows] @ rotation_from_vector(vector[None])[0].T + shift
             squared[rows] = np.sum(
                 np.square(camera.project(points, near=True) - pairs.pixel[rows]), axis=1
             )
@@ -283,52 +203,41 @@ def _squared(
 
 
 def _errors(
-    camera: CubicCamera | PointCamera,
-    fit: Mapping[str, Any],
-    pairs: Observations,
-    photos: Sequence[PhotoFacts],
-    dropped: Sequence[DroppedFacts],
+    camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
 ) -> tuple[ErrorFacts | None, str | None]:
     """Every used corner's error, or why there is none."""
-    by_name = {photo.name: photo for photo in photos}
     in_world = isinstance(camera, PointCamera) and camera.frame == "world"
-    placed = [
-        name in by_name and (in_world or by_name[name].rotation is not None)
-        for name in pairs.images
-    ]
-    known = np.array(placed, bool)[pairs.image] & ~_among(pairs, dropped)
+    placed = {photo.image for photo in fit.per_image} if in_world else fit.poses.keys()
+    known = np.array([name in placed for name in pairs.images], bool)[pairs.image]
+    known &= ~_among(pairs, fit)
     # A corner that may be another one than it is named as had a point of its own in the fit.
-    apart = fit.get("refine_target") == "points"
+    apart = fit.refine_target == "points"
     used, _ = select(pairs, known & pairs.certain if apart else known)
     if not len(used.pixel):
         return None, "no corner at hand is of a photo of this fit"
     points = used.world
     if not in_world:
-        own = [by_name[name] for name in used.images]
-        poses = Poses(
-            rotation=np.array([photo.rotation for photo in own]),
-            translation=np.array([photo.translation for photo in own]),
-        )
+        vectors, shifts = zip(*(fit.poses[name] for name in used.images), strict=True)
+        poses = Poses(rotation=rotation_from_vector(vectors), translation=np.array(shifts))
         points = poses.apply(used.image, used.world)
     residual = camera.project(points, near=True) - used.pixel
     length = np.where(np.isfinite(residual[:, 0]), np.hypot(*residual.T), np.inf)
     kept = np.isfinite(length)
-    count = recorded_number(fit.get("corners"))
-    if isinstance(camera, PointCamera) and count and count < kept.sum():
+    if isinstance(camera, PointCamera) and 0 < fit.corners < kept.sum():
         # Which corners this fit dropped is not on record: they were the worst.
-        kept[np.argsort(length, kind="stable")[int(count) :]] = False
+        kept[np.argsort(length, kind="stable")[fit.corners :]] = False
     if not kept.any():
         return None, "no corner at hand lies where this camera may be trusted"
     used, _ = select(used, kept)
     residual, points = residual[kept], points[kept]
-    before, now = recorded_number(fit.get("rms_px")), rms_px(residual)
-    if before is not None and abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
+    before, now = fit.rms_px, rms_px(residual)
+    if abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):
         return None, (
             f"the corners and the target at hand give an RMS of {now:.3f} px and the fit had "
             f"{before:.3f} px: they are not those of the fit"
             + (
                 " (the target was fitted too, and target.refined.yaml holds it)"
-                if fit.get("refine_target") in REFINED
+                if fit.refine_target in REFINED
                 else ""
             )
         )
@@ -339,11 +248,11 @@ def _errors(
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
 
-def _among(pairs: Observations, dropped: Sequence[DroppedFacts]) -> BoolArray:
+def _among(pairs: Observations, fit: FitRecord) -> BoolArray:
     """Which pairs are corners that the fit dropped."""
-    if not dropped:
+    if not fit.dropped_corners:
         return np.zeros(len(pairs.pixel), bool)
-    gone = {(one.image, one.board, one.column, one.row) for one in dropped}
+    gone = {(one.image, one.board, one.column, one.row) for one in fit.dropped_corners}
     rows = zip(
         pairs.image.tolist(),
         pairs.board.tolist(),

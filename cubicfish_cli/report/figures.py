@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from cubicfish_cli.assess.uncertainty import recorded_grid, recorded_uncertainty, sigma_at
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
@@ -158,8 +158,8 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
         own = shown[pairs.board[shown] == index] if len(boards) > 1 else shown
         dots(axes, pixel[own], colour, 2.5)
         keys.append(Key(kind="dot", colour=colour, text=board))
-    share = facts.number("coverage")
-    caption = "" if share is None else f"Corners cover {100 * share:.0f} % of the field."
+    share = facts.fit.coverage
+    caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
     if empty:
         caption += " What a camera says of places without corners nobody has checked."
     return finished(
@@ -369,13 +369,12 @@ def profile_figure(camera: CubicCamera) -> Drawn:
 
 def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     """How far the camera's own pixels may be off, over the photo."""
-    record = recorded_grid(facts.fit)
-    if record is None:
-        return None
     width, height = camera.image_size
     x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
     pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    sigma = sigma_at(record, pixel)
+    sigma = facts.fit.uncertainty.at(pixel)
+    if sigma is None:
+        return None
     inside = inside_polygon(pixel, facts.outline)
     if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
         around = np.linspace(0, 2 * np.pi, 180)
@@ -387,7 +386,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     figure, axes = _photo_axes(facts)
     bands = axes.contourf(x, y, shown.reshape(len(y), len(x)), 7, cmap="cividis")
     figure.colorbar(bands, location="bottom", label="px", aspect=40)
-    figures = recorded_uncertainty(facts.fit)
+    figures = facts.fit.uncertainty.field
     return finished(
         figure,
         name="uncertainty",

@@ -32,7 +32,7 @@ from cubicfish_cli.photos import (
     read_file,
     thumbnail,
 )
-from cubicfish_cli.report.facts import REFINED, Facts, Lack, PhotoFacts, gather
+from cubicfish_cli.report.facts import REFINED, Facts, Lack, PhotoRecord, gather
 from cubicfish_cli.target import Target, load_target
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.undistortion.choose import build_view
@@ -100,16 +100,16 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
 
     """
     order = sorted(
-        (photo for photo in facts.photos if photo.name in facts.files),
-        key=lambda photo: -(photo.rms_px or 0.0),
+        (photo for photo in facts.photos if photo.image in facts.files),
+        key=lambda photo: -np.nan_to_num(photo.rms_px),
     )
     width, height = facts.camera.image_size
     most = max(1, min(MOST_THUMBNAILS, _MOST_PIXELS // (width * height)))
     chosen = order[:most]
     example = max(chosen, key=lambda photo: photo.corners, default=None)
 
-    def made(photo: PhotoFacts) -> tuple[PhotoPicture | None, Example | None, str | None]:
-        picture = _read(facts.files[photo.name], (width, height), facts.digests.get(photo.name))
+    def made(photo: PhotoRecord) -> tuple[PhotoPicture | None, Example | None, str | None]:
+        picture = _read(facts.files[photo.image], (width, height), facts.digests.get(photo.image))
         if isinstance(picture, str):
             return None, None, picture
         copies = _copies(facts, photo, picture, zoom, card=photo in chosen[:MOST_CARDS])
@@ -119,7 +119,7 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
         done = list(threads.map(made, chosen))
     return Pictures(
         photos={
-            photo.name: copies
+            photo.image: copies
             for photo, (copies, _, _) in zip(chosen, done, strict=True)
             if copies is not None
         },
@@ -162,7 +162,7 @@ def _few(problems: Sequence[str]) -> tuple[str, ...]:
 
 
 def _copies(
-    facts: Facts, photo: PhotoFacts, picture: Picture, zoom: float, *, card: bool
+    facts: Facts, photo: PhotoRecord, picture: Picture, zoom: float, *, card: bool
 ) -> PhotoPicture:
     middle = thumbnail(picture, _CARD)
     return PhotoPicture(
@@ -171,7 +171,7 @@ def _copies(
     )
 
 
-def _draw_found(facts: Facts, photo: PhotoFacts, copy: Small, zoom: float) -> Small:
+def _draw_found(facts: Facts, photo: PhotoRecord, copy: Small, zoom: float) -> Small:
     """Draw a photo's corners, their errors and the dropped ones on a small copy of it."""
     drawn = np.dstack([copy] * 3) if copy.ndim == 2 else copy.copy()
     scale = drawn.shape[1] / facts.camera.image_size[0]
@@ -180,22 +180,22 @@ def _draw_found(facts: Facts, photo: PhotoFacts, copy: Small, zoom: float) -> Sm
         clipped = np.clip((pixel + 0.5) * scale - 0.5, -1e4, 1e4)
         return [(x, y) for x, y in np.rint(clipped).astype(int).tolist()]
 
-    if facts.errors is not None and photo.name in facts.errors.pairs.images:
+    if facts.errors is not None and photo.image in facts.errors.pairs.images:
         pairs = facts.errors.pairs
-        own = pairs.image == pairs.images.index(photo.name)
+        own = pairs.image == pairs.images.index(photo.image)
         found = pairs.pixel[own]
         ends = placed(found + zoom * facts.errors.residual[own])
         for start, end in zip(placed(found), ends, strict=True):
             cv2.circle(drawn, start, 3, _FOUND, -1, cv2.LINE_AA)
             cv2.line(drawn, start, end, _ERROR, 2, cv2.LINE_AA)
     for name, pixel in facts.dropped_pixels:
-        if name == photo.name:
+        if name == photo.image:
             (place,) = placed(pixel[None])
             cv2.drawMarker(drawn, place, _DROPPED, cv2.MARKER_TILTED_CROSS, 10, 2)
     return drawn
 
 
-def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | None:
+def _example(facts: Facts, photo: PhotoRecord, picture: Picture) -> Example | None:
     if not isinstance(facts.camera, CubicCamera):
         return None
     try:
@@ -207,7 +207,7 @@ def _example(facts: Facts, photo: PhotoFacts, picture: Picture) -> Example | Non
     except ViewError:
         return None
     return Example(
-        name=photo.name,
+        name=photo.image,
         before=data_uri(thumbnail(picture, _WIDE), _QUALITY),
         after=data_uri(thumbnail(after, _WIDE), _QUALITY),
         view=f"{view.kind}, {view.hfov_deg:.0f}° wide",
@@ -245,7 +245,7 @@ def facts_of_files(
     loaded = load_any_camera(camera_file)
     folder = camera_file.parent
     absent: list[str] = []
-    refined = loaded.fit.get("refine_target") in REFINED
+    refined = loaded.fit.refine_target in REFINED
     drawn = target or _recorded(loaded.made_by.get("target"), folder) or _beside(folder, _TARGET)
     if refined:
         drawn = _beside(folder, _REFINED) or target
@@ -254,7 +254,7 @@ def facts_of_files(
     pairs = _pairs(corners or folder / _CORNERS, folder, loaded.made_by, thing, size)
     lack = _lack(folder, loaded.made_by, thing, refined=refined) if pairs is None else None
     inputs = recorded_mappings(loaded.made_by.get("inputs"))
-    names = [str(record.get("image")) for record in recorded_mappings(loaded.fit.get("per_image"))]
+    names = [photo.image for photo in loaded.fit.per_image]
     known = [Path(str(record.get("file"))) for record in inputs]
     digests = {Path(str(r.get("file"))): str(r.get("sha256")) for r in inputs}
     recorded = matched(names, known)
@@ -293,7 +293,7 @@ def facts_of_fit(
     target = fitted.target
     if target is not None:
         pairs = pairs.with_target(target)
-    files = matched([record["image"] for record in fitted.as_record()["per_image"]], photos)
+    files = matched([photo.image for photo in fitted.fit.per_image], photos)
     return gather(fitted, pairs=pairs, target=target, files=files)
 
 

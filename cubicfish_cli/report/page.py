@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -9,11 +10,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from cubicfish_cli.assess.camera_facts import CameraFacts
-from cubicfish_cli.assess.records import recorded_mappings, recorded_number
-from cubicfish_cli.assess.uncertainty import recorded_uncertainty
+from cubicfish_cli.assess.fit_record import DroppedCorner, FitRecord
+from cubicfish_cli.assess.records import recorded_mappings
 from cubicfish_cli.assess.verdict import WORDS
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.lenses.cubic import CubicCamera
@@ -21,6 +23,7 @@ from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.report.from_files import MOST_CARDS, all_pictures, matched
 from cubicfish_cli.report.scene import scene_figures
+from cubicfish_cli.words.codes import Severity
 
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
@@ -43,7 +46,7 @@ def report_html(facts: Facts) -> str:
     absent = [*facts.absent, *pictures.problems]
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
-    names = [photo.name for photo in facts.photos]
+    names = [photo.image for photo in facts.photos]
     return template("report.html").render(
         facts=facts,
         known=facts.known.facts,
@@ -64,9 +67,8 @@ def report_html(facts: Facts) -> str:
         zoom=zoom,
         deformations=_deformations(facts.fit),
         empty=_without_corners(facts),
-        rejected=_pairs(facts.fit.get("unfit_images")),
         notes=_notes(facts.fit),
-        dropped=sorted(facts.dropped, key=lambda corner: -(corner.error_px or 0))[:_MOST_DROPPED],
+        dropped=sorted(facts.fit.dropped_corners, key=_least_off)[:_MOST_DROPPED],
         made=made_of(facts.known.made_by),
         day=day_of(facts.known.made_by),
         absent=absent,
@@ -109,7 +111,7 @@ def _printable(value: Any) -> Any:
 
 
 def _px(value: float | None, places: int = 3) -> str:
-    return "–" if value is None else f"{value:.{places}f}"
+    return "–" if value is None or math.isnan(value) else f"{value:.{places}f}"
 
 
 def _count(value: float) -> str:
@@ -118,25 +120,25 @@ def _count(value: float) -> str:
 
 def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     """The figures at the top: name, value, meaning."""
+    fit = facts.fit
     tiles = [
         (name, f"{value:.3f} px", meaning)
-        for name, key, meaning in (
-            ("RMS error", "rms_px", "on the photos of the fit"),
-            ("Held-out RMS", "held_out_rms_px", "on photos that a fit never saw"),
-            ("Radial reference, held out", "companion_held_out_rms_px", "a Kannala–Brandt lens"),
+        for name, value, meaning in (
+            ("RMS error", fit.rms_px, "on the photos of the fit"),
+            ("Held-out RMS", fit.held_out_rms_px, "on photos that a fit never saw"),
+            ("Radial reference, held out", fit.companion_held_out_rms_px, "a Kannala–Brandt lens"),
         )
-        if (value := facts.number(key)) is not None
+        if math.isfinite(value)
     ]
-    covered, share, rank = map(facts.number, ("covered_deg", "coverage", "rank"))
     if isinstance(facts.camera, CubicCamera):
-        reach = "" if covered is None else f"; corners reach {covered:.1f}°"
+        reach = f"; corners reach {fit.covered_deg:.1f}°" if math.isfinite(fit.covered_deg) else ""
         trusted = f"{facts.camera.max_angle_deg:.1f}°"
         tiles.append(("Field", trusted, f"from the axis, where it may be trusted{reach}"))
-    elif rank is not None:
-        tiles.append(("Rank", f"{rank:.0f} of 20", "what the corners determine of P"))
-    if share is not None:
-        tiles.append(("Coverage", f"{100 * share:.0f} %", COVERED))
-    uncertainty = recorded_uncertainty(facts.fit)
+    elif fit.rank:
+        tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))
+    if math.isfinite(fit.coverage):
+        tiles.append(("Coverage", f"{100 * fit.coverage:.0f} %", COVERED))
+    uncertainty = fit.uncertainty.field
     if uncertainty is not None:
         tiles.append(("Uncertainty", f"{uncertainty.median_px:.3f} px", uncertainty.meaning))
     return tiles
@@ -154,8 +156,9 @@ def _lens(known: CameraFacts) -> list[tuple[str, str]]:
             rows.append((name, f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]}"))
     if known.field is not None:
         rows.append(("Field of view", known.field.words))
-    if known.pupil is not None:
-        rows.append(("Entrance pupil", f"{known.pupil.rim_px:.3f} px {known.pupil.meaning}"))
+    pupil = known.fit.pupil
+    if pupil is not None:
+        rows.append(("Entrance pupil", f"{pupil.rim_px:.3f} px {pupil.meaning}"))
     return rows
 
 
@@ -172,37 +175,35 @@ def _boards(facts: Facts) -> dict[str, str]:
     return {name: ", ".join(boards) for name, boards in told.items()}
 
 
-def _deformations(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _deformations(fit: FitRecord) -> list[dict[str, Any]]:
     """How the target as fitted differs from its drawing, a row per board."""
-
-    def numbers(record: Mapping[str, Any], name: str, form: str, times: float = 1.0) -> str:
-        value = record.get(name)
-        values = value[:2] if isinstance(value, list) else [value]
-        return ", ".join(format(times * (recorded_number(one) or 0.0), form) for one in values)
-
     return [
         {
-            "board": str(record.get("board")),
-            "bend": numbers(record, "bend", ".2g"),
-            "stretch": numbers(record, "stretch", ".2f", 100),
-            "twist": numbers(record, "twist", ".2g"),
-            "shift": numbers(record, "shift", ".2g"),
-            "turn": numbers(record, "turn_deg", ".2f"),
-            "offset": numbers(record, "offset_rms", ".2g"),
-            "doubts": _texts(record.get("doubts")),
+            "board": one.board,
+            "bend": _joined(one.bend, ".2g"),
+            "stretch": _joined([100 * share for share in one.stretch], ".2f"),
+            "twist": _joined([one.twist], ".2g"),
+            "shift": _joined([one.shift], ".2g"),
+            "turn": _joined([one.turn_deg], ".2f"),
+            "offset": _joined([one.offset_rms], ".2g"),
+            "doubts": one.doubts,
         }
-        for record in recorded_mappings(fit.get("departures"))
+        for one in fit.departures
     ]
 
 
-def _notes(fit: Mapping[str, Any]) -> list[str]:
+def _joined(values: Sequence[float], form: str) -> str:
+    return ", ".join(format(value, form) for value in np.nan_to_num(values).tolist())
+
+
+def _notes(fit: FitRecord) -> list[str]:
     """What speaks not against the camera and should be known all the same."""
-    findings = [
-        f"{record.get('what')} ({record.get('evidence')}); {record.get('do')}"
-        for record in recorded_mappings(fit.get("findings"))
-        if record.get("level") == "note"
-    ]
-    return [*findings, *_texts(fit.get("notes"))]
+    notes = [one for one in fit.findings if one.severity is Severity.NOTE]
+    return [*(f"{one.what} ({one.evidence}); {one.do}" for one in notes), *fit.notes]
+
+
+def _least_off(corner: DroppedCorner) -> float:
+    return -float(np.nan_to_num(corner.error_px))
 
 
 def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
@@ -227,10 +228,7 @@ def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
 
 def _without_corners(facts: Facts) -> list[str]:
     """Photos that went in and of which no corner took part, besides those left out by name."""
-    rejected = facts.fit.get("unfit_images")
-    known = {photo.name for photo in facts.photos} | {
-        *(rejected if isinstance(rejected, Mapping) else ())
-    }
+    known = {photo.image for photo in facts.photos} | facts.fit.unfit_images.keys()
     files = [
         str(record.get("file")) for record in recorded_mappings(facts.known.made_by.get("inputs"))
     ]
@@ -241,13 +239,3 @@ def _without_corners(facts: Facts) -> list[str]:
 
 def _text(value: object) -> str | None:
     return None if value is None else str(value)
-
-
-def _texts(value: object) -> list[str]:
-    return [str(item) for item in value] if isinstance(value, list) else []
-
-
-def _pairs(value: object) -> Sequence[tuple[str, str]]:
-    if not isinstance(value, Mapping):
-        return []
-    return [(str(name), str(reason)) for name, reason in value.items()]

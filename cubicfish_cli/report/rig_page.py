@@ -75,8 +75,8 @@ def rig_html(rig: RigFile, record: Mapping[str, Any]) -> str:
 
 
 def _half_field_deg(camera: RigFileCamera) -> float:
-    covered = recorded_number(camera.file.fit.get("covered_deg"))
-    return covered if covered and 0 < covered < 180 else camera.file.camera.max_angle_deg
+    covered = camera.file.fit.covered_deg
+    return covered if 0 < covered < 180 else camera.file.camera.max_angle_deg
 
 
 def _sees(camera: RigFileCamera, directions: FloatArray) -> BoolArray:

@@ -8,6 +8,7 @@ import numpy as np
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.printing.extra import drawing
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import (
@@ -32,11 +33,11 @@ _VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above",
 
 def scene_figures(facts: Facts) -> dict[str, Drawn]:
     """The target with the photos' places from two sides, by name; none where no pose is known."""
-    placed = [photo for photo in facts.photos if photo.rotation is not None]
-    if not placed:
+    if not facts.fit.poses:
         return {}
-    rotation = np.array([photo.rotation for photo in placed])
-    centre = -np.einsum("nij,ni->nj", rotation, np.array([photo.translation for photo in placed]))
+    vectors, shifts = zip(*facts.fit.poses.values(), strict=True)
+    rotation = rotation_from_vector(vectors)
+    centre = -np.einsum("nij,ni->nj", rotation, np.array(shifts))
     boards = () if facts.target is None else facts.target.boards
     # A fit and its file differ in the last digits: the page is to be the same.
     plates = [board.outline().astype(np.float32).astype(float) for board in boards]

@@ -123,13 +123,24 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
     severity = _known(Severity, record.get("severity", record.get("level")))
     if severity is None:
         return None
-    what, evidence, do = (str(record.get(key, "")) for key in ("what", "evidence", "do"))
+    words = (str(record.get(key, "")) for key in ("what", "evidence", "do", "case"))
+    what, evidence, do, case = words
+    images, boards = (_names(record.get(key)) for key in ("images", "boards"))
+    figures = record.get("figures")
     remedy = _known(Remedy, record.get("remedy")) or Remedy.CHECK
     return Finding(
         code=_known(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
         severity=severity,
+        images=images,
+        boards=boards,
+        case=case,
+        figures=figures if isinstance(figures, Mapping) else {},
         recorded=Saying(what, evidence, do, remedy),
     )
+
+
+def _names(value: object) -> tuple[str, ...]:
+    return tuple(map(str, value)) if isinstance(value, list) else ()
 
 
 _Word = TypeVar("_Word", Code, Severity, Remedy)

@@ -25,10 +25,9 @@ from cubicfish_cli.advice.gaps import (
 )
 from cubicfish_cli.advice.knowledge import know, recorded_poses
 from cubicfish_cli.angles import angle_from_axis
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.assess.uncertainty import (
     FieldUncertainty,
-    recorded_uncertainty,
-    sigma_at,
     summed,
 )
 from cubicfish_cli.fitting.alignment import aligned_difference
@@ -59,7 +58,7 @@ def poor():
 
 @pytest.fixture(scope="module")
 def advice(poor):
-    return advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=0.09)
+    return advise(poor.camera, poor.fit, poor.pairs, TARGET, goal_px=0.09)
 
 
 @pytest.fixture(scope="module")
@@ -89,19 +88,18 @@ def noise_at(fit, pixel):
 
 
 def knowledge_of(fit, target=TARGET):
-    return know(fit.camera, fit.as_record(), fit.pairs, fit.poses, target)
+    return know(fit.camera, fit.fit, fit.pairs, fit.poses, target)
 
 
 @pytest.mark.slow
 def test_the_fit_comes_back_from_its_record(poor, advice):
-    record = poor.as_record()
-    poses = recorded_poses(record, poor.pairs.images)
+    poses = recorded_poses(poor.fit, poor.pairs.images)
     np.testing.assert_allclose(poses.rotation, poor.poses.rotation, atol=1e-9)
     knowledge = knowledge_of(poor)
-    assert knowledge.information.noise_px == pytest.approx(record["uncertainty"]["noise_px"], 1e-3)
-    known = [x for row in record["uncertainty"]["sigma_px"] for x in row if x is not None]
-    assert advice.now == recorded_uncertainty(record)
-    assert recorded_uncertainty(record).p95_px == pytest.approx(np.percentile(known, 95), abs=1e-5)
+    assert knowledge.information.noise_px == pytest.approx(poor.fit.uncertainty.noise_px, 1e-3)
+    known = np.array(poor.fit.uncertainty.sigma_px)
+    assert advice.now == poor.fit.uncertainty.field
+    assert advice.now.p95_px == pytest.approx(np.nanpercentile(known, 95), abs=1e-5)
     assert advice.proposals[0].before.median_px == pytest.approx(advice.now.median_px, 1e-6)
     # The photos' spread, which a record has, is that of noise alone times the same all over.
     noise = knowledge.information.uncertainty()
@@ -132,7 +130,7 @@ def test_what_is_predicted_comes_true(truth):
     predicted, found, errors = [], [], []
     for seed in range(8):
         fit = fit_of(FIRST, lens=truth, seed=seed)
-        said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=0.09)
+        said = advise(fit.camera, fit.fit, fit.pairs, TARGET, goal_px=0.09)
         new = [proposal.view.pose for proposal in said.proposals]
         more = fit_of([*FIRST, *new], lens=truth, seed=seed + 50)
         rays, field = field_rays(said.camera), field_pixels(said.camera)
@@ -180,7 +178,7 @@ def test_photos_are_proposed_from_where_they_can_be_taken():
     """Half as near as photos so far and twice as far: nobody knows whether others are sharp."""
     poses = poses_around(TARGET, 4, distance=(1.2, 1.5), seed=3)
     fit = fit_of(poses)
-    said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=0.01)
+    said = advise(fit.camera, fit.fit, fit.pairs, TARGET, goal_px=0.01)
     away = np.linalg.norm(fit.poses.apply(fit.pairs.image, fit.pairs.world), axis=1)
     typical = [np.median(away[fit.pairs.image == photo]) for photo in range(4)]
     near, far = 0.5 * min(typical), 2 * max(typical)
@@ -209,7 +207,7 @@ def test_photos_are_proposed_from_where_they_can_be_taken():
 
 @pytest.mark.slow
 def test_no_photo_is_proposed_twice(poor):
-    said = advise(poor.camera, poor.as_record(), poor.pairs, TARGET, goal_px=1e-3, proposals=12)
+    said = advise(poor.camera, poor.fit, poor.pairs, TARGET, goal_px=1e-3, proposals=12)
     poses = [np.concatenate(proposal.view.pose) for proposal in said.proposals]
     assert len(poses) == 12
     assert len(np.unique(np.round(poses, 9), axis=0)) == 12
@@ -243,13 +241,13 @@ def test_nothing_is_asked_for_where_a_camera_sees_itself():
     seen = angle_from_axis(lens.unproject(pairs.pixel)) > np.radians(40)
     pairs, _ = select(pairs, seen)
     fit = calibrate(pairs, target=TARGET, hold_out=False, refine_target="off")
-    sigma = np.array(fit.as_record()["uncertainty"]["sigma_px"], float)
+    sigma = np.array(fit.fit.uncertainty.sigma_px)
     *_, rays = field_grid(fit.camera)
     blind = angle_from_axis(rays) < np.radians(39)
     assert blind.sum() > 3
     assert np.isnan(sigma[blind]).all()
     assert np.isfinite(sigma[~blind & np.isfinite(rays[..., 0])]).mean() > 0.9
-    said = advise(fit.camera, fit.as_record(), fit.pairs, TARGET, goal_px=1e-3, proposals=4)
+    said = advise(fit.camera, fit.fit, fit.pairs, TARGET, goal_px=1e-3, proposals=4)
     assert Code.MIDDLE_UNSEEN in [note.code for note in said.notes]
     assert not any(part.to_deg <= 40 for part in said.gaps.parts)
     # Squares of the middle are none that a corner could be in, and count for no one.
@@ -259,7 +257,7 @@ def test_nothing_is_asked_for_where_a_camera_sees_itself():
         fit.camera.unproject((np.stack([columns, rows], axis=-1) + 0.5) * cells.cell - 0.5)
     )
     assert np.degrees(angle[np.isfinite(angle)]).min() > 39
-    assert fit.coverage == cells.coverage == said.as_record()["coverage"] > 0.8
+    assert fit.fit.coverage == cells.coverage == said.as_record()["coverage"] > 0.8
     for proposal in said.proposals:
         shown = proposal.view.seen.camera[proposal.view.seen.visible]
         assert np.degrees(angle_from_axis(shown)).min() > 39
@@ -272,11 +270,10 @@ def test_an_object_that_was_fitted_too_stays_free():
     knowledge = knowledge_of(fit, fit.target)
     count = len(knowledge.information.hessian)
     assert count > 47
-    record = fit.as_record()["uncertainty"]
     rays = knowledge.camera.unproject([[300, 300], [480, 360], [700, 500.0]])
     sigma = knowledge.information.uncertainty().sigma_px(rays)
     np.testing.assert_allclose(
-        sigma, sigma_at(record, np.array([[300, 300], [480, 360], [700, 500.0]])), rtol=0.25
+        sigma, fit.fit.uncertainty.at(np.array([[300, 300], [480, 360], [700, 500.0]])), rtol=0.25
     )
     view = sample_views(TARGET, TRUE_LENS, IMAGE_SIZE, 1)[0]
     more = knowledge.information + knowledge.information.of_photo(knowledge.points(view))
@@ -292,16 +289,14 @@ def test_so_many_photos_as_said_reach_the_goal():
     reached, stated = [], []
     for seed in range(4):
         first = fit_of(FIRST, seed=seed)
-        said = advise(
-            first.camera, first.as_record(), first.pairs, TARGET, goal_px=0.1, proposals=12
-        )
+        said = advise(first.camera, first.fit, first.pairs, TARGET, goal_px=0.1, proposals=12)
         assert 1 < said.photos_needed <= len(said.proposals)
         new = [proposal.view.pose for proposal in said.proposals[: said.photos_needed]]
         again = fit_of([*FIRST, *new], seed=seed)
         field = field_pixels(first.camera)
         before, after = (np.percentile(noise_at(fit, field), 95) for fit in (first, again))
         reached.append(said.now.p95_px * after / before)
-        own = sigma_at(again.as_record()["uncertainty"], field)
+        own = again.fit.uncertainty.at(field)
         stated.append(np.nanpercentile(own, 95))
     # Photos that are so few share the goal out among themselves: the last may overshoot it.
     assert 0.7 * 0.1 < np.median(reached) < 1.15 * 0.1
@@ -311,17 +306,17 @@ def test_so_many_photos_as_said_reach_the_goal():
 
 @pytest.mark.slow
 def test_a_good_calibration_is_enough(fitted):
-    record = fitted.as_record()
-    said = advise(fitted.camera, record, fitted.pairs, TARGET)
+    said = advise(fitted.camera, fitted.fit, fitted.pairs, TARGET)
     assert said.enough
     assert (said.proposals, said.reasons, said.photos_needed) == ((), (), 0)
-    assert summary(fitted.camera, record, fitted.pairs).startswith("enough photos: corners cover")
+    line = summary(fitted.camera, fitted.fit, fitted.pairs)
+    assert line.startswith("enough photos: corners cover")
     # Where the verdict asks for photos, nothing says that there are enough.
-    overfit = {**record, "rms_px": 0.15, "held_out_rms_px": 0.3}
+    overfit = replace(fitted.fit, rms_px=0.15, held_out_rms_px=0.3)
     line = summary(fitted.camera, overfit, fitted.pairs)
     assert line.startswith("heed the verdict first; by the uncertainty alone photos are enough")
     # Least of all where the camera is not to be trusted.
-    wrong = {**record, "held_out_rms_px": 9 * record["rms_px"] + 1}
+    wrong = replace(fitted.fit, held_out_rms_px=9 * fitted.fit.rms_px + 1)
     assert "enough" not in summary(fitted.camera, wrong, fitted.pairs)
     doubted = advise(fitted.camera, wrong, fitted.pairs, TARGET, proposals=1)
     assert not doubted.enough
@@ -330,7 +325,7 @@ def test_a_good_calibration_is_enough(fitted):
 
 
 def test_the_summary_names_the_gap(poor):
-    said = summary(poor.camera, poor.as_record(), poor.pairs)
+    said = summary(poor.camera, poor.fit, poor.pairs)
     assert said.startswith("show the target next at: ")
     assert "° from the axis" in said
     assert "\n" not in said
@@ -359,13 +354,13 @@ def test_the_picture_shows_each_proposal(advice):
 
 def test_pairs_without_a_target_get_regions_only(poor):
     pairs = replace(poor.pairs, boards=(), board=np.full(len(poor.pairs.image), -1))
-    said = advise(poor.camera, poor.as_record(), pairs, None, goal_px=0.06)
+    said = advise(poor.camera, poor.fit, pairs, None, goal_px=0.06)
     assert said.gaps.parts
     assert said.now is not None
     assert said.proposals == ()
     assert Code.NO_TARGET in [note.code for note in said.notes]
     assert "Put" not in drawn(said)
-    blind = advise(poor.camera, {}, poor.pairs, TARGET)
+    blind = advise(poor.camera, FitRecord(), poor.pairs, TARGET)
     assert (blind.now, blind.proposals) == (None, ())
     assert blind.notes[0].code is Code.NO_POSES
 

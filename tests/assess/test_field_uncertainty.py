@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.assess.uncertainty import FieldUncertainty, recorded_uncertainty, summed
+from cubicfish_cli.assess.fit_record import FitRecord, fit_record
+from cubicfish_cli.assess.uncertainty import FieldUncertainty, summed
 from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.formats.camera_yaml import load_camera
 
@@ -20,20 +21,22 @@ def test_the_two_figures() -> None:
     assert whole.as_record() == {"median_px": 2500.0, "p95_px": 9025.0}
 
 
+def field_of(uncertainty: object) -> FieldUncertainty | None:
+    return fit_record({"uncertainty": uncertainty}).uncertainty.field
+
+
 def test_what_records_say() -> None:
     known = {"median_px": 1, "p95_px": 2.5, "sigma_px": "?"}
-    assert recorded_uncertainty({"uncertainty": known}) == FieldUncertainty(
-        median_px=1.0, p95_px=2.5
-    )
+    assert field_of(known) == FieldUncertainty(median_px=1.0, p95_px=2.5)
     # A file from before there was the second figure.
     old = {"median_px": 2.0, "max_px": 9.0, "sigma_px": [[None, 1.0, 2.0], [3.0, None, 4.0]]}
-    told = recorded_uncertainty({"uncertainty": old})
+    told = field_of(old)
     assert told is not None
     assert (told.median_px, told.p95_px) == (2.0, pytest.approx(3.85))
     for odd in (None, 3, {}, {"median_px": 1.0}, {"sigma_px": [[None, True, "x"], 3]},
                 {"median_px": float("nan"), "p95_px": 1.0}):  # fmt: skip
-        assert recorded_uncertainty({"uncertainty": odd}) is None
-    assert recorded_uncertainty({}) is None
+        assert field_of(odd) is None
+    assert FitRecord().uncertainty.field is None
 
 
 @pytest.mark.slow
@@ -42,7 +45,7 @@ def test_one_statistic_in_the_same_words_everywhere(run: Run, tmp_path: Path) ->
     folder = tmp_path / "c"
     target = SAMPLE / "target.yaml"
     said = run("calibrate", SAMPLE / "true_corners.csv", "-t", target, "-o", folder).stdout
-    known = recorded_uncertainty(load_camera(folder / "camera.yaml").fit)
+    known = load_camera(folder / "camera.yaml").fit.uncertainty.field
     assert known is not None
     meaning = f"1σ, median over the field; 95 % of it within {known.p95_px:.3f} px"
     headline = re.compile(rf"{known.median_px:.3f} px\s+{re.escape(meaning)}")

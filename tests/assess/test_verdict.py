@@ -7,8 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish_cli.assess.verdict import evaluation_verdict, photo_verdicts, verdict
+from cubicfish_cli.assess.fit_record import ErrorStatistics, FitRecord, fit_record
+from cubicfish_cli.assess.uncertainty import FieldUncertainty
+from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict, photo_verdicts, verdict
 from cubicfish_cli.fitting.calibration import Calibration
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding, joined
 
@@ -31,8 +34,19 @@ STRETCHED = Finding(code=Code.STRETCHED, severity=Severity.CARE, figures={"perce
 FAR = {"companion_held_out_rms_px": 5.0}
 
 
+def judged(
+    record: dict[str, Any], size: tuple[int, int], outline: FloatArray | None = None
+) -> Verdict:
+    return verdict(fit_record(record), size, outline)
+
+
+def told_of_photos(record: dict[str, Any]) -> list[tuple[Finding, ...]]:
+    fit = fit_record(record)
+    return photo_verdicts(fit.per_image, fit.dropped_corners, SIZE)
+
+
 def test_a_good_fit_is_good() -> None:
-    said = verdict(GOOD, SIZE)
+    said = judged(GOOD, SIZE)
     assert (said.level, said.reasons) == ("good", ())
     assert said.line == (
         "good: off by 0.120 px (a radial lens: 0.200) on photos left out of the fit, corners cover "
@@ -110,7 +124,7 @@ def test_a_good_fit_is_good() -> None:
     ],
 )
 def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, do: str) -> None:
-    said = verdict({**GOOD, **change}, SIZE)
+    said = judged({**GOOD, **change}, SIZE)
     assert said.level == level
     (reason,) = said.reasons
     assert reason.severity == level
@@ -137,18 +151,18 @@ def test_each_fault_is_one_reason(change: dict[str, Any], level: str, why: str, 
     ],
 )
 def test_what_nobody_would_notice_is_no_reason(change: dict[str, Any]) -> None:
-    assert verdict({**GOOD, **change}, SIZE).level == "good"
+    assert judged({**GOOD, **change}, SIZE).level == "good"
 
 
 def test_the_rim_is_among_the_figures() -> None:
-    line = verdict({**GOOD, "reach": {"rim_coverage": 0.42}}, SIZE).line
+    line = judged({**GOOD, "reach": {"rim_coverage": 0.42}}, SIZE).line
     assert "corners cover 90 % of the field and 42 % of its rim, out to 88° from the axis" in line
-    whole = verdict({**GOOD, "reach": {"rim_coverage": 0.95}}, SIZE).line
-    assert whole == verdict(GOOD, SIZE).line
+    whole = judged({**GOOD, "reach": {"rim_coverage": 0.95}}, SIZE).line
+    assert whole == judged(GOOD, SIZE).line
 
 
 def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:
-    said = verdict({**GOOD, "corners": 90, "coverage": 0.1, "rank": 5}, SIZE)
+    said = judged({**GOOD, "corners": 90, "coverage": 0.1, "rank": 5}, SIZE)
     assert [reason.severity for reason in said.reasons] == ["bad", "care", "care"]
     assert said.line.startswith("not to be trusted: corners cover only 10 %")
     assert "(and 2 more reasons)" in said.line
@@ -160,31 +174,31 @@ def test_the_worst_reason_comes_first_and_the_others_are_counted() -> None:
 )
 def test_a_known_cause_comes_before_what_it_leads_to(cause: str, first: str) -> None:
     finding = {"cause": cause, "level": "care", "what": "columns run backwards", "do": "turn them"}
-    said = verdict({**GOOD, "coverage": 0.1, "findings": [finding]}, SIZE)
+    said = judged({**GOOD, "coverage": 0.1, "findings": [finding]}, SIZE)
     assert said.level == "bad"
     assert said.line.startswith(f"not to be trusted: {first}")
 
 
 def test_larger_photos_may_be_off_by_more_of_their_pixels() -> None:
     fit = {**GOOD, "rms_px": 1.5, "held_out_rms_px": 1.6, "companion_held_out_rms_px": 3}
-    assert verdict(fit, (8000, 6000)).level == "good"
-    assert verdict(fit, SIZE).level == "care"
+    assert judged(fit, (8000, 6000)).level == "good"
+    assert judged(fit, SIZE).level == "care"
 
 
 def test_a_field_that_is_a_small_part_of_the_photo_is_told() -> None:
     middle = np.array([[500.0, 300], [700, 300], [700, 500], [500, 500]])
-    said = verdict(GOOD, SIZE, middle)
+    said = judged(GOOD, SIZE, middle)
     assert said.level == "care"
     assert "over 4 % of the photo only" in said.reasons[0].why
     whole = np.array([[0.0, 0], [1279, 0], [1279, 799], [0, 799]])
-    assert verdict(GOOD, SIZE, whole).level == "good"
+    assert judged(GOOD, SIZE, whole).level == "good"
 
 
 @pytest.mark.slow
 def test_a_real_fit_is_judged_by_its_record(fitted: Calibration) -> None:
-    said = verdict(fitted.as_record(), fitted.camera.image_size, fitted.camera.outline())
+    said = verdict(fitted.fit, fitted.camera.image_size, fitted.camera.outline())
     assert [reason.code for reason in said.reasons] == [Code.NOT_HELD_OUT]
-    assert photo_verdicts(fitted.as_record(), fitted.camera.image_size) == [()] * 10
+    assert photo_verdicts(fitted.fit.per_image, (), fitted.camera.image_size) == [()] * 10
 
 
 def test_photos_beside_each_other() -> None:
@@ -194,7 +208,7 @@ def test_photos_beside_each_other() -> None:
         {"image": "few.png", "rms_px": 0.1, "corners": 9},
     ]
     fit = {"per_image": records, "dropped_corners": [{"image": "few.png"}] * 2}
-    told = photo_verdicts(fit, SIZE)
+    told = told_of_photos(fit)
     assert [[one.code for one in own] for own in told[5:]] == [
         [Code.STANDS_OUT], [Code.OUTLIERS, Code.FEW_CORNERS]
     ]  # fmt: skip
@@ -203,17 +217,17 @@ def test_photos_beside_each_other() -> None:
         *["good"] * 5, "5 times the others' error; look at it", "2 dropped; few corners",
     ]  # fmt: skip
     far = {"per_image": [{"image": "a", "rms_px": 5.0, "corners": 50}] * 3}
-    assert [joined(own) for own in photo_verdicts(far, SIZE)] == ["large errors"] * 3
+    assert [joined(own) for own in told_of_photos(far)] == ["large errors"] * 3
 
 
 def test_a_record_without_figures_is_not_trusted() -> None:
-    said = verdict({"images": 9}, SIZE)
+    said = judged({"images": 9}, SIZE)
     assert said.level == "bad"
     assert "does not say how well" in said.reasons[0].why
 
 
 def test_a_camera_from_elsewhere_is_neither_trusted_nor_accused() -> None:
-    said = verdict({}, SIZE)
+    said = judged({}, SIZE)
     (reason,) = said.reasons
     assert (said.level, reason.code) == ("care", Code.NO_FIGURES)
     assert "cubicfish evaluate" in reason.do
@@ -231,8 +245,8 @@ PLAIN = st.recursive(
 @pytest.mark.slow
 @given(st.dictionaries(st.sampled_from([*GOOD, "per_image", "dropped_corners", "lift"]), PLAIN))
 def test_no_record_breaks_it(record: dict[str, Any]) -> None:
-    verdict({**GOOD, **record}, SIZE)
-    photo_verdicts(record, SIZE)
+    judged({**GOOD, **record}, SIZE)
+    told_of_photos(record)
 
 
 @pytest.mark.parametrize(
@@ -251,7 +265,9 @@ def test_other_photos_are_judged_beside_the_fit(
     rms: float, p95: float, before: float | None, level: str, words: str
 ) -> None:
     fit = {} if before is None else {"held_out_rms_px": before, "rms_px": 0.9 * before}
-    judged = evaluation_verdict({"rms_px": rms, "p95_px": p95}, fit, (960, 720))
+    judged = evaluation_verdict(
+        ErrorStatistics(rms_px=rms, p95_px=p95), None, fit_record(fit), (960, 720)
+    )
     assert judged.level == level
     assert words in judged.line
 
@@ -259,9 +275,10 @@ def test_other_photos_are_judged_beside_the_fit(
 @pytest.mark.parametrize(("sigma", "level"), [(0.4, "good"), (0.6, "care"), (9.6, "bad")])
 def test_small_errors_do_not_clear_an_uncertain_camera(sigma: float, level: str) -> None:
     """The poses of a few photos take up what a lens of three photos is off by."""
-    record = {"rms_px": 0.12, "p95_px": 0.2, "uncertainty": {"median_px": sigma}}
-    judged = evaluation_verdict(record, {"held_out_rms_px": 0.127}, (800, 800))
+    errors = ErrorStatistics(rms_px=0.12, p95_px=0.2)
+    uncertainty = FieldUncertainty(median_px=sigma, p95_px=sigma)
+    judged = evaluation_verdict(errors, uncertainty, FitRecord(held_out_rms_px=0.127), (800, 800))
     assert judged.level == level
     assert [reason.code for reason in judged.reasons] == [Code.UNCERTAIN] * (level != "good")
-    larger = evaluation_verdict(record, {}, (8000, 6000))
+    larger = evaluation_verdict(errors, uncertainty, FitRecord(), (8000, 6000))
     assert larger.level == ("good" if sigma < 2 else "care")

@@ -42,8 +42,8 @@ def test_the_calibration_is_written_whole(calibrated: Path) -> None:
     names = sorted(path.name for path in calibrated.iterdir())
     assert names == ["camera.yaml", "corners.csv", "undistort_map.npz"]
     read = load_camera(calibrated / "camera.yaml")
-    assert read.fit["corners"] == 1139
-    assert read.fit["rms_px"] < 0.03
+    assert read.fit.corners == 1139
+    assert read.fit.rms_px < 0.03
     made_by = read.made_by
     assert made_by["version"] == __version__
     assert made_by["target"] == {"file": str(TARGET), "sha256": sha256_of(TARGET)}
@@ -89,8 +89,8 @@ def test_a_gross_corner_is_dropped_and_listed(run: Run, tmp_path: Path) -> None:
     result = run(*args, "-v")
     assert "1,138 corners used, 1 outlier" in result.stdout
     assert f"dropped: {image} {board} column {column} row {row}: 30." in result.stderr
-    dropped = load_camera(tmp_path / "c" / "camera.yaml").fit["dropped_corners"]
-    assert [(d["image"], d["board"], d["column"]) for d in dropped] == [(image, board, int(column))]
+    dropped = load_camera(tmp_path / "c" / "camera.yaml").fit.dropped_corners
+    assert [(d.image, d.board, d.column) for d in dropped] == [(image, board, int(column))]
     assert "dropped:" not in run(*args, "--overwrite").stderr
 
 
@@ -108,7 +108,7 @@ def test_overwriting_replaces_all(run: Run, tmp_path: Path, quick_fit: None) -> 
     for name in ("camera.yaml", "corners.csv", "undistort_map.npz"):
         (tmp_path / name).write_text("old")
     run("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path, "--overwrite")
-    assert load_camera(tmp_path / "camera.yaml").fit["images"] == 10
+    assert load_camera(tmp_path / "camera.yaml").fit.images == 10
     assert (tmp_path / "corners.csv").read_text().startswith("# cubicfish corners 1")
     assert read_map(tmp_path / "undistort_map.npz").image_size == (960, 720)
 
@@ -174,7 +174,7 @@ def test_pairs_need_no_target(run: Run, tmp_path: Path, calibrated: Path) -> Non
     np.testing.assert_allclose(read.camera.project(rays), other.camera.project(rays), atol=1e-3)
     # evaluate takes the size from the camera.
     record = json.loads(run("evaluate", pairs, "-m", tmp_path / "c/camera.yaml", "--json").stdout)
-    assert record["rms_px"] == pytest.approx(read.fit["rms_px"], rel=0.01)
+    assert record["rms_px"] == pytest.approx(read.fit.rms_px, rel=0.01)
 
 
 def test_pairs_may_stand_where_corners_do(run: Run, tmp_path: Path, quick_fit: None) -> None:
@@ -235,8 +235,8 @@ def test_evaluate_measures_a_camera_on_corners(run: Run, calibrated: Path) -> No
     record = json.loads(run(*args, "--json").stdout)
     assert set(record) >= STATISTICS | {"images", "per_image"}
     fit = load_camera(calibrated / "camera.yaml").fit
-    assert record["corners"] == fit["corners"]
-    assert record["rms_px"] == pytest.approx(fit["rms_px"], rel=0.01)
+    assert record["corners"] == fit.corners
+    assert record["rms_px"] == pytest.approx(fit.rms_px, rel=0.01)
     said = run(*args).stdout
     assert "10 photos, 1,139 corners" in said
     assert "sqrt(mean(dx² + dy²)) over all corners used" in said

@@ -185,12 +185,12 @@ def test_nerfstudio_holds_lens_and_poses(run, calibrated, tmp_path, rays):
     assert largest_px(pixel, rays, calibrated) <= 1.02 * stated_px(record)
     # A world point projects to the same pixel by the frame's matrix as by camera.yaml's pose.
     loaded = load_camera(calibrated / "camera.yaml")
-    row = loaded.fit["per_image"][0]
-    frame = next(f for f in data["frames"] if f["file_path"] == row["image"])
-    vector = np.array(row["camera_from_world"]["rotation_vector"])
+    row = loaded.fit.per_image[0]
+    frame = next(f for f in data["frames"] if f["file_path"] == row.image)
+    vector = np.array(row.camera_from_world.rotation_vector)
     rotation = cv2.Rodrigues(vector)[0]
     world = np.array([[60.0, 70.0, 40.0], [200.0, 30.0, 10.0]])
-    seen = world @ rotation.T + row["camera_from_world"]["translation"]
+    seen = world @ rotation.T + row.camera_from_world.translation
     camera_from_world = np.linalg.inv(np.array(frame["transform_matrix"]))
     theirs = world @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     theirs = theirs * [1, -1, -1]  # y up, view along -z

@@ -209,14 +209,14 @@ def test_nerfstudio_has_a_lens_and_a_pose_a_photo(run: Run, pair: Path, tmp_path
     record = exported(run, pair, tmp_path / "transforms.json", "nerfstudio")
     data = json.loads((tmp_path / "transforms.json").read_text())
     rig = load_rig(pair)
-    rows = rig.cameras[1].file.fit["per_image"]
+    rows = rig.cameras[1].file.fit.per_image
     frames = {frame["file_path"]: frame for frame in data["frames"]}
     assert len(frames) == 2 * len(rows)
-    frame = frames[f"right/{rows[0]['image']}"]
-    pose = rows[0]["camera_from_world"]
+    frame = frames[f"right/{rows[0].image}"]
+    pose = rows[0].camera_from_world
     world = np.array([[60.0, 70.0, 40.0], [200.0, 30.0, 10.0]])
-    rotation = Rotation.from_rotvec(pose["rotation_vector"]).as_matrix()
-    own = world @ rotation.T + pose["translation"]
+    rotation = Rotation.from_rotvec(pose.rotation_vector).as_matrix()
+    own = world @ rotation.T + pose.translation
     theirs = np.linalg.inv(frame["transform_matrix"])
     theirs = (world @ theirs[:3, :3].T + theirs[:3, 3]) * [1, -1, -1]
     core = [frame[key] for key in ("fl_x", "fl_y", "cx", "cy")]

@@ -11,6 +11,7 @@ from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.assess.camera_facts import camera_facts, field_seen
+from cubicfish_cli.assess.fit_record import fit_record
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.lenses.cubic import CubicCamera
 
@@ -63,8 +64,9 @@ def test_a_file_without_a_fit_says_what_it_knows(
 def test_a_damaged_record_is_no_traceback(calibrated: Path) -> None:
     loaded = load_camera(calibrated / "camera.yaml")
     fit = {"rms_px": "small", "uncertainty": {"focal_px": [1, "x"]}, "images": None}
-    found = camera_facts(loaded.camera, fit, {"title": 3, "target": "x"})
-    assert (found.rms_px, found.focal_sigma_px, found.title, found.target) == (None, None, "", None)
+    found = camera_facts(loaded.camera, fit_record(fit), {"title": 3, "target": "x"})
+    assert (found.focal_sigma_px, found.title, found.target) == (None, "", None)
+    assert found.as_record()["rms_px"] is None
 
 
 @pytest.mark.usefixtures("quick_fit")

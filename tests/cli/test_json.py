@@ -285,8 +285,8 @@ def test_info(run: Run, calibrated: Path) -> None:
 
 @pytest.mark.slow
 def test_simulate(run: Run, calibrated: Path, tmp_path: Path) -> None:
-    seen = load_camera(calibrated / "camera.yaml").fit["per_image"][0]["camera_from_world"]
-    numbers = ",".join(map(repr, (*seen["rotation_vector"], *seen["translation"])))
+    seen = load_camera(calibrated / "camera.yaml").fit.per_image[0].camera_from_world
+    numbers = ",".join(map(repr, (*seen.rotation_vector, *seen.translation)))
     poses = tmp_path / "poses.csv"
     poses.write_text(f"image,rx,ry,rz,tx,ty,tz\na.jpg,{numbers}\n")
     model = tmp_path / "small.yaml"

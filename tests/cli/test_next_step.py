@@ -9,6 +9,7 @@ import pytest
 from running import SAMPLE, Run
 from terminals import Screen, widest
 
+from cubicfish_cli.assess.fit_record import ErrorStatistics
 from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.cli import figures, terminal
 from cubicfish_cli.cli.figures import PhotoRow
@@ -91,7 +92,7 @@ def test_a_terminal_shows_the_worst_twelve(monkeypatch: pytest.MonkeyPatch, colu
                  rms_px=n / 100, median_px=n / 120, p95_px=n / 60, max_px=n / 40)
         for n in range(1, 41)
     ]  # fmt: skip
-    total = {"rms_px": 0.2, "median_px": 0.1, "p95_px": 0.4, "max_px": 1.0}
+    total = ErrorStatistics(rms_px=0.2, median_px=0.1, p95_px=0.4, max_px=1.0)
     figures.print_photo_table(rows, ["board"], total)
     shown = [line.split()[0] for line in screen.text.splitlines() if line.startswith("p")][1:]
     assert shown == [f"p{n:02}.jpg" for n in range(40, 28, -1)]

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
+from cubicfish_cli.assess.fit_record import DroppedCorner, PhotoRecord
 from cubicfish_cli.cli import streams
 from cubicfish_cli.cli.figures import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.cli.streams import safe, wrapped
@@ -219,11 +220,10 @@ def test_of_many_photos_the_worst_and_the_odd_are_shown(show) -> None:  # type: 
 
 
 def test_a_photo_that_takes_no_part_has_its_row(show) -> None:  # type: ignore[no-untyped-def]
-    record = {
-        "per_image": [{"image": "a.jpg", "corners": 100, "rms_px": 0.1}],
-        "dropped_corners": [{"image": "a.jpg"}, {"image": "b.jpg"}, {"image": "b.jpg"}],
-    }
-    rows = fitted_rows(record, (960, 720), {"a.jpg": {"left": 100}}, {"b.jpg": "left out"})
+    photos = [PhotoRecord(image="a.jpg", corners=100, rms_px=0.1)]
+    dropped = [DroppedCorner(image=f"{name}.jpg") for name in "abb"]
+    by_board, lost = {"a.jpg": {"left": 100}}, {"b.jpg": "left out"}
+    rows = fitted_rows(photos, dropped, (960, 720), by_board, lost)
     assert [(row.name, row.words, row.level) for row in rows] == [
         ("a.jpg", "1 dropped", "care"),
         ("b.jpg", "left out", "bad"),

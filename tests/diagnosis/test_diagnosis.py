@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from simulated import CornerErrors, simulated_corners
 
+from cubicfish_cli.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.diagnosis import odd_photos, other_lens, photo_lenses, two_lenses, wrong_drawing
 from cubicfish_cli.diagnosis.diagnose import find_faults
@@ -455,10 +456,10 @@ def test_two_lenses_explain_nearly_all_on_the_way_from_one_to_the_other(way):
 
 
 def test_what_is_stated_of_a_camera_is_what_its_record_has():
-    stated = two_lenses._stated_px
-    assert stated({"median_px": 0.3, "principal_point_px": [0.2, 0.4]}) == 0.4
-    assert stated({"median_px": 0.3, "principal_point_px": [None, 0.2]}) == 0.3
-    assert stated({"median_px": None, "principal_point_px": [None, None]}) == 0
+    stated, nan = two_lenses._stated_px, np.nan
+    assert stated(UncertaintyGrid(median_px=0.3, principal_point_px=(0.2, 0.4))) == 0.4
+    assert stated(UncertaintyGrid(median_px=0.3, principal_point_px=(nan, 0.2))) == 0.3
+    assert stated(UncertaintyGrid(median_px=nan, principal_point_px=(nan, nan))) == 0
 
 
 def test_photos_are_put_to_the_lens_that_they_are_nearer_to():

@@ -50,8 +50,8 @@ def test_exact_corners_give_the_exact_camera():
     result = calibrate(exact, hold_out=False)
     # Twenty coefficients meet a lens of another family, decentred and tilted, this closely.
     assert result.errors.rms_px < 0.005
-    assert difference_px(result.camera, synthetic.TRUE_LENS, result.covered_deg) < 0.05
-    assert result.companion_rms_px > 10 * result.errors.rms_px
+    assert difference_px(result.camera, synthetic.TRUE_LENS, result.fit.covered_deg) < 0.05
+    assert result.fit.companion_rms_px > 10 * result.errors.rms_px
 
 
 def test_residuals_spread_as_the_noise_does(pairs, fitted):
@@ -61,13 +61,13 @@ def test_residuals_spread_as_the_noise_does(pairs, fitted):
     assert fitted.held_out is not None
     assert fitted.errors.rms_px < fitted.held_out.rms_px < 1.2 * expected
     assert fitted.held_out.rms_px < fitted.held_out.companion_rms_px
-    assert fitted.rank == 16
-    assert not fitted.dropped
+    assert fitted.fit.rank == 16
+    assert not fitted.fit.dropped_corners
     assert not fitted.unfit
 
 
 def test_camera_is_sound_to_the_margin(fitted):
-    assert fitted.covered_deg + 1 <= fitted.camera.max_angle_deg <= fitted.covered_deg + 5.5
+    assert fitted.fit.covered_deg + 1 <= fitted.camera.max_angle_deg <= fitted.fit.covered_deg + 5.5
     assert check_validity(fitted.camera.P, fitted.camera.max_angle_deg).valid
     assert np.linalg.norm(fitted.camera.P) == pytest.approx(1, abs=1e-12)
 
@@ -103,9 +103,9 @@ def test_fields_from_narrow_to_beyond_180_degrees(half_angle, focal):
     )
     pairs = synthetic.synthetic_correspondences(target, poses, lens=lens, noise=0.05, seed=4)
     result = calibrate(pairs, hold_out=False)
-    assert result.covered_deg > 0.85 * half_angle
+    assert result.fit.covered_deg > 0.85 * half_angle
     assert not result.unfit
-    angle = min(result.covered_deg, half_angle - 0.1)
+    angle = min(result.fit.covered_deg, half_angle - 0.1)
     assert difference_px(result.camera, lens, angle) < 0.12
 
 
@@ -129,9 +129,9 @@ def test_ten_percent_of_gross_outliers_change_nothing(pairs, fitted):
     spoilt = replace(pairs, pixel=pairs.pixel.copy())
     spoilt.pixel[bad] += shift
     result = calibrate(spoilt, hold_out=False)
-    assert len(result.dropped) == bad.sum()
+    assert len(result.fit.dropped_corners) == bad.sum()
     assert result.errors.corners == (~bad).sum()
-    dropped = {(c.image, c.board, c.column, c.row) for c in result.dropped}
+    dropped = {(c.image, c.board, c.column, c.row) for c in result.fit.dropped_corners}
     first = np.flatnonzero(bad)[0]
     assert (
         pairs.images[pairs.image[first]],
@@ -141,7 +141,7 @@ def test_ten_percent_of_gross_outliers_change_nothing(pairs, fitted):
     ) in dropped
     clean = calibrate(select(pairs, ~bad)[0], hold_out=False)
     assert result.errors.rms_px == pytest.approx(clean.errors.rms_px, rel=0.05)
-    probe = fitted.covered_deg - 1
+    probe = fitted.fit.covered_deg - 1
     assert difference_px(result.camera, clean.camera, probe) < 0.05
 
 
@@ -153,7 +153,7 @@ def _directions(rng, count):
 def test_small_errors_are_never_dropped(pairs):
     nudged = replace(pairs, pixel=pairs.pixel.copy())
     nudged.pixel[::50] += [0.6, -0.6]  # eight standard deviations
-    assert not calibrate(nudged, hold_out=False).dropped
+    assert not calibrate(nudged, hold_out=False).fit.dropped_corners
 
 
 def test_order_of_photos_and_corners_does_not_matter(pairs, fitted):
@@ -173,7 +173,7 @@ def test_order_of_photos_and_corners_does_not_matter(pairs, fitted):
         row=pairs.row[order],
     )
     again = calibrate(shuffled, hold_out=False)
-    assert difference_px(again.camera, fitted.camera, fitted.covered_deg) < 1e-4
+    assert difference_px(again.camera, fitted.camera, fitted.fit.covered_deg) < 1e-4
 
 
 @pytest.mark.parametrize("change", ["metres", "moved world"])
@@ -184,7 +184,7 @@ def test_units_and_world_frame_do_not_matter(pairs, fitted, change):
         turn = Rotation.from_rotvec([0.5, -1.0, 2.0]).as_matrix()
         other = replace(pairs, world=pairs.world @ turn.T + [300.0, -200.0, 1000.0])
     again = calibrate(other, hold_out=False)
-    assert difference_px(again.camera, fitted.camera, fitted.covered_deg) < 1e-4
+    assert difference_px(again.camera, fitted.camera, fitted.fit.covered_deg) < 1e-4
     if change == "metres":
         np.testing.assert_allclose(
             again.poses.translation * 1000, fitted.poses.translation, atol=1e-2
@@ -195,7 +195,7 @@ def test_scaling_the_photos_scales_the_camera(pairs, fitted):
     width, height = pairs.image_size
     half = replace(pairs, image_size=(2 * width, 2 * height), pixel=(pairs.pixel + 0.5) * 2 - 0.5)
     again = calibrate(half, hold_out=False)
-    rays = cone_rays(np.deg2rad(fitted.covered_deg), 500)
+    rays = cone_rays(np.deg2rad(fitted.fit.covered_deg), 500)
     expected = (fitted.camera.project(rays) + 0.5) * 2 - 0.5
     miss, _ = aligned_difference(again.camera, _Pixels(rays, expected), rays)
     assert np.sqrt(np.mean(miss**2)) < 0.02
@@ -311,10 +311,10 @@ def test_a_lens_that_flattens_out_keeps_its_profile():
     poses = synthetic.poses_around(target, 10, seed=3, distance=(0.3, 0.5))
     pairs = synthetic.synthetic_correspondences(target, poses, lens=lens, noise=0.05, seed=4)
     points = calibrate(pairs, hold_out=False)
-    assert points.covered_deg > 80
+    assert points.fit.covered_deg > 80
     assert points.errors.rms_px < 0.08
-    assert points.companion_rms_px < 0.08
-    assert points.covered_deg <= points.camera.max_angle_deg < 90.5
+    assert points.fit.companion_rms_px < 0.08
+    assert points.fit.covered_deg <= points.camera.max_angle_deg < 90.5
 
 
 def test_left_out_photos_choose_how_p_is_held(pairs):

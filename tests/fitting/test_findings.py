@@ -50,7 +50,7 @@ def test_swapped_boards_are_named(pairs):
     said = " ".join(map(str, result.notes)) + " ".join(result.unfit)
     assert "04.png" in said
     assert result.errors.rms_px < 0.2
-    lost = {corner.image for corner in result.dropped} | set(result.unfit)
+    lost = {corner.image for corner in result.fit.dropped_corners} | set(result.unfit)
     assert lost == {"04.png"}
 
 
@@ -144,7 +144,7 @@ def test_a_wrong_drawing_is_blamed_on_its_board_alone(pairs, change, cause):
     (finding,) = result.findings
     assert finding.code == cause
     assert finding.boards == (boards[2 if change == "square" else 1].name,)
-    assert not any(part.doubts for part in result.departures)
+    assert not any(part.doubts for part in result.fit.departures)
 
 
 def test_coverage_counts_the_valid_field():

@@ -114,7 +114,7 @@ def test_dropped_corners_have_the_names_of_the_others() -> None:
     found = calibrate(given, target=target, refine_target="points")
     assert sum(given.images[given.image[row]] in found.renamed for row in rows) == 1
     said = found.named(given)
-    dropped = {(one.image, one.column, one.row) for one in found.dropped}
+    dropped = {(one.image, one.column, one.row) for one in found.fit.dropped_corners}
     assert dropped == {
         (given.images[given.image[row]], int(said.column[row]), int(said.row[row])) for row in rows
     }

@@ -92,7 +92,7 @@ def test_one_photo_in_the_world_frame():
     camera = result.camera
     assert (camera.frame, camera.rank, result.poses) == ("world", 19, None)
     assert 0.07 < result.errors.rms_px < 0.2
-    assert result.held_out_rms_px is None
+    assert np.isnan(result.fit.held_out_rms_px)
     np.testing.assert_allclose(
         camera.project(pairs.world) - pairs.pixel, result.residual, atol=1e-8
     )
@@ -177,8 +177,8 @@ def test_several_photos_in_the_camera_frame():
         result.camera.project(points) - result.pairs.pixel, result.residual, atol=1e-7
     )
     assert result.errors.rms_px < 3
-    assert result.errors.rms_px < result.held_out_rms_px < 60
-    assert calibrate_points(pairs, hold_out=False).held_out_rms_px is None
+    assert result.errors.rms_px < result.fit.held_out_rms_px < 60
+    assert np.isnan(calibrate_points(pairs, hold_out=False).fit.held_out_rms_px)
     assert len(result.as_record()["per_image"][0]["camera_from_world"]["translation"]) == 3
 
 
@@ -188,7 +188,7 @@ def test_gross_corners_are_left_out():
     pixel = pairs.pixel.copy()
     pixel[::25] += [14, -9]
     result = calibrate_points(replace(pairs, pixel=pixel))
-    assert result.dropped == len(pixel[::25])
+    assert result.fit.dropped == len(pixel[::25])
     assert result.errors.rms_px < 0.25
 
 

@@ -62,7 +62,7 @@ def test_a_pupil_that_wanders_is_found(found: Calibration, lens: SyntheticLens) 
     record = found.as_record()["pupil"]
     assert record["units"] == "mm"
     # At the corners' distance this much of it is seen.
-    point = record["distance"] * ray_at(np.full(1, np.radians(found.covered_deg)), np.zeros(1))
+    point = record["distance"] * ray_at(np.full(1, np.radians(found.fit.covered_deg)), np.zeros(1))
     near, far = lens.project(point), lens.project(1e7 * point)
     assert record["rim_px"] == pytest.approx(np.linalg.norm(near - far), rel=0.3)
 
@@ -83,7 +83,7 @@ def test_a_central_lens_stays_central() -> None:
         TARGET, synthetic.poses_around(TARGET, PHOTOS, seed=1), lens=lens, noise=0.1, seed=1
     )
     found = calibrate(pairs, target=TARGET, refine_target="off", hold_out=False)
-    assert abs(found.pupil.rim_px) < 0.1
+    assert abs(found.fit.pupil.rim_px) < 0.1
 
 
 def test_it_stands_still_where_that_is_how_p_is_held(lens: SyntheticLens) -> None:

@@ -41,7 +41,6 @@ def test_an_empty_side_of_the_rim_is_no_full_coverage():
     found = looked(corners((90.0, 0.0, 180.0), (55.0, 180.0, 360.0)))
     assert 0.4 < found.rim_coverage < 0.65
     assert found.all_around_deg == pytest.approx(58, abs=4)
-    assert set(found.as_record()) >= {"all_around_deg", "rim_coverage", "rim_rms_px"}
 
 
 def test_what_the_photo_does_not_show_is_not_missed():
@@ -65,7 +64,7 @@ def test_errors_at_the_rim_are_told_from_those_in_the_middle():
     assert found.middle_rms_px == pytest.approx(0.06)
     assert 80 < found.rim_from_deg < 90
     few = looked(points[:10], residual[:10])
-    assert (few.rim_rms_px, few.middle_rms_px, few.rim_from_deg) == (None, None, None)
+    assert np.isnan([few.rim_rms_px, few.middle_rms_px, few.rim_from_deg]).all()
 
 
 def test_trust_ends_where_the_camera_is_no_longer_certain():

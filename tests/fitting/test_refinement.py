@@ -101,7 +101,7 @@ def test_shape_is_found_and_helps_on_new_photos():
     result = calibrate(photos_of(real), target=DRAWN, refine_target="auto")
     assert result.refined == "shape"
     assert result.errors.rms_px == pytest.approx(NOISE * np.sqrt(2), rel=0.05)
-    by_level = result.held_out_by_level
+    by_level = result.fit.held_out_by_level
     assert by_level["shape"] < 0.6 * by_level["off"]
     assert result.held_out is not None
     assert result.held_out.rms_px == by_level["shape"]
@@ -123,7 +123,7 @@ def test_points_are_found_where_there_are_any():
     real = real_object(offsets=0.25)
     result = calibrate(photos_of(real, 16), target=DRAWN, refine_target="auto")
     assert result.refined == "points"
-    levels = result.held_out_by_level
+    levels = result.fit.held_out_by_level
     assert levels["points"] < 0.9 * levels["shape"] < 0.9 * levels["off"]
     pairs = result.pairs
     errors, truths = [], []
@@ -147,7 +147,7 @@ def test_an_exact_object_stays_as_drawn():
     result = calibrate(photos_of(DRAWN), target=DRAWN, refine_target="auto")
     assert result.refined == "off"
     assert result.target is DRAWN
-    assert set(result.held_out_by_level) == {"off", "shape", "points"}
+    assert set(result.fit.held_out_by_level) == {"off", "shape", "points"}
 
 
 @pytest.mark.slow
@@ -247,7 +247,7 @@ def test_corners_off_their_places_are_found_where_shapes_gain_nothing() -> None:
     errors = CornerErrors(noise=0.1, shared=0, spread=0)
     corners, _ = simulated_corners(synthetic_lens("equisolid"), real, 12, seed=2, errors=errors)
     fit = calibrate(corners.with_target(drawn), target=drawn)
-    found = fit.held_out_by_level
+    found = fit.fit.held_out_by_level
     assert found["shape"] > 0.99 * found["off"]
     assert fit.refined == "points"
     assert found["points"] < 0.3 * found["off"]

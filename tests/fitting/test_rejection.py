@@ -66,11 +66,11 @@ def test_a_calibration_leaves_slips_out_and_says_which(pairs):
         (pairs.images[image], pairs.boards[board], int(column), int(row))
         for image, board, column, row in key
     }
-    left_out = {(one.image, one.board, one.column, one.row) for one in spoilt.dropped}
+    left_out = {(one.image, one.board, one.column, one.row) for one in spoilt.fit.dropped_corners}
     assert left_out <= wrong
     assert len(left_out) >= 8
-    assert all(one.error_px == pytest.approx(1.14, abs=0.3) for one in spoilt.dropped)
-    assert not clean.dropped
+    assert all(one.error_px == pytest.approx(1.14, abs=0.3) for one in spoilt.fit.dropped_corners)
+    assert not clean.fit.dropped_corners
     assert spoilt.held_out.corners == clean.held_out.corners - len(left_out)
     # With all of them it would be three times as much.
     assert spoilt.held_out.rms_px < 2 * clean.held_out.rms_px

@@ -9,7 +9,7 @@ from lenses import radial_camera
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.assess.uncertainty import sigma_at
+from cubicfish_cli.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
@@ -18,7 +18,7 @@ from cubicfish_cli.fitting.uncertainty import (
     Gauge,
     camera_uncertainty,
     corner_noise_px,
-    uncertainty_record,
+    uncertainty_grid,
 )
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.library.calibration import calibrate as calibrate_target
@@ -155,24 +155,22 @@ def test_the_order_of_boards_changes_nothing():
         calibrate_target(pairs, target, hold_out=False, refine_target="points")
         for target in (TARGET, turned)
     )
-    first, second = (np.array(fit.uncertainty_grid["sigma_px"], float) for fit in (one, other))
+    first, second = (np.array(fit.fit.uncertainty.sigma_px, float) for fit in (one, other))
     np.testing.assert_allclose(second, first, rtol=0.05)
 
 
 @pytest.mark.slow
 def test_it_grows_towards_the_rim_and_is_null_outside():
     result = calibrate(draw(3), hold_out=False)
-    record = result.uncertainty_grid
-    sigma = np.array(
-        [[np.nan if value is None else value for value in row] for row in record["sigma_px"]]
-    )
-    assert sigma.shape == (len(record["y"]), len(record["x"]))
-    rays = result.camera.unproject(np.stack(np.meshgrid(record["x"], record["y"]), axis=-1))
+    record = result.fit.uncertainty
+    sigma = np.array(record.sigma_px)
+    assert sigma.shape == (len(record.y), len(record.x))
+    rays = result.camera.unproject(np.stack(np.meshgrid(record.x, record.y), axis=-1))
     np.testing.assert_array_equal(np.isnan(sigma), np.isnan(rays[..., 0]))
     assert np.isnan(sigma).any()
     theta = np.rad2deg(np.arccos(rays[..., 2]))
     assert np.nanmedian(sigma[theta > 80]) > 1.6 * np.nanmedian(sigma[theta < 50])
-    assert record["max_px"] == pytest.approx(np.nanmax(sigma), abs=1e-4)
+    assert record.max_px == pytest.approx(np.nanmax(sigma), abs=1e-4)
 
 
 @pytest.mark.slow
@@ -181,14 +179,16 @@ def test_the_record_is_that_of_the_rays():
     fit = fit_cubic(reference, HOLD)
     uncertainty = camera_uncertainty(fit, reference.pairs)
     camera = calibrate(draw(3), hold_out=False).camera
-    record = uncertainty_record(uncertainty, camera)
-    ray = camera.unproject([record["x"][6], record["y"][4]])
+    record = uncertainty_grid(uncertainty, camera)
+    ray = camera.unproject([record.x[6], record.y[4]])
     expected = uncertainty.sigma_px(ray[None])[0]
-    assert record["sigma_px"][4][6] == pytest.approx(expected, abs=1e-5)
+    assert record.sigma_px[4][6] == pytest.approx(expected, abs=1e-5)
 
 
 def test_between_grid_points_it_is_interpolated():
-    record = {"x": [0, 10, 20], "y": [0, 10], "sigma_px": [[1.0, 2.0, None], [3.0, 4.0, None]]}
+    grid = UncertaintyGrid(
+        x=(0, 10, 20), y=(0, 10), sigma_px=((1.0, 2.0, np.nan), (3.0, 4.0, np.nan))
+    )
     pixel = np.array([[0, 0], [5, 0], [5, 5], [10, 10], [15, 0], [20, 5], [-9, 40]], float)
     expected = [1, 1.5, 2.5, 4, 2, np.nan, 3]
-    np.testing.assert_allclose(sigma_at(record, pixel), expected)
+    np.testing.assert_allclose(grid.at(pixel), expected)

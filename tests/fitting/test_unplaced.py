@@ -48,8 +48,8 @@ def test_they_are_in_no_figure_of_a_fit(pairs, fit):
     assert len(fit.pairs.pixel) == len(told) == fit.errors.corners
     assert fit.errors.rms_px == pytest.approx(rms_px(fit.residual[told]))
     assert fit.errors.median_px == pytest.approx(np.median(length[told]))
-    assert fit.companion_rms_px > fit.errors.rms_px / 2
-    assert fit.uncertainty_grid["noise_px"] == pytest.approx(NOISE, rel=0.25)
+    assert fit.fit.companion_rms_px > fit.errors.rms_px / 2
+    assert fit.fit.uncertainty.noise_px == pytest.approx(NOISE, rel=0.25)
     held_out = fit.held_out
     assert held_out is not None
     assert np.array_equal(np.isnan(held_out.square), ~told)
@@ -57,13 +57,13 @@ def test_they_are_in_no_figure_of_a_fit(pairs, fit):
 
 
 def test_they_are_listed_without_one(pairs, fit):
-    record = fit.as_record()
+    photos = fit.fit.per_image
     for photo, (one, told) in enumerate(
-        zip(record["per_image"], photo_verdicts(record, pairs.image_size), strict=True)
+        zip(photos, photo_verdicts(photos, (), pairs.image_size), strict=True)
     ):
-        assert one["corners"] > 0
+        assert one.corners > 0
         unplaced = photo in UNPLACED
-        assert [one[name] is None for name in ("rms_px", "median_px", "p95_px", "max_px")] == (
+        assert np.isnan([one.rms_px, one.median_px, one.p95_px, one.max_px]).tolist() == (
             [unplaced] * 4
         )
         assert (Code.NO_ERROR in [finding.code for finding in told]) is unplaced
@@ -71,7 +71,7 @@ def test_they_are_listed_without_one(pairs, fit):
 
 def test_they_have_errors_where_corners_have_no_places_of_their_own(pairs):
     shape = calibrate(pairs, target=DRAWN, refine_target="shape", hold_out=False)
-    assert all(one["rms_px"] > NOISE for one in shape.as_record()["per_image"])
+    assert all(one.rms_px > NOISE for one in shape.fit.per_image)
 
 
 def test_where_no_corner_is_certain_all_that_is_left_is_told(pairs):

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, random_rays
 
 from cubicfish_cli import save_camera
+from cubicfish_cli.assess.fit_record import FitRecord, fit_record
 from cubicfish_cli.errors import CameraFileError, OutputError
 from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import (
@@ -29,7 +30,7 @@ MADE_BY = {"version": "0", "options": {"target": "no"}}
 @pytest.fixture
 def path(tmp_path):
     path = tmp_path / "camera.yaml"
-    path.write_text(camera_text(cubic_camera(), fit=FIT, made_by=MADE_BY))
+    path.write_text(camera_text(cubic_camera(), fit=fit_record(FIT), made_by=MADE_BY))
     return path
 
 
@@ -39,7 +40,7 @@ def test_round_trip_is_exact(path):
     np.testing.assert_array_equal(loaded.camera.radial.parameters, camera.radial.parameters)
     assert loaded.camera.max_angle_deg == camera.max_angle_deg
     assert loaded.camera.image_size == camera.image_size
-    assert loaded.fit == FIT
+    assert loaded.fit == fit_record(FIT)
     assert loaded.made_by == MADE_BY
 
 
@@ -49,7 +50,7 @@ def test_round_trip_is_exact(path):
 def test_round_trip_of_random_cameras(tmp_path_factory, seed, angle):
     camera = cubic_camera(angle, bend=0.0005, seed=seed)
     path = tmp_path_factory.mktemp("c") / "camera.yaml"
-    path.write_text(camera_text(camera, fit={}, made_by={}))
+    path.write_text(camera_text(camera, fit=FitRecord(), made_by={}))
     np.testing.assert_array_equal(load_camera(path).camera.P, camera.P)
 
 
@@ -183,9 +184,9 @@ def test_missing_file(tmp_path):
 def test_records_that_share_parts_are_written_out(tmp_path):
     """YAML would write the second as an alias, which the reader refuses."""
     shared = {"corners": [1, 2, 3]}
-    path = tmp_path / "camera.yaml"
-    path.write_text(camera_text(cubic_camera(), fit={"a": shared, "b": shared}, made_by={}))
-    assert load_camera(path).fit == {"a": shared, "b": shared}
+    path, twice = tmp_path / "camera.yaml", {"a": shared, "b": shared}
+    path.write_text(camera_text(cubic_camera(), fit=FitRecord(), made_by=twice))
+    assert load_camera(path).made_by == twice
 
 
 def test_projection_is_the_loaded_cameras(path):
@@ -193,7 +194,10 @@ def test_projection_is_the_loaded_cameras(path):
     np.testing.assert_array_equal(
         load_camera(path).camera.project(rays), cubic_camera().project(rays)
     )
-    assert camera_text(load_camera(path).camera, fit=FIT, made_by=MADE_BY) == path.read_text()
+    assert (
+        camera_text(load_camera(path).camera, fit=fit_record(FIT), made_by=MADE_BY)
+        == path.read_text()
+    )
 
 
 @pytest.mark.parametrize(("frame", "vanishing"), [("world", 1), ("camera", 0)])
@@ -211,13 +215,13 @@ def test_round_trip_of_the_point_lift(tmp_path, frame, vanishing):
         valid=np.array([[1.0, 2], [30, 4], [5, 60.5]]),
     )
     path = tmp_path / "camera.yaml"
-    path.write_text(camera_text(camera, fit=FIT, made_by=MADE_BY))
+    path.write_text(camera_text(camera, fit=fit_record(FIT), made_by=MADE_BY))
     loaded = load_any_camera(path)
     assert isinstance(loaded, PointCameraFile)
     for name in ("P", "offset", "scale", "null", "reach", "valid", "frame", "image_size"):
         np.testing.assert_array_equal(getattr(loaded.camera, name), getattr(camera, name))
     assert loaded.camera.rank == 20 - vanishing
-    assert (loaded.fit, loaded.made_by) == (FIT, MADE_BY)
+    assert (loaded.fit, loaded.made_by) == (fit_record(FIT), MADE_BY)
     with pytest.raises(CameraFileError, match=r"is of lift 'point', which has no rays"):
         load_camera(path)
 
@@ -249,7 +253,7 @@ def test_a_broken_point_file_is_refused(tmp_path, change, said):
         reach=1.0,
         valid=np.zeros((3, 2)),
     )
-    record = yaml.safe_load(camera_text(camera, fit={}, made_by={}))
+    record = yaml.safe_load(camera_text(camera, fit=FitRecord(), made_by={}))
     change(record)
     (tmp_path / "camera.yaml").write_text(yaml.safe_dump(record))
     with pytest.raises(CameraFileError, match=said):

@@ -86,7 +86,7 @@ def test_every_kind_of_board_is_named_and_calibrates(photos):
         corners.with_target(target), target=target, refine_target="off", hold_out=False
     )
     assert result.errors.rms_px < 0.1
-    assert not result.dropped
+    assert not result.fit.dropped_corners
 
 
 @pytest.mark.slow

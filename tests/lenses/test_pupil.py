@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
 
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.errors import CameraFileError
 from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
@@ -94,7 +95,7 @@ def test_it_follows_the_targets_units_where_these_are_known(units, travel) -> No
 
 def test_the_file_keeps_it(tmp_path) -> None:
     file = tmp_path / "camera.yaml"
-    file.write_text(camera_text(CAMERA, fit={}, made_by={}))
+    file.write_text(camera_text(CAMERA, fit=FitRecord(), made_by={}))
     loaded = load_camera(file).camera
     assert (loaded.pupil_travel, loaded.units) == (3.5, "mm")
     text = file.read_text()

@@ -54,6 +54,7 @@ from cubicfish_cli import (
     undistort,
     undistort_files,
 )
+from cubicfish_cli.assess.fit_record import FitRecord, fit_record
 from cubicfish_cli.errors import (
     CameraFileError,
     CorrespondenceError,
@@ -355,7 +356,7 @@ def test_a_notebook_shows_words_that_are_no_tags(fitted: Calibration) -> None:
 
 
 def test_a_camera_without_a_fit_has_figures_and_no_verdict(fitted: Calibration) -> None:
-    alone = CameraFile(camera=fitted.camera, fit={}, made_by={})
+    alone = CameraFile(camera=fitted.camera, fit=FitRecord(), made_by={})
     assert str(alone) == alone.facts.line
     assert alone.facts.verdict is None
 
@@ -697,7 +698,7 @@ def test_files_are_those_of_the_command_line(
     save_camera(camera, loaded, overwrite=True)
     assert load_camera(camera).made_by == loaded.made_by
     save_camera(camera, fitted.camera, overwrite=True)
-    assert load_camera(camera).fit == {}
+    assert load_camera(camera).fit.says_nothing
     assert load_camera(camera).verdict.level == "care"
 
 
@@ -854,8 +855,8 @@ def test_uncertainty_is_known_in_the_field_alone(fitted: Calibration) -> None:
     assert fitted.uncertainty([480, 360]) == sigma[0, 0]
     narrow = replace(fitted.camera, max_angle_deg=20.0)
     assert np.isnan(replace(fitted, camera=narrow).uncertainty([[480, 100]])).all()
-    silent = CameraFile(camera=fitted.camera, fit={}, made_by={})
-    odd = replace(silent, fit={"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}})
+    silent = CameraFile(camera=fitted.camera, fit=FitRecord(), made_by={})
+    odd = replace(silent, fit=fit_record({"uncertainty": {"x": [1, 2], "y": "a", "sigma_px": []}}))
     for file in (silent, odd):
         assert "does not say" in refusal(CameraFileError, lambda f=file: f.uncertainty([[1, 1]]))
     assert "not (..., 2)" in refusal(CorrespondenceError, lambda: fitted.uncertainty([1, 2, 3]))

@@ -45,7 +45,7 @@ ALLOWED: dict[str, set[str]] = {
     "placement": {"target", "observations"},
     "corner_files": {"files", "reading", "tables", "boards", "target", "observations"},
     "lenses": set(),
-    "assess": {"words", "frame_names", "lenses"},
+    "assess": {"words", "frame_names", "boards", "target", "observations", "lenses"},
     "formats": {"files", "reading", "plain_yaml", "boards", "target", "lenses", "assess"},
     "fitting": {
         "words",
@@ -202,12 +202,13 @@ RESOLVING = {
     "read_bytes", "rig_in",
 }  # fmt: skip
 PRINTING = {
+    "ErrorStatistics",
     "counted",
     "distances_words",
     "missing",
     "photo_verdicts",
     "print_size",
-    "recorded_uncertainty",
+    "read_record",
 }
 WORDS = {"identification", "wording", "words"}
 

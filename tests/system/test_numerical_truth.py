@@ -99,14 +99,14 @@ def fit_of(seed: int) -> Calibration:
 def test_the_true_camera_comes_out(seed):
     one, result = problem(seed), fit_of(seed)
     assert not result.unfit
-    assert len(result.dropped) <= 1e-3 * len(one.pairs.pixel)
+    assert len(result.fit.dropped_corners) <= 1e-3 * len(one.pairs.pixel)
     assert result.errors.rms_px == pytest.approx(NOISE * np.sqrt(2), rel=0.08)
-    angle = min(result.covered_deg, one.lens.max_angle_deg - 0.1)
+    angle = min(result.fit.covered_deg, one.lens.max_angle_deg - 0.1)
     miss = miss_px(result.camera, one.lens, angle)
     # The uncertainty is the median's over the photo; errors at the rim are a few times that, and
     # a cubic meets such a lens to 0.03 px.
-    assert np.median(miss) < 0.03 + 2.5 * result.uncertainty_grid["median_px"]
-    assert np.sqrt(np.mean(miss**2)) < 0.03 + 3 * result.uncertainty_grid["median_px"]
+    assert np.median(miss) < 0.03 + 2.5 * result.fit.uncertainty.median_px
+    assert np.sqrt(np.mean(miss**2)) < 0.03 + 3 * result.fit.uncertainty.median_px
 
 
 @pytest.mark.slow
@@ -116,7 +116,7 @@ def test_pixels_and_rays_go_both_ways_and_through_a_file(seed, tmp_path_factory)
     result = fit_of(seed)
     camera = result.camera
     path = tmp_path_factory.mktemp("camera") / "camera.yaml"
-    path.write_text(camera_text(camera, fit=result.as_record(), made_by={}))
+    path.write_text(camera_text(camera, fit=result.fit, made_by={}))
     read = load_camera(path).camera
     np.testing.assert_array_equal(read.P, camera.P)
     assert read.max_angle_deg == camera.max_angle_deg
@@ -141,7 +141,7 @@ def test_units_and_the_worlds_frame_change_nothing(seed, factor):
     rotation *= np.linalg.det(rotation)
     world = factor * (one.pairs.world @ rotation.T + [310.0, -20.0, 75.0])
     first, second = fit_of(seed), fit(replace(one, pairs=replace(one.pairs, world=world)))
-    assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
+    assert miss_px(second.camera, first.camera, first.fit.covered_deg).max() < SAME_PX
     assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-6)
 
 
@@ -164,14 +164,14 @@ def test_the_order_of_photos_changes_nothing(seed):
         },
     )
     first, second = fit_of(seed), fit(replace(one, pairs=turned))
-    assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
+    assert miss_px(second.camera, first.camera, first.fit.covered_deg).max() < SAME_PX
 
 
 def same_fits(first: Calibration, second: Calibration) -> None:
-    assert miss_px(second.camera, first.camera, first.covered_deg).max() < SAME_PX
+    assert miss_px(second.camera, first.camera, first.fit.covered_deg).max() < SAME_PX
     assert second.errors.rms_px == pytest.approx(first.errors.rms_px, rel=1e-5)
-    assert second.uncertainty_grid["median_px"] == pytest.approx(
-        first.uncertainty_grid["median_px"], rel=1e-3
+    assert second.fit.uncertainty.median_px == pytest.approx(
+        first.fit.uncertainty.median_px, rel=1e-3
     )
     assert second.held_out.rms_px == pytest.approx(first.held_out.rms_px, rel=1e-4)
 

@@ -107,7 +107,7 @@ def test_rows_of_a_calibrated_pair_agree_within_a_tenth_of_a_pixel(kind: str) ->
     for one, place in zip(rig.cameras, truth.camera_from_rig, strict=True):
         own = points @ rotation_matrix(place[0]).T + place[1]
         cosine = own[:, 2] / np.linalg.norm(own, axis=1)
-        inside &= cosine > np.cos(np.deg2rad(float(one.fit["covered_deg"])))
+        inside &= cosine > np.cos(np.deg2rad(float(one.fit.covered_deg)))
     assert inside.sum() > 5000
     # A row of half-planes about a line is stretched towards that line's ends, without bounds.
     rays = points @ pair.rotations[0].T
@@ -131,7 +131,7 @@ def test_pictures_of_a_flat_scene_match_row_by_row() -> None:
         width, height = lens.image_size
         grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
         rays = lens.unproject(grid)
-        covered = np.cos(np.deg2rad(float(rig.cameras[number].fit["covered_deg"])))
+        covered = np.cos(np.deg2rad(float(rig.cameras[number].fit.covered_deg)))
         rays[~(rays[..., 2] > covered)] = np.nan
         # Far away, stripes along half-planes that end in the line between the cameras.
         _, y, z = np.moveaxis(rays @ rotation_matrix(place[0]) @ pair.rotations[0].T, -1, 0)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.calibrate import calibrate
@@ -42,7 +42,7 @@ class RigCamera:
         pairs: its 2D-3D pairs, in the target's units.
         camera: its lens, where it is calibrated already, and is left as it is; None to calibrate
             it from its pairs.
-        fit: the record of that calibration; empty where there is none.
+        fit: the record of that calibration, where there is one.
         moving: how its corners move, where that is known: photos of a shot then need not be of
             one moment.
 
@@ -51,7 +51,7 @@ class RigCamera:
     name: str
     pairs: Observations
     camera: CubicCamera | None = None
-    fit: Mapping[str, Any] | None = None
+    fit: FitRecord = field(default_factory=FitRecord)
     moving: Moving | None = None
 
 
@@ -71,7 +71,7 @@ class Alone(Placed):
 
     camera: CubicCamera
     rivals: Sequence[tuple[FitLens, float]]
-    record: Mapping[str, Any]
+    record: FitRecord
     level: Level
     told: tuple[RigFinding, ...]
     seen: Observations
@@ -85,8 +85,8 @@ class Alone(Placed):
     @property
     def covered(self) -> float:
         """How far from the axis corners reach, radians."""
-        covered = self.record.get("covered_deg")
-        if not (isinstance(covered, int | float) and 0 < covered < 180):
+        covered = self.record.covered_deg
+        if not 0 < covered < 180:
             covered = self.camera.max_angle_deg
         return float(np.deg2rad(covered))
 
@@ -126,10 +126,10 @@ def alone(
             )
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
-        own, record, pairs, poses = found.camera, found.as_record(), found.pairs, found.poses
+        own, record, pairs, poses = found.camera, found.fit, found.pairs, found.poses
         level, told = found.refined, tuple(of_camera(camera.name, one) for one in found.findings)
     else:
-        own, record = camera.camera, dict(camera.fit or {})
+        own, record = camera.camera, camera.fit
         placed, pairs, _ = fit_poses(own.radial, camera.pairs)
         if placed is None:
             raise unplaced(camera.name)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import ErrorStatistics, FitRecord
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.climb import RefineTarget
@@ -49,7 +50,6 @@ from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.stages import Progress
 from cubicfish_cli.fitting.statistics import (
-    ErrorStatistics,
     error_statistics,
     photo_records,
     rms_px,
@@ -106,7 +106,7 @@ class PlacedCamera:
     errors: ErrorStatistics
     alone_rms_px: float
     held_out_rms_px: float | None
-    fit: Mapping[str, Any]
+    fit: FitRecord
     late_s: float | None = None
     late_sigma_s: float | None = None
 
@@ -388,20 +388,20 @@ def _judged(
         known = own & tells if (own & tells).any() else own
         errors = error_statistics(fit.residual[known], int(own.sum()))
         out = None if held_out is None else rms_px(held_out[known])
-        record = {
-            **one.record,
-            **errors.as_record(),
-            "images": len(taken),
-            "held_out_rms_px": out,
-            "refine_target": level,
-            "per_image": photo_records(
+        record = replace(
+            one.record,
+            **vars(errors),
+            images=len(taken),
+            held_out_rms_px=np.nan if out is None else out,
+            refine_target=level,
+            per_image=photo_records(
                 [evidence.photos[view] for view in taken.tolist()],
                 np.searchsorted(taken, pairs.image[own]),
                 fit.residual[own],
                 views[taken],
                 tells[own],
             ),
-        }
+        )
         placed.append(
             PlacedCamera(
                 name=name,

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from cubicfish_cli.assess.fit_record import ErrorStatistics
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.evaluate import named_as_refined
@@ -24,7 +25,7 @@ from cubicfish_cli.fitting.rig.shots import Shots
 from cubicfish_cli.fitting.rig.start import place_shots
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import ErrorStatistics, error_statistics, rms_px
+from cubicfish_cli.fitting.statistics import error_statistics, rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
