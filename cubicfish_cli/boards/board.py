@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.section import Section
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.errors import TargetError
+from cubicfish_cli.errors import UsageError
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 FirstSquare = Literal["dark", "light"]
@@ -196,10 +196,14 @@ class Board(ABC):
 
         Raises:
             TargetError: there is none of this name for such boards, or it is too small.
+            UsageError: such boards have none.
 
         """
         if asked is not None:
-            raise TargetError(f"{cls.kind}s have no markers: '--type charuco' or 'aprilgrid' do")
+            raise UsageError(
+                f"--dictionary is of markers, and {cls.kind}s have no markers: '--type charuco' or "
+                "'aprilgrid' do"
+            )
         return None
 
     @abstractmethod

@@ -131,7 +131,7 @@ class SimulateOptions:
 
     def __post_init__(self) -> None:
         if self.poses is not None and self.number is not None:
-            raise UsageError("--poses says how many photos there are: leave -n out")
+            raise UsageError("--poses says how many photos there are: leave --number out")
         if self.number is not None and not 1 <= self.number <= _MOST_PHOTOS:
             raise UsageError(f"number must be from 1 to {_MOST_PHOTOS}, not {self.number}")
         if self.form not in FORMATS:

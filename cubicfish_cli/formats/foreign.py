@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.errors import CameraFileError
+from cubicfish_cli.errors import CameraFileError, UsageError
 from cubicfish_cli.formats.camera_format import (
     CameraFormat,
     read_bounded,
@@ -52,6 +52,7 @@ def read_foreign(
 
     Raises:
         CameraFileError: the file is of no format that is known, or is damaged; one line.
+        UsageError: a camera is named of a file that holds one.
 
     """
     name = name or sniffed(path)
@@ -60,7 +61,7 @@ def read_foreign(
     if made.holds_several:
         given["camera"] = camera
     elif camera is not None:
-        raise CameraFileError(f"{path} holds one camera: leave out --camera")
+        raise UsageError(f"{path} holds one camera: leave out --camera")
     assert made.read is not None
     lens = made.read(path, **given)
     if image_size is not None and image_size != lens.image_size:

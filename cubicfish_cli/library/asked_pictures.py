@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cubicfish_cli.errors import UsageError
@@ -22,6 +23,7 @@ Kind = Literal["photo", "video", "shot"]
 Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
+_CAMERA_FILES = {".yaml", ".yml"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +123,13 @@ class UndistortOptions:
             )
         if len(self.parts) > 1 and kind != "photo":
             raise UsageError(f"--view cube is for photos of one camera: choose another for {kind}s")
+        if self.virtual_camera is not None:
+            beside = Path(self.virtual_camera)
+            if beside.is_dir() or (beside.is_file() and beside.suffix.lower() in _CAMERA_FILES):
+                raise UsageError(
+                    f"--camera says where the camera of the result is written, and {beside} is "
+                    "there already: --model names the camera to use"
+                )
         if self.crf is not None and kind != "video":
             raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
         if self.quality is not None and not _WITH_QUALITY & {end.lower() for end in suffixes}:

@@ -186,7 +186,7 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
     poses = tmp_path / "poses.csv"
     poses.write_text("image,rx,ry,rz,tx,ty,tz\na.jpg,0,0,0,0,0,-500\n")
     assert "no photo shows a corner" in refused(*given, "--poses", poses)
-    assert "leave -n out" in refused(*given, "--poses", poses, "-n", 3, code=2)
+    assert "leave --number out" in refused(*given, "--poses", poses, "-n", 3, code=2)
     poses.write_text("image,rx,ry,rz,tx,ty,tz\n../a.jpg,0,0,0,0,0,500\n")
     assert "cannot be the name of a photo" in refused(*given, "--poses", poses)
     poses.write_text("image,rx,ry,rz,tx,ty,tz\na.jpg,0,0,0,0,0,5\na.jpg,0,0,0,0,0,5\n")

@@ -1,7 +1,6 @@
 """The package as a library: loaded late, typed, silent, and the same as the command line."""
 
 import inspect
-import json
 import re
 import subprocess
 import sys
@@ -37,7 +36,6 @@ from cubicfish_cli import (
     build_plane,
     build_view,
     calibrate,
-    check_target,
     compare,
     detect,
     evaluate,
@@ -426,12 +424,9 @@ distortion_coefficients: {rows: 1, cols: 4, data: [-0.01, 0.0, 0.0, 0.0]}
 """
 
 
-def test_another_tools_file_becomes_a_camera_as_import_writes_it(tmp_path: Path) -> None:
+def test_another_tools_file_becomes_a_camera(tmp_path: Path) -> None:
     path = tmp_path / "info.yaml"
     path.write_text(FOREIGN)
-    output = tmp_path / "camera.yaml"
-    run_cli("import", path, "-o", output, "--max-angle", 50)
-    written = load_camera(output)
     made = import_camera(path, max_angle_deg=50)
     assert (made.written_by, made.lens.name, made.conversion.ended_by) == (
         "ros",
@@ -439,17 +434,16 @@ def test_another_tools_file_becomes_a_camera_as_import_writes_it(tmp_path: Path)
         "angle",
     )
     assert made.camera.max_angle_deg == 50
-    np.testing.assert_array_equal(made.camera.P, written.camera.P)
-    assert made.made_by == {key: written.made_by[key] for key in made.made_by}
     assert made.made_by["options"] == {"imported_from": "ros", "lens": "kannala_brandt"}
     assert "conversion" in made.made_by
     # The lens is that of the file, by its formula.
     theta = np.deg2rad(40.0)
     pixel = made.camera.project([np.sin(theta), 0, np.cos(theta)])
     np.testing.assert_allclose(pixel, [320.5 + 300 * (theta - 0.01 * theta**3), 239], atol=0.01)
-    made.save(tmp_path / "own.yaml")
-    np.testing.assert_array_equal(load_camera(tmp_path / "own.yaml").camera.P, made.camera.P)
-    assert "exists already" in refusal(OutputError, lambda: save_camera(output, made))
+    own = tmp_path / "own.yaml"
+    made.save(own)
+    np.testing.assert_array_equal(load_camera(own).camera.P, made.camera.P)
+    assert "exists already" in refusal(OutputError, lambda: save_camera(own, made))
 
 
 @pytest.mark.parametrize(
@@ -469,7 +463,7 @@ def test_what_cannot_be_imported_is_refused(
 ) -> None:
     path = tmp_path / "info.yaml"
     path.write_text(FOREIGN)
-    assert said in refusal(CameraFileError, lambda: import_camera(path, **options))
+    assert said in refusal(CubicfishError, lambda: import_camera(path, **options))
 
 
 @pytest.fixture(scope="module")
@@ -479,18 +473,12 @@ def board() -> Target:
 
 
 @pytest.mark.slow
-def test_photos_of_known_truth_are_those_of_simulate(
+def test_photos_are_the_same_of_a_fit_a_camera_and_its_file(
     fitted: Calibration, board: Target, tmp_path: Path
 ) -> None:
     target = board
     fitted = replace(fitted, camera=smaller(fitted.camera, 3))
     fitted.save(tmp_path / "camera.yaml")
-    save_target(tmp_path / "target.yaml", target)
-    options = ["-n", 1, "--seed", 5, "--noise", 4, "--blur", 1, "--vignetting", 0.2]
-    run_cli(
-        "simulate", "-t", tmp_path / "target.yaml", "-m", tmp_path, *options,
-        "--exposure", 0.5, "--format", "png", "-o", tmp_path / "command",
-    )  # fmt: skip
     heard = Heard()
     look = LookOptions(noise=4, blur=1, vignetting=0.2, exposure=0.5, seed=5)
     for lens in (fitted, fitted.camera, tmp_path / "camera.yaml"):
@@ -510,7 +498,8 @@ def test_photos_of_known_truth_are_those_of_simulate(
             "true_camera.yaml",
         ]
         for file in files[:3]:
-            assert file.read_bytes() == (tmp_path / "command" / file.name).read_bytes()
+            first = tmp_path / type(fitted).__name__ / file.name
+            assert file.read_bytes() == first.read_bytes()
         true = load_camera(files[3]).camera
         np.testing.assert_array_equal(true.P, load_camera(tmp_path / "camera.yaml").camera.P)
         assert made.corners == len(load_corners(files[1], target).pixel) >= 10
@@ -555,7 +544,7 @@ def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> Non
         ({"image_size": (640, 480)}, "the camera says the size of its photos"),
         ({"image_size": (640, -1)}, "image_size must be two whole numbers"),
         ({"poses": "none.csv"}, "none.csv"),
-        ({"poses": "none.csv", "number": 3}, "leave -n out"),
+        ({"poses": "none.csv", "number": 3}, "leave --number out"),
         ({"lens": "no_lens.yaml"}, "no_lens.yaml"),
     ],
 )
@@ -654,15 +643,6 @@ def test_a_video_is_undistorted_into_a_folder(tmp_path: Path) -> None:
     made = undistort_files(film, tmp_path / "flat", lens)
     assert made.files == (tmp_path / "flat" / "film.mp4",)
     assert made.files[0].stat().st_size > 1000
-
-
-def test_a_target_is_checked_as_the_command_checks_it(target: Target) -> None:
-    said = json.loads(run_cli("target", "check", SAMPLE / "target.yaml", "--json").stdout)
-    checked = check_target(target)
-    assert [{"about": about, "text": text} for about, text in checked.advice] == said["advice"]
-    assert checked.facts.rank == said["rank"]
-    assert list(checked.as_record()) == list(said)
-    assert said["planes"] == 3
 
 
 def test_the_short_name_is_the_same_library() -> None:

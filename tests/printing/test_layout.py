@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from synthetic import checkerboard
 
 from cubicfish_cli.diagnosis.object_check import check_object
-from cubicfish_cli.errors import TargetError
+from cubicfish_cli.errors import TargetError, UsageError
 from cubicfish_cli.printing.layout import STRIP, boards_in_millimetres, lay_out, quiet_zone
 from cubicfish_cli.printing.objects import BAND, Wanted, design
 from cubicfish_cli.printing.paper import length_mm, millimetres_per, paper
@@ -204,13 +204,17 @@ def test_what_is_asked_for_is_made():
         (Wanted(kind="box", type="charuco", dictionary="DICT_4X4_50"), "has only 50"),
         (Wanted(kind="board", type="charuco", dictionary="DICT_4X5_50"), "did you mean"),
         (Wanted(kind="board", type="aprilgrid", dictionary="DICT_4X4_50"), "no family"),
-        (Wanted(kind="board", dictionary="DICT_4X4_50"), "have no markers"),
         (Wanted(kind="box", counts=(4, 4), square=30.0), "must be told apart"),
     ],
 )
 def test_what_cannot_be_made(wanted, said):
     with pytest.raises(TargetError, match=said):
         design(wanted, paper("A4"), margin=MARGIN)
+
+
+def test_a_dictionary_is_of_markers():
+    with pytest.raises(UsageError, match="have no markers"):
+        design(Wanted(kind="board", dictionary="DICT_4X4_50"), paper("A4"), margin=MARGIN)
 
 
 def test_paper_that_is_too_small_for_an_object():

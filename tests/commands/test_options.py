@@ -1,0 +1,412 @@
+"""Commands use every option that they are given, or refuse it: none is passed over.
+
+A table says of each command which option is used in which of its modes. Everywhere else it must be
+wrong usage, and say which option it is; where it is used, what comes out must be another than
+without it.
+"""
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+import cv2
+import pytest
+import yaml
+from click.testing import CliRunner
+from command_tree import commands
+from pairs_csv import write_pairs
+from running import SAMPLE, run_cli
+
+from cubicfish_cli import load_camera, save_camera
+from cubicfish_cli.advice import advise
+from cubicfish_cli.cli.main import cli
+from cubicfish_cli.corner_files.observations_csv import load_corners
+from cubicfish_cli.executors import pool
+from cubicfish_cli.target import load_target
+
+TARGET, CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
+PHOTOS = sorted((SAMPLE / "photos").glob("*.jpg"))
+NOBODY = "tcp://127.0.0.1:9"  # a port where nothing listens
+COMMON = {"--help", "--verbose", "--quiet", "--debug", "--report", "--tags"}
+FITS = {"photos", "film", "corners", "pairs", "point", "board"}
+SEARCHED = {"photos", "film", "board"}
+QUICK = {"target check", "target print", "corners", "import", "project", "unproject"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command: the lines of its modes, and option -> a value that shows, and where it is used.
+
+    In a line and in a value, names in braces are those of the sources, and ``out`` is a folder.
+    """
+
+    lines: Mapping[str, str]
+    used: Mapping[str, tuple[str | None, set[str]]]
+
+
+CASES = {
+    "calibrate": Case(
+        lines={
+            "photos": "{photos} -t {target} -o {out}/c --no-hold-out",
+            "film": "{film} -t {target} -o {out}/c --no-hold-out",
+            "corners": "{corners} -t {target} -o {out}/c --no-hold-out",
+            "pairs": "--correspondences {pairs} -o {out}/c --no-hold-out",
+            "point": "{corners} -t {target} --lift point -o {out}/c --no-hold-out",
+            "board": "{photos} --board 9x6 --square 25mm -o {out}/c --no-hold-out",
+        },
+        used={
+            "--target": ("{other}", {"photos", "film", "corners", "point"}),
+            "--board": ("8x5", {"board"}),
+            "--square": ("2in", {"board"}),
+            "--correspondences": ("{pairs}", {"pairs"}),
+            "--size": ("640x480", {"corners", "pairs", "point"}),
+            "--output": ("{out}/d", FITS),
+            "--title": ("left", FITS),
+            "--refine-target": ("shape", FITS - {"pairs", "point"}),
+            "--hold-out": (None, FITS),
+            "--lift": ("point", FITS),
+            "--best": ("3", SEARCHED),
+            "--compare": (None, FITS - {"point"}),
+            "--no-report": (None, FITS),
+            "--max-rms": ("0.0001", FITS),
+            "--overwrite": (None, FITS),
+            "--json": (None, FITS),
+            "--jobs": ("1", SEARCHED),
+            "--no-cache": (None, SEARCHED),
+        },
+    ),
+    "detect": Case(
+        lines={"file": "{photos} -t {target} -o {out}/c.csv"},
+        used={
+            "--target": ("{other}", {"file"}),
+            "--board": ("8x5", set()),
+            "--square": ("3cm", set()),
+            "--output": ("{out}/d.csv", {"file"}),
+            "--draw": ("{out}/seen", {"file"}),
+            "--overwrite": (None, {"file"}),
+            "--json": (None, {"file"}),
+            "--jobs": ("1", {"file"}),
+            "--scheduler": (NOBODY, {"file"}),
+            "--no-cache": (None, {"file"}),
+        },
+    ),
+    "frames": Case(
+        lines={"film": "{film} -t {target} -o {out}/f", "blind": "{film} -o {out}/f"},
+        used={
+            "--target": ("{other}", {"film", "blind"}),
+            "--board": ("8x5", set()),
+            "--square": ("3cm", set()),
+            "--output": ("{out}/g", {"film", "blind"}),
+            "--most": ("2", {"film", "blind"}),
+            "--overwrite": (None, {"film", "blind"}),
+            "--json": (None, {"film", "blind"}),
+            "--jobs": ("1", {"film", "blind"}),
+            "--no-cache": (None, {"film", "blind"}),
+        },
+    ),
+    "simulate": Case(
+        lines={
+            "camera": "-t {target} -m {camera} -n 1 -o {out}/s",
+            "lens": "-t {target} --lens {lens} -n 1 -o {out}/s",
+            "poses": "-t {target} -m {camera} --poses {poses} -o {out}/s",
+        },
+        used={
+            "--target": ("{other}", {"camera", "lens", "poses"}),
+            "--model": ("{true}", {"camera", "poses"}),
+            "--lens": ("{lens}", {"lens"}),
+            "--size": ("640x480", {"lens"}),
+            "--number": ("2", {"camera", "lens"}),
+            "--output": ("{out}/t", {"camera", "lens", "poses"}),
+            "--poses": ("{poses}", {"poses"}),
+            **{
+                option: (value, {"camera", "lens", "poses"})
+                for option, value in {
+                    "--noise": "9",
+                    "--blur": "3",
+                    "--vignetting": "0",
+                    "--exposure": "2",
+                    "--seed": "5",
+                    "--format": "png",
+                    "--overwrite": None,
+                    "--json": None,
+                }.items()
+            },
+        },
+    ),
+    "advise": Case(
+        lines={
+            "folder": "{camera} --goal 0.0005",
+            "model": "-m {camera} --goal 0.0005",
+            "drawn": "{camera} --goal 0.0005 -o {out}/a.svg",
+        },
+        used={
+            "--model": ("{true}", {"model"}),
+            "--target": ("{other}", {"folder", "model", "drawn"}),
+            "--corners": ("{few}", {"folder", "model", "drawn"}),
+            "--output": ("{out}/b.svg", {"folder", "model", "drawn"}),
+            "--poses": ("{out}/p.csv", {"folder", "model", "drawn"}),
+            "--goal": ("0.2", {"folder", "model", "drawn"}),
+            "--seed": ("3", {"folder", "model", "drawn"}),
+            "--overwrite": (None, {"drawn"}),
+            "--json": (None, {"folder", "model", "drawn"}),
+        },
+    ),
+    "target check": Case(
+        lines={"alone": "{target}", "drawn": "{target} --draw {out}/a.svg"},
+        used={
+            "--draw": ("{out}/b.svg", {"alone", "drawn"}),
+            "--overwrite": (None, {"drawn"}),
+            "--json": (None, {"alone", "drawn"}),
+        },
+    ),
+    "target print": Case(
+        lines={
+            "old": "{target} --paper A3 -o {out}/p",
+            "new": "--object board -o {out}/p",
+            "charuco": "--object board --type charuco -o {out}/p",
+        },
+        used={
+            "--object": ("corner", {"new", "charuco"}),
+            "--paper": ("A2", {"old", "new", "charuco"}),
+            "--type": ("aprilgrid", {"new", "charuco"}),
+            "--square": ("11mm", {"new", "charuco"}),
+            "--corners": ("3x4", {"new", "charuco"}),
+            "--dictionary": ("DICT_5X5_1000", {"charuco"}),
+            "--margin": ("15mm", {"old", "new", "charuco"}),
+            "--board": ("floor", {"old"}),
+            "--output": ("{out}/q", {"old", "new", "charuco"}),
+            "--overwrite": (None, {"old", "new", "charuco"}),
+            "--json": (None, {"old", "new", "charuco"}),
+        },
+    ),
+    "corners": Case(
+        lines={"vnl": "{vnl} -t {flat} --size 960x720 -o {out}/c.csv"},
+        used={
+            "--target": ("{wider}", {"vnl"}),
+            "--output": ("{out}/d.csv", {"vnl"}),
+            "--size": ("1000x720", {"vnl"}),
+            "--board": ("none", {"vnl"}),
+            "--only": ("b*", {"vnl"}),
+            "--overwrite": (None, {"vnl"}),
+            "--json": (None, {"vnl"}),
+        },
+    ),
+    "import": Case(
+        lines={"one": "{lens} -o {out}/c.yaml", "several": "{chain} -o {out}/c.yaml"},
+        used={
+            "--from": ("opencv", {"one", "several"}),
+            "--camera": ("cam7", {"several"}),
+            "--size": ("640x480", {"one", "several"}),
+            "--max-angle": ("50", {"one", "several"}),
+            "--output": ("{out}/d.yaml", {"one", "several"}),
+            "--overwrite": (None, {"one", "several"}),
+            "--json": (None, {"one", "several"}),
+        },
+    ),
+    "project": Case(
+        lines={"rays": "0.4,0.1,5 -m {near}", "point": "100,60,0 -m {point}"},
+        used={"--model": ("{true}", {"rays", "point"}), "--near": (None, {"rays"})},
+    ),
+    "unproject": Case(
+        lines={"rays": "500,300 -m {camera}"}, used={"--model": ("{true}", {"rays"})}
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """What the names in braces are."""
+    folder = tmp_path_factory.mktemp("sources")
+    made = {"target": TARGET, "corners": CORNERS, "camera": calibrated}
+    made |= {"true": SAMPLE / "true_camera.yaml", "photos": folder / "photos"}
+    made["photos"].mkdir()
+    for photo in PHOTOS[:4]:
+        shutil.copy(photo, made["photos"])
+    film = cv2.VideoWriter(str(folder / "f.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (960, 720))
+    for photo in PHOTOS[:4]:
+        for _ in range(4):
+            film.write(cv2.imread(str(photo)))
+    film.release()
+    texts = {
+        "other": ("other.yaml", TARGET.read_text().replace("units: mm", "units: cm")),
+        "few": ("few.csv", "".join(CORNERS.read_text().splitlines(keepends=True)[:200])),
+        "flat": ("flat.yaml", _board(9)),
+        "wider": ("wider.yaml", _board(10)),
+        "vnl": (
+            "c.vnl",
+            "# filename x y\n"
+            + "".join(
+                f"{photo}.png {50 * (n % 9) + 9} {40 * (n // 9) + 8}\n"
+                for photo in "ab"
+                for n in range(54)
+            ),
+        ),
+    }
+    for name, (file, text) in texts.items():
+        (folder / file).write_text(text)
+        made[name] = folder / file
+    made["pairs"] = folder / "pairs.csv"
+    write_pairs(made["pairs"], load_corners(CORNERS, load_target(TARGET)).by_photo())
+    camera = load_camera(calibrated / "camera.yaml").camera
+    made["near"] = folder / "near.yaml"
+    save_camera(made["near"], replace(camera, pupil_travel=0.05))
+    forms = (("lens", "mrcal", "c.cameramodel"), ("chain", "kalibr-omni", "k.yaml"))
+    for name, form, file in forms:
+        run_cli("export", calibrated, "--to", form, "-o", folder / file)
+        made[name] = folder / file
+    run_cli("simulate", "-t", TARGET, "-m", calibrated, "-n", 1, "-o", folder / "s")
+    made["poses"] = folder / "s" / "true_poses.csv"
+    line = ("calibrate", CORNERS, "-t", TARGET, "--lift", "point", "--no-hold-out")
+    run_cli(*line, "-o", folder / "point")
+    return {**made, "film": folder / "f.avi", "point": folder / "point"}
+
+
+def _board(columns: int) -> str:
+    return (
+        "units: mm\nboards:\n"
+        f"  - {{name: one, type: checkerboard, corners: [{columns}, 6], square: 25}}\n"
+    )
+
+
+def outcome(line: list[str], out: Path) -> Any:
+    """All that comes of a command but what files say of the command line."""
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir()
+    done = CliRunner().invoke(cli, line, prog_name="cubicfish")
+    assert done.exit_code in (0, 1, 3), done.output
+    files = {}
+    for path in sorted(one for one in out.rglob("*") if one.is_file()):
+        files[path] = path.read_bytes()
+        if path.name.endswith((".yaml", ".csv")) and b"made_by" in files[path]:
+            record = yaml.safe_load(files[path])
+            for key in ("command", "options", "date"):
+                record["made_by"].pop(key, None)
+            files[path] = json.dumps(record).encode()
+    return done.exit_code, done.output, done.stderr, files
+
+
+def is_seen(line: list[str], option: str, out: Path, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether an option that changes no result is seen to do what it says."""
+    if option == "--json":
+        return bool(json.loads(run_cli(*line, option).stdout))
+    if option == "--scheduler":
+        return "127.0.0.1:9" in run_cli(*line, option, NOBODY, code=1).stderr
+    if option == "--overwrite":
+        run_cli(*line)
+        assert "exists already" in run_cli(*line, code=1).stderr.replace("\n", " ")
+        run_cli(*line, option)
+        return True
+    cache = out / "cache"
+    monkeypatch.setenv("CUBICFISH_CACHE", str(cache))
+    if option == "--no-cache":
+        run_cli(*line, option)
+        return not cache.exists()
+    jobs: list[int | None] = []
+    real = pool.Work
+
+    def work(**how: Any) -> pool.Work:
+        jobs.append(how["jobs"])
+        return real(**how)
+
+    monkeypatch.setattr(pool, "Work", work)
+    run_cli(*line, option, 1)
+    return set(jobs) == {1}
+
+
+CELLS = [
+    pytest.param(
+        name,
+        mode,
+        option,
+        id=f"{name} {mode} {option}",
+        marks=pytest.mark.slow if mode in used[1] and name not in QUICK else (),
+    )
+    for name, case in CASES.items()
+    for mode in case.lines
+    for option, used in case.used.items()
+]
+
+
+@pytest.mark.parametrize(("name", "mode", "option"), CELLS)
+def test_an_option_is_used_or_refused(
+    sources: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    mode: str,
+    option: str,
+) -> None:
+    if mode in ("film", "blind"):
+        pytest.importorskip("av")
+    if name == "target print" or mode == "drawn":
+        pytest.importorskip("matplotlib")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    monkeypatch.setattr(advise, "_VIEWS", 20)
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out"
+    value, modes = CASES[name].used[option]
+    line = f"{name} {CASES[name].lines[mode]}".format(out=out, **sources).split()
+    more = [option, *([] if value is None else [value.format(out=out, **sources)])]
+    if option in line and (value is None or option in ("--lift", "--correspondences", "--poses")):
+        return  # it is what makes the mode
+    if mode not in modes:
+        said = run_cli(*line, *more, code=2).stderr
+        assert option in said.partition("Error:")[2]
+        assert not out.exists()
+    elif option in ("--json", "--scheduler", "--overwrite", "--no-cache", "--jobs"):
+        assert is_seen(line, option, out, monkeypatch)
+    else:
+        assert outcome(line, out) != outcome([*line, *more], out)
+
+
+def test_the_tables_have_all_options() -> None:
+    known = {" ".join(words[1:]): command for words, command in commands()}
+    for name, case in CASES.items():
+        options = (one for one in known[name].params if isinstance(one, click.Option))
+        words = {word for one in options for word in one.opts if word.startswith("--")}
+        table = {"--report" if word == "--no-report" else word for word in case.used}
+        assert words - COMMON == table - COMMON
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("{corners} -t {target} --no-hold-out --refine-target auto", "--no-hold-out"),
+        ("{pairs} --board 9x6 --square 25mm", "--board"),
+        ("{pairs} -t {target}", "--target"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    sources: dict[str, Path], tmp_path: Path, line: str, said: str
+) -> None:
+    words = line.format(**sources).split()
+    assert said in run_cli("calibrate", *words, "-o", tmp_path / "c", code=2).stderr
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_length_without_a_unit_is_said_to_be_in_millimetres(
+    sources: dict[str, Path], tmp_path: Path
+) -> None:
+    line = ("calibrate", sources["corners"], "--board", "9x6", "-o", tmp_path / "c", "--square")
+    assert "--square 24.23 has no unit" in run_cli(*line, "24.23", code=1).stderr
+    assert "has no unit" not in run_cli(*line, "24.23mm", code=1).stderr
+
+
+def test_quiet_prints_results_alone(sources: dict[str, Path], tmp_path: Path) -> None:
+    line = ("simulate", "-t", TARGET, "-m", sources["camera"], "-n", 1, "-o", tmp_path / "s", "-q")
+    said = run_cli(*line)
+    assert said.stderr == ""
+    assert "Next" not in said.stdout
+
+
+def test_a_camera_that_is_there_is_not_where_another_is_written(
+    sources: dict[str, Path], tmp_path: Path
+) -> None:
+    camera = sources["camera"] / "camera.yaml"
+    line = ("undistort", PHOTOS[0], tmp_path / "a.png", "-m", camera, "--camera", camera)
+    assert "--model names the camera" in run_cli(*line, code=2).stderr
+    assert list(tmp_path.iterdir()) == []
