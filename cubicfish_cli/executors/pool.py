@@ -1,10 +1,4 @@
-"""Process pool over photos, with results in order whatever the number of processes.
-
-Worker processes, each behind its own pipe.
-
-They share no queue and no lock, unlike those of :mod:`concurrent.futures`: one that is killed,
-also while it sends an answer, leaves nothing behind that anybody waits for.
-"""
+"""Process pool over photos, with results in order whatever the number of processes."""
 
 from __future__ import annotations
 
@@ -13,13 +7,13 @@ import os
 import signal
 import tempfile
 import threading
-import traceback
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -123,7 +117,7 @@ def map_photos(
         with one_opencv_thread():
             yield from map(work, items)
         return
-    yield from _in_order(each_by_processes(work, items, workers, _context()))
+    yield from _by_processes(work, items, workers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,67 +209,31 @@ _REQUESTS = [
 ]
 
 
-def each_by_processes(
-    work: Callable[[Item], Answer], items: Sequence[Item], workers: int, context: BaseContext
-) -> Iterator[tuple[int, Answer]]:
-    """Yield (number of the item, ``work`` of it) of every item, as they are done.
-
-    Leaving early waits for what is being worked on.
-
-    Args:
-        work: picklable.
-        items: picklable.
-        workers: how many processes to use.
-        context: how they are made.
-
-    Raises:
-        DetectionError: a process was ended from outside.
-        Exception: what ``work`` raises.
-
-    """
-    processes: list[BaseProcess] = []
-    pipes: list[Connection] = []
-    doing: dict[Connection, int] = {}
-    numbers = iter(range(len(items)))
-
-    def go_on(pipe: Connection) -> None:
-        number = next(numbers, None)
-        if number is not None:
-            pipe.send(items[number])
-            doing[pipe] = number
-
+def _by_processes(
+    work: Callable[[Photo], Answer], items: Sequence[Photo], workers: int
+) -> Iterator[Answer]:
+    """Leaving early waits for what is being worked on."""
+    pool = ProcessPoolExecutor(workers, _context(), _begin)
     try:
-        for _ in range(workers):
-            with _told():
-                with _requests_held_back():
-                    pipes.append(_start(work, context, processes))
-                go_on(pipes[-1])
-        while doing:
-            for pipe in wait(list(doing)):
-                assert isinstance(pipe, Connection)
-                with _told():
-                    problem, answer = pipe.recv()
-                    number = doing.pop(pipe)
-                    go_on(pipe)
-                if problem is not None:
-                    raise problem
-                yield number, answer
+        with _requests_held_back():
+            answers = deque(pool.submit(work, item) for item in items)
+        while answers:
+            yield answers.popleft().result()
+    except BrokenProcessPool as error:
+        raise DetectionError(
+            "a process that looked for corners was ended from outside, as happens when memory "
+            "runs out: try again with --jobs 1"
+        ) from error
     finally:
-        for pipe in pipes:
-            pipe.close()  # says that there is no more to do
-        for process in processes:
-            process.join()
+        pool.shutdown(cancel_futures=True)
 
 
-def _start(
-    work: Callable[[Any], Any], context: BaseContext, processes: list[BaseProcess]
-) -> Connection:
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there, work), daemon=True)  # type: ignore[attr-defined]
-    process.start()
-    processes.append(process)
-    there.close()  # the process has its own: when it ends, this end knows
-    return here
+def _begin() -> None:
+    """Begin a process that works on photos, one thread in each."""
+    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 @contextmanager
@@ -296,42 +254,6 @@ def _requests_held_back() -> Iterator[None]:
             signal.signal(number, handler)
         if came:
             signal.raise_signal(came[0])
-
-
-@contextmanager
-def _told() -> Iterator[None]:
-    """Say what it means that there is nobody at the other end."""
-    try:
-        yield
-    except (EOFError, OSError) as error:
-        raise DetectionError(
-            "a process that looked for corners was ended from outside, as happens when memory "
-            "runs out: try again with --jobs 1"
-        ) from error
-
-
-def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
-    """Run in a process of its own: work on what comes until no more does."""
-    # The parent alone answers Ctrl-C, and the workers together use one thread a processor.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    with suppress(EOFError, OSError):  # the parent has no more to do
-        while True:
-            item = pipe.recv()
-            answer = _answer(work, item)
-            try:
-                pipe.send(answer)
-            except (TypeError, AttributeError, ValueError) as error:  # it cannot be pickled
-                pipe.send((RuntimeError(f"{type(error).__name__}: {error}"), None))
-
-
-def _answer(work: Callable[[Any], Any], item: Any) -> tuple[Exception | None, Any]:
-    try:
-        return None, work(item)
-    except Exception as problem:
-        problem.add_note(traceback.format_exc())  # of this process: --debug shows it
-        return problem, None
 
 
 def _end_with_parent() -> None:

@@ -175,7 +175,7 @@ READS = {"startswith", "endswith", "partition", "rpartition", "split", "rsplit",
 MATCHES = {"search", "match", "fullmatch", "sub", "findall", "split"}
 # Where sentences of other programs and libraries are read, which have no codes: file, function.
 FOREIGN = {
-    ("executors/cluster.py", "_client"): "what distributed says, on one line",
+    ("executors/cluster.py", "connect"): "what distributed says, on one line",
     ("undistortion/map_formats.py", "write_exr"): "why OpenEXR could not write",
 }
 

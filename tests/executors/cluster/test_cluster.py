@@ -282,10 +282,12 @@ def test_a_worker_without_cubicfish_is_named(processes: Processes, tmp_path: Pat
     bare = processes.worker(path=[str(tmp_path)])
     try:
         with (
-            pytest.raises(ClusterError, match=r"has no cubicfish: install cubicfish [0-9.]+ there"),
-            connect(processes.address, wait_s=PATIENCE_S),
+            pytest.raises(
+                ClusterError, match=r"cannot load cubicfish .* install cubicfish [0-9.]+ there"
+            ),
+            connect(processes.address, wait_s=PATIENCE_S) as executor,
         ):
-            pass
+            list(executor.each(distant_work.process, [1]))
     finally:
         processes.end(bare)
         processes.wait_for(0)
@@ -300,9 +302,9 @@ def test_workers_of_another_version_are_refused(
     monkeypatch.setattr(cluster, "versions_here", lambda: {**versions_here(), "OpenCV": "3.2"})
     with (
         pytest.raises(ClusterError, match=rf"has OpenCV {theirs} and this machine has 3\.2, whose"),
-        connect(address, wait_s=PATIENCE_S),
+        connect(address, wait_s=PATIENCE_S) as executor,
     ):
-        pass
+        list(executor.each(distant_work.process, [1]))
 
 
 def test_a_worker_that_comes_later_is_checked_too(
@@ -324,29 +326,6 @@ def test_a_worker_with_other_folders_is_refused(tmp_path: Path) -> None:
         proof.unlink()
         with pytest.raises(ClusterError, match=rf"does not see the {tmp_path} of this machine"):
             do_one(wanted, pickle.dumps(1))
-
-
-@pytest.mark.slow
-def test_few_tasks_are_on_their_way_at_a_time(processes: Processes) -> None:
-    class Watched(Sequence):
-        taken = 0
-
-        def __len__(self) -> int:
-            return 60
-
-        def __getitem__(self, number):
-            self.taken += 1
-            return number
-
-    address, items, most = processes.have(2), Watched(), 0
-    with connect(address, wait_s=PATIENCE_S) as executor:
-        answers = {}
-        for number, process in executor.each(distant_work.process, items):
-            most = max(most, items.taken - len(answers))
-            answers[number] = process
-    assert sorted(answers) == list(range(60))
-    assert 2 < most <= 4 * 2
-    assert len(set(answers.values())) == 2
 
 
 @pytest.mark.slow
@@ -383,9 +362,9 @@ def test_an_interrupt_cancels_what_has_not_begun(
 @pytest.mark.parametrize(
     ("address", "said"),
     [
-        ("tcp://127.0.0.1:9", "no scheduler answers at tcp://127.0.0.1:9: is 'dask scheduler'"),
-        ("nonsense", "nonsense is no address of a scheduler (missing port"),
-        ("tls://127.0.0.1:9", "tls://127.0.0.1:9 needs certificates"),
+        ("tcp://127.0.0.1:9", "no scheduler answers at tcp://127.0.0.1:9 ("),
+        ("nonsense", "no scheduler answers at nonsense (missing port"),
+        ("tls://127.0.0.1:9", "no scheduler answers at tls://127.0.0.1:9 ("),
     ],
 )
 def test_a_scheduler_that_is_not_there_is_one_line(
@@ -445,23 +424,3 @@ def test_a_photo_that_ends_its_workers_is_that_photos_failure() -> None:
     assert "ended from outside, as happens when memory runs out" in str(problem)
     with pytest.raises(ZeroDivisionError):
         there._explained(ZeroDivisionError(), "")
-
-
-@pytest.mark.slow
-def test_a_worker_that_stands_still_is_named(
-    processes: Processes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cluster, "_ANSWER_S", 4.0)
-    address = processes.have(2)
-    stopped = processes._workers[0]
-    stopped.send_signal(signal.SIGSTOP)
-    try:
-        with (
-            pytest.raises(ClusterError, match=r"^tcp://[0-9.:]+ has not answered for 4 s: let it"),
-            connect(address),
-        ):
-            pass
-    finally:
-        stopped.send_signal(signal.SIGCONT)
-    with connect(address) as executor:
-        assert executor.workers == 2
