@@ -26,9 +26,9 @@ from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.errors import CubicfishError
+from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration, RigCamera, calibrate_rig
+from cubicfish_cli.extensions.rigs.fit.shots import shots_by_name
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.rig.calibrate import RigCalibration, RigCamera, calibrate_rig
-from cubicfish_cli.fitting.rig.shots import shots_by_name
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix

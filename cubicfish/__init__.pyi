@@ -27,6 +27,7 @@ from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import RigCalibration as RigCalibration
 from cubicfish_cli import RigFile as RigFile
 from cubicfish_cli import Run as Run
+from cubicfish_cli import ShotOptions as ShotOptions
 from cubicfish_cli import SimulateOptions as SimulateOptions
 from cubicfish_cli import Target as Target
 from cubicfish_cli import UndistortMap as UndistortMap
@@ -57,19 +58,23 @@ from cubicfish_cli import evaluate_rig as evaluate_rig
 from cubicfish_cli import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli import export_camera as export_camera
 from cubicfish_cli import export_files as export_files
+from cubicfish_cli import export_rig_files as export_rig_files
 from cubicfish_cli import import_camera as import_camera
 from cubicfish_cli import import_corner_files as import_corner_files
 from cubicfish_cli import import_files as import_files
 from cubicfish_cli import info_files as info_files
+from cubicfish_cli import info_rig_files as info_rig_files
 from cubicfish_cli import load_any_camera as load_any_camera
 from cubicfish_cli import load_camera as load_camera
 from cubicfish_cli import load_corners as load_corners
 from cubicfish_cli import load_rig as load_rig
 from cubicfish_cli import map_files as map_files
+from cubicfish_cli import map_rig_files as map_rig_files
 from cubicfish_cli import print_target_files as print_target_files
 from cubicfish_cli import read_picture as read_picture
 from cubicfish_cli import rectify as rectify
 from cubicfish_cli import report_files as report_files
+from cubicfish_cli import report_rig_files as report_rig_files
 from cubicfish_cli import save_camera as save_camera
 from cubicfish_cli import save_corners as save_corners
 from cubicfish_cli import save_map as save_map
@@ -79,6 +84,7 @@ from cubicfish_cli import simulate_files as simulate_files
 from cubicfish_cli import stitch as stitch
 from cubicfish_cli import undistort as undistort
 from cubicfish_cli import undistort_files as undistort_files
+from cubicfish_cli import undistort_rig_files as undistort_rig_files
 
 __version__: str
 __all__: list[str]

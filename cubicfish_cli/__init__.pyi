@@ -27,12 +27,9 @@ from cubicfish_cli.fitting.calibrate import Calibration as Calibration
 from cubicfish_cli.fitting.comparison import Comparison as Comparison
 from cubicfish_cli.fitting.comparison import compare as compare
 from cubicfish_cli.fitting.evaluate import Evaluation as Evaluation
-from cubicfish_cli.fitting.rig.calibrate import RigCalibration as RigCalibration
 from cubicfish_cli.formats.camera_yaml import CameraFile as CameraFile
 from cubicfish_cli.formats.camera_yaml import load_any_camera as load_any_camera
 from cubicfish_cli.formats.camera_yaml import load_camera as load_camera
-from cubicfish_cli.formats.rig_yaml import RigFile as RigFile
-from cubicfish_cli.formats.rig_yaml import load_rig as load_rig
 from cubicfish_cli.identification.identified import Detection as Detection
 from cubicfish_cli.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.library.asked import Run as Run
@@ -45,7 +42,6 @@ from cubicfish_cli.library.calibration import save_camera as save_camera
 from cubicfish_cli.library.calibration import save_target as save_target
 from cubicfish_cli.library.calibration_files import evaluate_files as evaluate_files
 from cubicfish_cli.library.describing import compare_files as compare_files
-from cubicfish_cli.library.describing import compare_rig_files as compare_rig_files
 from cubicfish_cli.library.describing import info_files as info_files
 from cubicfish_cli.library.detection import detect as detect
 from cubicfish_cli.library.exporting import export_camera as export_camera
@@ -53,14 +49,6 @@ from cubicfish_cli.library.exporting import export_files as export_files
 from cubicfish_cli.library.importing import import_camera as import_camera
 from cubicfish_cli.library.map_files import map_files as map_files
 from cubicfish_cli.library.report_files import report_files as report_files
-from cubicfish_cli.library.rig_files import calibrate_rig_files as calibrate_rig_files
-from cubicfish_cli.library.rig_files import evaluate_rig_files as evaluate_rig_files
-from cubicfish_cli.library.rig_pictures import rectify as rectify
-from cubicfish_cli.library.rig_pictures import stitch as stitch
-from cubicfish_cli.library.rigs import calibrate_rig as calibrate_rig
-from cubicfish_cli.library.rigs import compare_rigs as compare_rigs
-from cubicfish_cli.library.rigs import evaluate_rig as evaluate_rig
-from cubicfish_cli.library.rigs import save_rig as save_rig
 from cubicfish_cli.library.target_files import check_target as check_target
 from cubicfish_cli.library.undistorting import undistort as undistort
 from cubicfish_cli.library.undistorting import undistort_files as undistort_files
@@ -75,10 +63,28 @@ from cubicfish_cli.undistortion.maps import UndistortMap as UndistortMap
 from cubicfish_cli.undistortion.maps import build_map as build_map
 from cubicfish_cli.undistortion.maps import save_map as save_map
 from cubicfish_cli.undistortion.options import ViewOptions as ViewOptions
-from cubicfish_cli.undistortion.rigs import RectifiedPair as RectifiedPair
 from cubicfish_cli.undistortion.view import View as View
 from cubicfish_cli.words.codes import Event as Event
 from cubicfish_cli.words.finding import Finding as Finding
 
 __version__: str
 __all__: list[str]
+from cubicfish_cli.extensions.rigs.calibrate import calibrate_rig_files as calibrate_rig_files
+from cubicfish_cli.extensions.rigs.compare import compare_rig_files as compare_rig_files
+from cubicfish_cli.extensions.rigs.evaluate import evaluate_rig_files as evaluate_rig_files
+from cubicfish_cli.extensions.rigs.export import export_rig_files as export_rig_files
+from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration as RigCalibration
+from cubicfish_cli.extensions.rigs.info import info_rig_files as info_rig_files
+from cubicfish_cli.extensions.rigs.mosaic import stitch as stitch
+from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files as map_rig_files
+from cubicfish_cli.extensions.rigs.report import report_rig_files as report_rig_files
+from cubicfish_cli.extensions.rigs.rig_yaml import RigFile as RigFile
+from cubicfish_cli.extensions.rigs.rig_yaml import load_rig as load_rig
+from cubicfish_cli.extensions.rigs.rigs import calibrate_rig as calibrate_rig
+from cubicfish_cli.extensions.rigs.rigs import compare_rigs as compare_rigs
+from cubicfish_cli.extensions.rigs.rigs import evaluate_rig as evaluate_rig
+from cubicfish_cli.extensions.rigs.rigs import save_rig as save_rig
+from cubicfish_cli.extensions.rigs.stereo import RectifiedPair as RectifiedPair
+from cubicfish_cli.extensions.rigs.stereo import rectify as rectify
+from cubicfish_cli.extensions.rigs.undistort import ShotOptions as ShotOptions
+from cubicfish_cli.extensions.rigs.undistort import undistort_rig_files as undistort_rig_files

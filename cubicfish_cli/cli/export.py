@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import FloatRange, as_command, option, record
-from cubicfish_cli.cli.progress import call
+from cubicfish_cli.cli.progress import running
 from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.formats.registry import WRITABLE
+
+if TYPE_CHECKING:
+    from cubicfish_cli.library.exporting import ExportedFiles
 
 # Maps are of no lens model, and so not among the registered formats.
 FORMATS = {**WRITABLE, "maps": ".npz for cv2.remap; holds any lens"}
@@ -19,12 +23,6 @@ _HELP = f"""Write the camera for another tool, and say how near its lens model c
 
 \b
 {chr(10).join(f"{name:<35}{what}" for name, what in FORMATS.items())}
-
-Of a rig.yaml each camera's lens is written with its place on the body: opencv as stereo.opencv.yaml
-with R, T and, for flat pictures, R1, R2, P1, P2 and Q; ros as a folder of camera_info.yaml, static
-transforms and URDF; Kalibr's as one camchain.yaml; COLMAP's as rig_config.json; nerfstudio's as one
-transforms.json; nvidia as one rig.json; mrcal as a folder of .cameramodel. ros, Kalibr's, nvidia
-and mrcal are in metres.
 
 None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
 field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
@@ -39,17 +37,26 @@ Symmetric lens models get the frame in which the camera looks most symmetric; th
 camera.yaml's frame is printed, and poses that go into the file are turned along.
 """
 
+max_error_option: Any = option(
+    "--max-error PX",
+    "Write nothing when the format's lens is farther than this from the camera anywhere up "
+    "to where the calibration's corners reach. Beyond, the error is printed alone.",
+    FloatRange(min=0, min_open=True),
+    0.5,
+)
+max_angle_option: Any = option(
+    "--max-angle DEG",
+    "Leave out of the conversion what is farther from the axis, so that the rest is met more "
+    "nearly. [default: the whole field]",
+    FloatRange(min=0, max=180, min_open=True),
+)
+
 
 @record
 class Asked:
     """What is asked of ``cubicfish export``."""
 
-    calibration: Path | None = options.argument(
-        "The folder that calibrate or rig wrote, or the camera's or the rig's file. "
-        "[default: --model]",
-        required=False,
-        metavar="[CAMERA|RIG]",
-    )
+    calibration: Path | None = options.calibration_argument
     to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
@@ -60,20 +67,8 @@ class Asked:
         "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
     model: Path | None = options.model_option
-    max_error: float = option(
-        "--max-error PX",
-        "Write nothing when the format's lens is farther than this from the camera anywhere up "
-        "to where the calibration's corners reach. Beyond, the error is printed alone.",
-        FloatRange(min=0, min_open=True),
-        0.5,
-    )
-    max_angle_deg: float | None = option(
-        "--max-angle DEG",
-        "Leave out of the conversion what is farther from the axis, so that the rest is met more "
-        "nearly. [default: the whole field]",
-        FloatRange(min=0, max=180, min_open=True),
-    )
-    pair: tuple[str, str] | None = options.pair_option
+    max_error: float = max_error_option
+    max_angle_deg: float | None = max_angle_option
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
 
@@ -84,18 +79,27 @@ class Asked:
     "cubicfish export --to opencv",
     "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",
-    "cubicfish export rig/rig.yaml --to kalibr-omni -o camchain.yaml",
-    "cubicfish export rig --to opencv --pair left,right",
     help=_HELP,
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.exporting import export_files
 
-    made = call(
-        export_files, given, camera=options.calibration_path(given.calibration or given.model)
-    )
-    if given.as_json:
+    with running(overwrite=given.overwrite) as run:
+        made = export_files(
+            options.model_path(given.calibration or given.model),
+            given.to,
+            given.output,
+            max_error=given.max_error,
+            max_angle_deg=given.max_angle_deg,
+            run=run,
+        )
+    print_exported(made, as_json=given.as_json)
+
+
+def print_exported(made: ExportedFiles, *, as_json: bool) -> None:
+    """Print what was written, and how near it comes."""
+    if as_json:
         print_json(made.record)
         return
     print_wrote(made.files)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import count, print_verdict, px
 from cubicfish_cli.cli.options import as_command, record
-from cubicfish_cli.cli.rig import print_rig
 from cubicfish_cli.cli.terminal import print_json, result
 
 if TYPE_CHECKING:
@@ -41,16 +40,13 @@ def command(given: Asked) -> None:
     """
     from cubicfish_cli.library.describing import info_files
 
-    made = info_files(options.calibration_path(given.calibration or given.model))
+    made = info_files(options.model_path(given.calibration or given.model))
     if given.as_json:
         print_json(made.as_record())
         return
-    if made.facts is None:
-        print_rig(made.rig or {})
-    else:
-        result(made.facts.line + "\n")
-        for name, words in _rows(made.facts):
-            result(f"{name:<18}{words}")
+    result(made.facts.line + "\n")
+    for name, words in _rows(made.facts):
+        result(f"{name:<18}{words}")
     if made.verdict is not None:
         result()
         print_verdict(made.verdict)

@@ -6,7 +6,6 @@ work inside their bodies: help and usage errors answer at once.
 
 from __future__ import annotations
 
-import importlib
 import io
 import os
 import signal
@@ -19,19 +18,19 @@ from typing import Any, NoReturn
 import click
 
 from cubicfish_cli import __version__
+from cubicfish_cli.cli.group import LazyGroup
 from cubicfish_cli.cli.options import DEBUG_KEY, common_options, examples
 from cubicfish_cli.cli.standard_streams import EXIT_SIGNAL, asked
 from cubicfish_cli.cli.streams import safe
 from cubicfish_cli.cli.terminal import Failure, say_interrupted, tell
 from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.wording import did_you_mean
+from cubicfish_cli.extension import extension_commands
 
 EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 COMMANDS = {
     "target": "commands.target:command",
     "calibrate": "commands.calibrate:command",
-    "rig": "cli.rig:command",
     "frames": "commands.frames:command",
     "detect": "commands.detect:command",
     "corners": "commands.corners:command",
@@ -80,29 +79,8 @@ def _show_usage_error(error: click.UsageError, file: Any = None) -> None:
     tell(word + what)
 
 
-class LazyGroup(click.Group):
-    """Commands by name, each in its module, which is imported when the command is asked for."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """The commands' names, in the order of the work."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the command's module and return its ``command``."""
-        if cmd_name not in COMMANDS:
-            return None
-        module, _, name = COMMANDS[cmd_name].partition(":")
-        command: click.Command = getattr(importlib.import_module(f"cubicfish_cli.{module}"), name)
-        return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click does, with the nearest command when there is none of that name."""
-        unknown = args and not args[0].startswith("-") and args[0] not in COMMANDS
-        if unknown and not ctx.resilient_parsing:  # a shell that completes a line is told nothing
-            ctx.fail(f"No such command {args[0]!r}: {did_you_mean(args[0], COMMANDS)}")
-        return super().resolve_command(ctx, args)
+class Program(LazyGroup):
+    """All commands; what goes wrong in them is told in one line."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         """As click does, with what is wrong said harmlessly."""
@@ -158,7 +136,9 @@ def _why(error: Exception) -> str | None:
 
 
 @click.group(
-    cls=LazyGroup,
+    cls=Program,
+    own={name: f"cubicfish_cli.{place}" for name, place in COMMANDS.items()},
+    more=extension_commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog=examples(
         "cubicfish calibrate photos/ --target target.yaml",
@@ -184,7 +164,7 @@ def run() -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except OSError as error:  # help or a version that cannot be printed
+    except (OSError, CubicfishError) as error:  # help or a version that cannot be printed
         tell(f"Error: {_why(error)}")
         return 1
     except click.Abort:  # click's word for a signal that came before or after the command

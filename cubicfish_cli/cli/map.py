@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.options import as_command, bundle, option, record
@@ -10,6 +11,9 @@ from cubicfish_cli.cli.terminal import print_json, print_wrote, result, say
 from cubicfish_cli.cli.view_options import say_what_is_unseen, view_options
 from cubicfish_cli.library.asked import Run
 from cubicfish_cli.library.asked_pictures import MapOptions
+
+if TYPE_CHECKING:
+    from cubicfish_cli.library.map_files import MapFiles
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 
@@ -19,25 +23,18 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 .exr  STMap: x and y (upwards) in R and G, 0 to 1 across the frame, 32 bits
 .png  the same as two 16-bit grey pictures, OUT_x.png and OUT_y.png
 .pgm  the pair that ffmpeg's remap filter takes; the command is printed
-
-Where --model names a rig, two maps of the cameras that --pair names, OUT_left.npz and
-OUT_right.npz, after which what one camera shows in a row the other shows in the same row. Flat
-pictures end before 180°; --view cylindrical and equirectangular are then about the line between
-the cameras and go on all around it. OUT.stereo.yaml has what it takes to get from disparities to
-points: baseline, focal length, and of flat ones P1, P2 and Q.
 """
 
-
-map_options = bundle(
+photo_size_option: Any = option(
+    "--photo-size",
+    "Size of the photos, when it is an exact rescale of the calibrated ones.",
+    options.SIZE,
+)
+map_options: Any = bundle(
     MapOptions,
     view_options,
-    option(
-        "--photo-size",
-        "Size of the photos, when it is an exact rescale of the calibrated ones.",
-        options.SIZE,
-    ),
+    photo_size_option,
     option("--redistort", "The way back: from the view to the photo of the camera."),
-    options.pair_option,
 )
 
 
@@ -63,24 +60,27 @@ class Asked:
     "cubicfish map undistort.exr --fit outer",
     "cubicfish map redistort.exr --fit outer --redistort",
     "cubicfish map flat.pgm --size 1920x1080",
-    "cubicfish map stereo.npz --pair left,right --model rig --view equirectangular",
     help=_HELP,
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
     from cubicfish_cli.library.map_files import map_files
 
-    camera = options.calibration_path(given.model)
+    camera = options.model_path(given.model)
     made = map_files(camera, given.output, given.asked, run=Run(overwrite=given.overwrite))
-    if given.as_json:
+    print_maps(made, as_json=given.as_json)
+
+
+def print_maps(made: MapFiles, *, as_json: bool, more: str = "") -> None:
+    """Print what was written and what it shows, and ``more`` of it in a line."""
+    if as_json:
         print_json(made.as_record())
         return
     result(f"wrote {made.written[0]}: {made.view.describe()}")
     say_what_is_unseen(made.seen)
     print_wrote(made.written[1:])
-    if made.stereo is not None:
-        unit = f" {made.stereo['units']}" if made.stereo["units"] else ""
-        result(f"baseline {made.stereo['baseline']:.3f}{unit}; {made.stereo['depth']}")
+    if more:
+        result(more)
     for line in made.ffmpeg:
         result(f"apply it with: {line}", whole=True)
     if made.ffmpeg:

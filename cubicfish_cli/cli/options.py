@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, dataclass_transform
 import click
 
 from cubicfish_cli.errors import CameraFileError, UsageError
-from cubicfish_cli.library.asked import TargetSource, in_folder, rig_in
+from cubicfish_cli.library.asked import TargetSource, in_folder
 from cubicfish_cli.wording import quoted
 
 if TYPE_CHECKING:
@@ -248,7 +248,13 @@ def examples(*lines: str) -> str:
 
 
 def as_command(
-    name: str, short_help: str, *lines: str, how: Sequence[str] = (), json: str = "", **more: Any
+    name: str,
+    short_help: str,
+    *lines: str,
+    how: Sequence[str] = (),
+    json: str = "",
+    keys: Path = Path(__file__).parent,
+    **more: Any,
 ) -> Callable[[Callable[..., None]], click.Command]:
     """A command, with what all have in common.
 
@@ -261,6 +267,7 @@ def as_command(
         lines: command lines that show it at work.
         how: fields of the record ``how`` that it has.
         json: what json_keys.toml calls it, where that is not its name.
+        keys: the folder of that file.
         more: as click has it.
 
     """
@@ -279,7 +286,7 @@ def as_command(
         )
         for parameter in made.params:
             if isinstance(parameter, JsonOption):
-                parameter.of(json or name)
+                parameter.of(json or name, keys)
         return made
 
     return decorate
@@ -592,21 +599,30 @@ class JsonOption(click.Option):
 
     keys: Mapping[str, str]
 
-    def of(self, command: str) -> None:
+    def of(self, command: str, folder: Path) -> None:
         """Tell the keys of the object that a command prints."""
-        self.keys = keys_of(command)
+        self.keys = keys_of(command, folder)
         self.help = f"{self.help} Its keys: {', '.join(self.keys)}."
 
 
+_HERE = Path(__file__).parent
+
+
 @functools.cache
-def _json_keys() -> Mapping[str, Mapping[str, str]]:
-    return tomllib.loads(Path(__file__).with_name("json_keys.toml").read_text(encoding="utf-8"))
+def _json_keys(folder: Path) -> Mapping[str, Mapping[str, str]]:
+    return tomllib.loads((folder / "json_keys.toml").read_text(encoding="utf-8"))
 
 
-def keys_of(command: str) -> Mapping[str, str]:
-    """Key -> meaning of what a command prints with ``--json``, as ``json_keys.toml`` has it."""
-    data = _json_keys()
-    return {key: Template(text).substitute(data["parts"]) for key, text in data[command].items()}
+def keys_of(command: str, folder: Path = _HERE) -> Mapping[str, str]:
+    """Key -> meaning of what a command prints with ``--json``.
+
+    Args:
+        command: its name in json_keys.toml.
+        folder: where that file is.
+
+    """
+    parts, data = _json_keys(_HERE)["parts"], _json_keys(folder)[command]
+    return {key: Template(text).substitute(parts) for key, text in data.items()}
 
 
 json_option = option("--json", "Print one JSON object to stdout, and nothing else.", cls=JsonOption)
@@ -649,27 +665,3 @@ def _size(text: str) -> tuple[int, int]:
 SIZE = Parsed("WIDTHxHEIGHT", _size)
 
 size_option = option("--size", "Size of the photos, for CSV files that do not state it.", SIZE)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    names = [name.strip() for name in text.split(",")]
-    if len(names) != 2 or not all(names) or names[0] == names[1]:
-        raise ValueError(f"{text!r} does not name two cameras, such as left,right")
-    return names[0], names[1]
-
-
-pair_option = option(
-    "--pair NAME,NAME",
-    "Two cameras of the rig, such as left,right. [default: those that it has]",
-    Parsed("NAME,NAME", _pair),
-)
-
-
-def calibration_path(given: Path | None) -> Path:
-    """The file of the rig or the camera to read; see :func:`model_path`."""
-    return rig_path(given) or model_path(given)
-
-
-def rig_path(given: Path | None) -> Path | None:
-    """The rig's file, where a rig is meant."""
-    return None if given is None else rig_in(given)

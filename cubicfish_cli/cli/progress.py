@@ -121,7 +121,7 @@ class SchedulerOptions:
             )
 
 
-scheduler_options = bundle(SchedulerOptions)
+scheduler_options: Any = bundle(SchedulerOptions)
 
 
 class _Cluster:

@@ -1,14 +1,15 @@
-"""``cubicfish report``, and the pages that ``calibrate`` and ``rig`` write beside their files."""
+"""``cubicfish report``, and the pages that fits write beside their files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import print_verdict
 from cubicfish_cli.cli.options import as_command, bundle, option, record
-from cubicfish_cli.cli.progress import call, keep_fonts
+from cubicfish_cli.cli.progress import keep_fonts, running
 from cubicfish_cli.cli.terminal import print_json, result, say
 
 PAGE = "report.html"
@@ -38,7 +39,6 @@ class Asked:
     "One HTML page about a calibration: is it good, and why.",
     "cubicfish report",
     "cubicfish report calibration/ --photos photos/ -o lens.html",
-    "cubicfish report rig/",
     "cubicfish report --model camera.yaml --target target.yaml --overwrite",
 )
 def command(given: Asked) -> None:
@@ -48,15 +48,18 @@ def command(given: Asked) -> None:
     photos are looked for beside the camera and where the calibration found them; what is no
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.
-
-    Of a rig (its folder or rig.yaml) the page shows where the cameras stand and what they see.
     """
     from cubicfish_cli.library.report_files import report_files
 
     keep_fonts()
-    made = call(
-        report_files, given, calibration=options.calibration_path(given.calibration or given.model)
-    )
+    with running(overwrite=given.overwrite) as run:
+        made = report_files(
+            options.model_path(given.calibration or given.model),
+            given.page,
+            target=given.target,
+            photos=given.photos,
+            run=run,
+        )
     for line in made.absent:
         say(f"left out: {line}")
     if given.as_json:
@@ -86,7 +89,7 @@ class FitOptions:
     no_cache: bool = options.no_cache_option
 
 
-fit_options = bundle(FitOptions)
+fit_options: Any = bundle(FitOptions)
 
 
 def say_if_no_page(outputs: Mapping[str, Path], *, wanted: bool) -> None:

@@ -60,8 +60,6 @@ class Asked:
     "cubicfish undistort photo.jpg floor.png --view plane:floor --target target.yaml",
     "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
-    "cubicfish undistort left/1.png right/1.png all.png --model rig",
-    "cubicfish undistort shots/ around/ --model rig --view cylindrical",
 )
 def command(given: Asked) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
@@ -70,25 +68,27 @@ def command(given: Asked) -> None:
     their names; '-' reads the photos' names from stdin. Pixels that the camera does not see are
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
-
-    Where --model names a rig, the photos are those of its cameras, and each shot becomes one
-    picture, a panorama in any --view (equirectangular unless another is named).
     """
     from cubicfish_cli.library.undistorting import undistort_files
 
     given.scheduler.check(given.jobs)
-    photos = _named_sources(given.sources)
-    camera = options.calibration_path(given.model)
+    photos = named_sources(given.sources)
+    camera = options.model_path(given.model)
     with running(jobs=given.jobs, overwrite=given.overwrite, scheduler=given.scheduler) as run:
         made = undistort_files(photos, given.output, camera, given.asked, run=run)
-    if given.as_json:
+    end_with_pictures(made, as_json=given.as_json)
+
+
+def end_with_pictures(made: UndistortedFiles, *, as_json: bool) -> None:
+    """Print what was written, and end with an error when something failed."""
+    if as_json:
         print_json(made.as_record())
-    if not given.as_json:
+    else:
         _print(made)
-    _end_with(made, as_json=given.as_json)
+    _end_with(made, as_json=as_json)
 
 
-def _named_sources(sources: Sequence[str]) -> str | list[str]:
+def named_sources(sources: Sequence[str]) -> str | list[str]:
     """The sources, with the names that stdin lists in the place of '-'; one that is named alone."""
     if len(sources) == 1 and sources[0] != "-":
         return sources[0]

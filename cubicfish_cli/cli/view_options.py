@@ -164,9 +164,34 @@ def _kind_option(*, planes: bool) -> Any:
     )
 
 
-view_options = bundle(_view_of, _kind_option(planes=False), *_VIEW)
+view_options: Any = bundle(_view_of, _kind_option(planes=False), *_VIEW)
 
-undistort_options = bundle(
+picture_options: tuple[Any, ...] = (
+    option(
+        "--interpolation",
+        "How pixels are read between pixels.",
+        click.Choice(INTERPOLATIONS),
+        "linear",
+    ),
+    option(
+        "--quality 1-100",
+        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        IntRange(1, 100),
+    ),
+    option(
+        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
+    ),
+    option(
+        "--camera FILE",
+        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+        "flat.view.opencv.yaml.",
+        FILE,
+    ),
+    option("--skip-existing", "Leave out photos whose result exists."),
+)
+"""How pictures are made and what is written beside them, as a :class:`PictureOptions` has it."""
+
+undistort_options: Any = bundle(
     UndistortOptions,
     bundle(
         _view_or_plane,
@@ -179,33 +204,8 @@ undistort_options = bundle(
             FILE,
         ),
     ),
-    option(
-        "--distance UNITS",
-        "Of a rig: how far away things are that the cameras' pictures join at. [default: far away]",
-        FloatRange(0, min_open=True),
-    ),
-    option(
-        "--interpolation",
-        "How pixels are read between pixels.",
-        click.Choice(INTERPOLATIONS),
-        "linear",
-    ),
-    option(
-        "--quality 1-100",
-        "Of JPEG and lossy WebP files. [default: the photo's own]",
-        IntRange(1, 100),
-    ),
+    *picture_options,
     option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
-    option(
-        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
-    ),
-    option(
-        "--camera FILE",
-        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
-        "flat.view.opencv.yaml.",
-        FILE,
-    ),
-    option("--skip-existing", "Leave out photos whose result exists."),
 )
 
 

@@ -23,14 +23,12 @@ from cubicfish_cli.diagnosis import (
     odd_photos,
     other_lens,
     repeats,
-    rig,
     two_lenses,
     wrong_drawing,
 )
 from cubicfish_cli.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
-from cubicfish_cli.fitting.rig.evidence import RigEvidence
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 
@@ -168,26 +166,19 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(
         FailedFit, _LENS, _TRIALS, lambda e: other_lens.failed_lens(e.scaled[0]), _unexplained
     ),
-    # Of a fitted rig.
-    Hypothesis(RigEvidence, (Code.SHOT_MISMATCHED,), _TABLES, rig.mismatched),
-    Hypothesis(RigEvidence, (Code.CLOCKS_DIFFER,), _TABLES, rig.clocks_differ),
-    Hypothesis(RigEvidence, (Code.CAMERA_MOVED,), _PASS, rig.camera_moved),
-    Hypothesis(
-        RigEvidence,
-        (Code.NOT_AT_ONCE, Code.SHOT_APART),
-        _PASS,
-        rig.not_at_once,
-        lambda e, found: _lacks([Code.CAMERA_MOVED], found),
-    ),
-    Hypothesis(RigEvidence, (Code.FEW_COMMON_SHOTS,), _TABLES, rig.few_common_shots),
 )
 
 
-def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Finding]:
+def find_faults(
+    evidence: Evidence,
+    known: Sequence[Finding] = (),
+    more: Sequence[Hypothesis[Any]] = (),
+) -> list[Finding]:
     """What is likely wrong with a set-up.
 
     Args:
         evidence: what says so.
+        more: what else may be wrong with such a set-up.
         known: what was found before, and comes first; where there is no fit only what is bad is
             accepted, and explains it.
 
@@ -199,9 +190,10 @@ def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Findi
         known = [finding for finding in known if finding.severity is Severity.BAD]
     evidence = replace(evidence, known=known)
     told: dict[int, list[Finding]] = {-1: list(known)}
-    own = [place for place, one in enumerate(HYPOTHESES) if isinstance(evidence, one.of)]
-    for place in sorted(own, key=lambda place: HYPOTHESES[place].cost):
-        hypothesis = HYPOTHESES[place]
+    table = (*HYPOTHESES, *more)
+    own = [place for place, one in enumerate(table) if isinstance(evidence, one.of)]
+    for place in sorted(own, key=lambda place: table[place].cost):
+        hypothesis = table[place]
         if not hypothesis.applies(evidence, _joined(told)):
             continue
         try:

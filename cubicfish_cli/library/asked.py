@@ -205,29 +205,6 @@ def path_or_none(given: StrPath | None) -> Path | None:
     return None if given is None else Path(given)
 
 
-def rig_in(path: Path) -> Path | None:
-    """The rig's file, where a rig is meant: a rig.yaml, or a folder that has one and no camera."""
-    from cubicfish_cli.formats.rig_yaml import is_rig
-
-    if path.is_dir():
-        inside, camera = path / "rig.yaml", path / "camera.yaml"
-        return inside if inside.is_file() and not camera.exists() else None
-    return path if is_rig(path) else None
-
-
-def rig_file_in(path: Path) -> Path:
-    """The rig's file that is meant: a folder stands for the rig.yaml in it.
-
-    Raises:
-        CameraFileError: it is not there.
-
-    """
-    path = path / "rig.yaml" if path.is_dir() else path
-    if not path.is_file():
-        raise CameraFileError(f"there is no {path}: name the rig.yaml that 'cubicfish rig' wrote")
-    return path
-
-
 def check_inputs(
     inputs: Sequence[Path], correspondences: Path | None, target: TargetSource
 ) -> None:

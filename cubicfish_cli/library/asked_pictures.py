@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.target import Target
     from cubicfish_cli.undistortion.view import View
 
-Kind = Literal["photo", "video", "shot"]
 Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
@@ -52,18 +51,14 @@ class PlaneOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UndistortOptions:
-    """What becomes of photos, of videos, or of the shots of a rig.
+class PictureOptions:
+    """What becomes of photos.
 
     Attributes:
         view: what to render, or what is asked of it; by default flat, as large as each photo and
-            with its scale in the middle, up to 120° across; of a rig all around, as longitude and
-            latitude.
-        distance: of a rig: how far away things are that the cameras' pictures join at, in the
-            rig's unit; None for far away.
+            with its scale in the middle, up to 120° across.
         interpolation: how pixels are blended.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
-        crf: of videos: lower is better and larger; by default 18.
         mask: also writes where the results may be trusted: 255, and 0 elsewhere.
         virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
             flat.view.opencv.yaml.
@@ -75,10 +70,8 @@ class UndistortOptions:
     """
 
     view: View | ViewOptions | PlaneOptions | None = None
-    distance: float | None = None
     interpolation: Interpolation = "linear"
     quality: int | None = None
-    crf: int | None = None
     mask: StrPath | None = None
     virtual_camera: StrPath | None = None
     skip_existing: bool = False
@@ -89,33 +82,24 @@ class UndistortOptions:
                 f"interpolation {quoted(self.interpolation)} is not known: "
                 f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
             )
-        for name, value, low, high in (
-            ("--quality", self.quality, 1, 100),
-            ("--crf", self.crf, 0, 63),
-        ):
-            if value is not None and value not in range(low, high + 1):
-                raise UsageError(
-                    f"{name} must be a whole number from {low} to {high}, not {quoted(value)}"
-                )
+        refuse_beyond("--quality", self.quality, 1, 100)
 
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         return self.view.parts if isinstance(self.view, ViewOptions) else ("",)
 
-    def refuse_unused(self, kind: Kind, suffixes: Collection[str]) -> None:
+    def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
         """Refuse what says nothing about such sources and results.
 
         Args:
-            kind: what the sources are.
+            kind: what the sources are: photo, video, or what else.
             suffixes: how the names of the results end.
 
         Raises:
             UsageError: something is asked that would not be done.
 
         """
-        if self.distance is not None and kind != "shot":
-            raise UsageError("--distance goes with a rig: name its rig.yaml with --model")
         if isinstance(self.view, PlaneOptions) and kind != "photo":
             raise UsageError(
                 "--view plane is for the photos of one camera, each of which has its own pose: "
@@ -130,8 +114,6 @@ class UndistortOptions:
                     f"--camera says where the camera of the result is written, and {beside} is "
                     "there already: --model names the camera to use"
                 )
-        if self.crf is not None and kind != "video":
-            raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
         if self.quality is not None and not _WITH_QUALITY & {end.lower() for end in suffixes}:
             instead = "use --crf" if kind == "video" else "leave it out"
             raise UsageError(
@@ -141,30 +123,47 @@ class UndistortOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class UndistortOptions(PictureOptions):
+    """What becomes of photos or of videos: beside what a :class:`PictureOptions` has
+
+    Attributes:
+        crf: of videos: lower is better and larger; by default 18.
+
+    Raises:
+        UsageError: one is not usable.
+
+    """
+
+    crf: int | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        refuse_beyond("--crf", self.crf, 0, 63)
+
+    def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
+        """Refuse what says nothing about such sources and results; see the class above."""
+        if self.crf is not None and kind != "video":
+            raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
+        super().refuse_unused(kind, suffixes)
+
+
+def refuse_beyond(name: str, value: int | None, low: int, high: int) -> None:
+    """Refuse a number that is given and is not whole and within bounds."""
+    if value is not None and value not in range(low, high + 1):
+        raise UsageError(f"{name} must be a whole number from {low} to {high}, not {quoted(value)}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class MapOptions:
-    """What a map of a camera shows, or the two maps of a rig.
+    """What a map of a camera shows.
 
     Attributes:
         view: what it shows, or what is asked of it; by default flat, as for photos.
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
         redistort: makes the way back, from the view to the photo.
-        pair: names of two cameras of a rig; None for a rig of two.
 
     """
 
     view: View | ViewOptions | None = None
     photo_size: tuple[int, int] | None = None
     redistort: bool = False
-    pair: tuple[str, str] | None = None
-
-    def refuse_unused(self, *, of_rig: bool) -> None:
-        """Refuse what says nothing about the maps of a rig, or of one camera.
-
-        Raises:
-            UsageError: something is asked that would not be done.
-
-        """
-        if of_rig and self.redistort:
-            raise UsageError("--redistort is for the map of one camera: leave it out")
-        if not of_rig and self.pair is not None:
-            raise UsageError("--pair goes with a rig: name its rig.yaml with --model")

@@ -1,9 +1,9 @@
-"""A camera, or a rig's cameras, as another tool's lens, and how near that is."""
+"""A camera as another tool's lens, and how near that is."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import ROUND_UP, Decimal
@@ -14,35 +14,25 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.errors import CubicfishError, FitError, UsageError, ViewError
+from cubicfish_cli.errors import CubicfishError, FitError, UsageError
 from cubicfish_cli.files import refuse_existing, write_files
 from cubicfish_cli.fitting.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.formats.calibrated import Calibrated
-from cubicfish_cli.formats.camera_format import (
-    FlatPair,
-    LensRig,
-    PlacedLens,
-    Poses,
-)
+from cubicfish_cli.formats.camera_format import Poses
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.formats.foreign import (
     OWN_FIELD,
     WRITTEN,
 )
-from cubicfish_cli.formats.rig_yaml import RigFile, RigFileCamera, load_rig
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, rig_in
-from cubicfish_cli.library.rig_pictures import rectify
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.fit import sees
 from cubicfish_cli.undistortion.maps import build_map, save_map
 from cubicfish_cli.wording import did_you_mean, quoted
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
 _BEHIND_DEG = 90.0
-_OVERLAP_RAYS = 2000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,62 +120,6 @@ def export_camera(
             photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
             for photo, (vector, translation) in calibrated.fit.poses.items()
         },
-    )
-
-
-def lens_rig(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> LensRig:
-    """The rig of some of its cameras' lenses: what other tools' files hold.
-
-    Args:
-        rig: the rig.
-        converted: those of its cameras that are wanted, as lenses.
-
-    """
-    cameras = [camera for camera, _ in converted]
-    return LensRig(
-        lenses=tuple(_placed(camera, lens) for camera, lens in converted),
-        units=rig.units,
-        overlaps=np.array([[a is not b and _overlap(a, b) for b in cameras] for a in cameras]),
-        flat=_flat(rig, converted) if len(converted) == 2 else None,
-    )
-
-
-def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
-    turn = lens.conversion.lens_from_camera
-    return PlacedLens(
-        name=camera.name,
-        lens=lens.conversion.lens,
-        note=lens.note,
-        rotation=turn @ camera.rotation,
-        translation=turn @ camera.translation,
-        max_angle_deg=camera.camera.max_angle_deg,
-        poses=lens.poses,
-    )
-
-
-def _overlap(first: RigFileCamera, second: RigFileCamera) -> bool:
-    """Whether two cameras see some far thing both."""
-    rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
-    own = rays[sees(first.camera, rays)]
-    return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
-
-
-def _flat(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> FlatPair | None:
-    """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
-    try:
-        pair = rectify(rig, *(camera.name for camera, _ in converted))
-        view = build_view(pair)
-    except ViewError:
-        return None
-    turns = [
-        rotation @ lens.conversion.lens_from_camera.T
-        for rotation, (_, lens) in zip(pair.rotations, converted, strict=True)
-    ]
-    return FlatPair(
-        size=view.size,
-        rotations=(turns[0], turns[1]),
-        projections=pair.projections(view),
-        Q=pair.Q(view),
     )
 
 
@@ -289,18 +223,16 @@ def export_files(
     to: str,
     output: StrPath | None = None,
     *,
-    pair: tuple[str, str] | None = None,
     max_error: float = 0.5,
     max_angle_deg: float | None = None,
     run: Run = RUN,
 ) -> ExportedFiles:
-    """Write a camera or a rig for another tool, as ``cubicfish export`` does.
+    """Write a camera for another tool, as ``cubicfish export`` does.
 
     Args:
-        camera: the file of a camera or a rig, or the folder of that.
+        camera: the file of a camera, or the folder of that.
         to: the format: a name of ``cubicfish export --help``.
         output: where it goes; by default the format's usual name, in the current folder.
-        pair: two cameras of a rig; by default all.
         max_error: as for :func:`export_camera`.
         max_angle_deg: likewise.
         run: how the work is done.
@@ -312,11 +244,6 @@ def export_files(
 
     """
     path = Path(camera)
-    rig = rig_in(path)
-    if rig is not None:
-        return _export_rig(rig, to, output, pair, max_error, max_angle_deg, run)
-    if pair is not None:
-        raise UsageError("--pair names two cameras of a rig: name the rig.yaml")
     goal = Path(output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
     refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(in_folder(path))
@@ -332,59 +259,12 @@ def export_files(
     return ExportedFiles(
         files=[goal],
         record={"file": goal, "format": to, **lens.as_record()},
-        lines=tuple(map(_without_matrix, lens.note[1:])),
+        lines=tuple(map(without_matrix, lens.note[1:])),
         warnings=() if warning is None else (warning,),
     )
 
 
-def _export_rig(
-    path: Path,
-    to: str,
-    output: StrPath | None,
-    pair: tuple[str, str] | None,
-    max_error: float,
-    max_angle_deg: float | None,
-    run: Run,
-) -> ExportedFiles:
-    """Write all cameras of a rig, or two of them, with their places."""
-    rig = load_rig(path)
-    chosen = rig.cameras if pair is None else tuple(map(rig.camera, pair))
-    holds_rigs = WRITTEN[to].rig if to in WRITTEN else None
-    if holds_rigs is None:
-        first = path.parent / rig.cameras[0].path
-        raise UsageError(
-            f"--to {to} holds one camera: name one of the rig's, such as {first}, or choose one of "
-            + ", ".join(name for name, made in WRITTEN.items() if made.rig)
-        )
-    run.listener.progress("Fitting the other lenses")
-    goal = Path(output or holds_rigs[0])
-    made = []
-    for one in chosen:
-        try:
-            own = export_camera(one.file, to, max_error=max_error, max_angle_deg=max_angle_deg)
-        except FitError as problem:
-            raise FitError(f"camera {one.name}: {problem}") from problem
-        made.append((one, own))
-    text = holds_rigs[1](lens_rig(rig, made))
-    texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
-    written = write_files(texts, overwrite=run.overwrite)
-    lines, warnings = [], []
-    for one, lens in made:
-        lines.append(f"{one.name}: {lens.note[1]}")
-        lines += [f"  {_without_matrix(line)}" for line in lens.note[2:]]
-        warning = lens.warning(max_error)
-        if warning is not None:
-            warnings.append(f"camera {one.name}: {warning}")
-    records = [{"name": one.name, **lens.as_record()} for one, lens in made]
-    return ExportedFiles(
-        files=written,
-        record={"files": written, "format": to, "cameras": records},
-        lines=tuple(lines),
-        warnings=tuple(warnings),
-    )
-
-
-def _without_matrix(line: str) -> str:
+def without_matrix(line: str) -> str:
     """A line of the note as it is told: numbers for programs stay in the file."""
     before, named, _ = line.partition("; lens_from_camera: ")
     return f"{before}: lens_from_camera is in the file" if named else line

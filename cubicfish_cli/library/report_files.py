@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.assess.verdict import Verdict, rig_verdict
+from cubicfish_cli.assess.verdict import Verdict
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.files import refuse_existing, write_text
-from cubicfish_cli.formats.rig_yaml import load_rig
-from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none, rig_in
-from cubicfish_cli.library.rigs import loaded_record
+from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.printing import extra
 from cubicfish_cli.report.from_files import facts_of_files
 
@@ -50,10 +48,10 @@ def report_files(
     photos: Sequence[StrPath] = (),
     run: Run = RUN,
 ) -> ReportFiles:
-    """Write a page about a camera or a rig, as ``cubicfish report`` does.
+    """Write a page about a camera, as ``cubicfish report`` does.
 
     Args:
-        calibration: the file of a camera or a rig, or the folder of that.
+        calibration: the file of a camera, or the folder of that.
         page: where the page goes; by default report.html beside it.
         target: the calibration target as drawn, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
@@ -64,15 +62,10 @@ def report_files(
             exists and may not be replaced.
 
     """
-    lacking = extra.missing(extra.REPORT)
-    if lacking:
-        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {extra.INSTALL}")
-    rig = rig_in(Path(calibration))
-    model = rig or in_folder(Path(calibration))
+    refuse_without_extra()
+    model = in_folder(Path(calibration))
     path = model.parent / PAGE if page is None else Path(page)
     refuse_existing(path, overwrite=run.overwrite)
-    if rig is not None:
-        return ReportFiles(page=path, model=model, verdict=write_rig_page(rig, path, run))
     with extra.quiet():
         from cubicfish_cli.report.page import report_html
 
@@ -82,19 +75,13 @@ def report_files(
     return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 
 
-def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
-    """Write the page about a rig's file, and judge the rig.
+def refuse_without_extra() -> None:
+    """Refuse to make a page where the extra ``report`` is not installed.
 
     Raises:
-        CameraFileError: the rig cannot be read.
-        OutputError: the page is there, or cannot be written.
+        CubicfishError: it is not.
 
     """
-    with extra.quiet():
-        from cubicfish_cli.report.rig_page import rig_html
-
-    loaded = load_rig(rig)
-    record = loaded_record(loaded)
-    run.listener.progress("Making the report")
-    write_text(page, rig_html(loaded, record), overwrite=run.overwrite)
-    return rig_verdict(record)
+    lacking = extra.missing(extra.REPORT)
+    if lacking:
+        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {extra.INSTALL}")

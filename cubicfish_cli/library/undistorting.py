@@ -6,7 +6,7 @@ A picture and a camera -> the undistorted picture.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -29,11 +29,10 @@ from cubicfish_cli.library.asked import (
     named_photos,
     path_or_none,
     paths_of,
-    rig_in,
 )
 from cubicfish_cli.library.asked_pictures import (
     Interpolation,
-    Kind,
+    PictureOptions,
     PlaneOptions,
     UndistortOptions,
 )
@@ -116,22 +115,22 @@ def _refuse_no_picture(picture: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class UndistortedFiles:
-    """What became of photos, of videos or of the shots of a rig.
+    """What became of photos or videos.
 
     Attributes:
-        kind: ``photo``, ``video`` or ``shot``.
+        kind: what they are: ``photo``, ``video``, or what an extension calls its own.
         output: the folder of the results, or the file of one.
         written: each by its name -> its pictures or its video.
         failures: those that could not be done, and why.
         skipped: those whose results were there already.
-        model: the file of the camera or the rig; None of one that is in none.
+        model: the file of the camera; None of one that is in none.
         view: what was rendered of the first; None where none was done.
         seen: what the camera sees of the view's field; None where it has none.
         extras: masks, virtual cameras and tables that were written.
 
     """
 
-    kind: Kind
+    kind: str
     output: Path
     written: Mapping[str, Sequence[Path]]
     failures: Mapping[str, CubicfishError]
@@ -185,19 +184,16 @@ def undistort_files(
     *,
     run: Run = RUN,
 ) -> UndistortedFiles:
-    """Undistort photos, videos or the shots of a rig in files, as ``cubicfish undistort`` does.
+    """Undistort photos or videos in files, as ``cubicfish undistort`` does.
 
     Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's
     EXIF record. One that fails does not stop the others.
 
     Args:
         photos: files, folders and globs of photos, or files and globs of videos; of the size that
-            the camera was calibrated for, or an exact rescale of it. Photos of a rig are of the
-            camera that their folder is called after, or that their own name begins with; where
-            nothing is called after a camera, they are in the cameras' order.
-        output: a folder; of one photo, video or shot that is named alone, also a name for its
-            result.
-        camera: its file or the folder of that, or the camera or a fit; or the file of a rig.
+            the camera was calibrated for, or an exact rescale of it.
+        output: a folder; of one photo or video that is named alone, also a name for its result.
+        camera: its file or the folder of that, or the camera or a fit.
         options: what becomes of them.
         run: how the work is done.
 
@@ -210,22 +206,58 @@ def undistort_files(
         OutputError: a result exists, and it may be neither replaced nor left, or it would replace
             its own photo.
         ViewError: photos have a mask or a camera each.
-        CubicfishError: the camera, the rig, the target or the executor cannot be used.
+        CubicfishError: the camera, the target or the executor cannot be used.
 
     """
     asked, goal = options or UndistortOptions(), Path(output)
-    if asked.skip_existing and run.overwrite:
-        raise UsageError("--skip-existing and --overwrite exclude each other")
-    path, views, plan = _planned(photos, goal, camera, asked, run)
+    kind, sources, alone = _named_sources(photos, run.listener)
+    jobs = {name: (name, {"": one}) for name, one in sources}
+    plan = plan_pictures(kind, jobs, goal, asked, run, alone=alone)
+    if kind == "video" and (run.executor is not None or run.jobs is not None):
+        name = "--jobs" if run.executor is None else "--scheduler"
+        raise UsageError(f"{name} is for photos: do videos without it")
+    view = asked.view
+    path, known = _loaded(camera, in_planes=isinstance(view, PlaneOptions))
+    views: Views = (
+        PlanesOfPhotos(known, view, asked.interpolation)
+        if isinstance(view, PlaneOptions)
+        else ViewsBySize(known.camera, view, asked.interpolation)
+    )
+    write = partial(_write_video, views=views, asked=asked, listener=run.listener)
+    return write_pictures(plan, views, asked, run, path, write if kind == "video" else None)
+
+
+def write_pictures(
+    plan: Plan,
+    views: Views,
+    asked: PictureOptions,
+    run: Run,
+    model: Path | None,
+    in_turn: Callable[..., None] | None = None,
+) -> UndistortedFiles:
+    """Write what a plan says, with what is asked beside it.
+
+    Args:
+        plan: which photos become which files.
+        views: what is rendered of each.
+        asked: how.
+        run: how the work is done.
+        model: the file of what took the photos, for the record.
+        in_turn: writes one job after the other instead; None to do many at once.
+
+    Raises:
+        OutputError: a result exists, and it may be neither replaced nor left.
+        ViewError: photos have a mask or a camera each.
+
+    """
     plan = plan.free(skip_existing=asked.skip_existing, overwrite=run.overwrite)
-    if isinstance(views, PlanesOfPhotos):
-        views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
+    views.place([job.source for job in (*plan.jobs, *plan.skipped)], run)
     files = _files_beside(plan, views, asked)
     if asked.skip_existing:
         files = {path: content for path, content in files.items() if not path.is_file()}
     refuse_existing(*files, overwrite=run.overwrite, can_skip=not asked.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    failures = _write_all(plan, views, asked, run)
+    failures = _write_all(plan, views, asked, run, in_turn)
     written = {
         job.name: tuple(job.outputs.values()) for job in plan.jobs if job.name not in failures
     }
@@ -236,11 +268,11 @@ def undistort_files(
         seen = None if there is None else view.seen_by(there)
     return UndistortedFiles(
         kind=plan.kind,
-        output=goal,
+        output=plan.output,
         written=written,
         failures=failures,
         skipped=tuple(job.name for job in plan.skipped),
-        model=path,
+        model=model,
         view=view,
         seen=seen,
         extras=extras,
@@ -248,17 +280,19 @@ def undistort_files(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Plan:
+class Plan:
     """Which photos, videos or shots become which files.
 
     Attributes:
-        kind: what the jobs are.
+        kind: what the jobs are, in a word.
+        output: the folder of the results, or the file of one.
         jobs: those that are to be done.
         skipped: those that are left out, since their results exist.
 
     """
 
-    kind: Kind
+    kind: str
+    output: Path
     jobs: Sequence[Job]
     skipped: Sequence[Job] = ()
 
@@ -266,7 +300,7 @@ class _Plan:
         """(width, height) of a photo, or of a video's frames."""
         return video_size(job.source) if self.kind == "video" else photo_size(job.source)
 
-    def free(self, *, skip_existing: bool, overwrite: bool) -> _Plan:
+    def free(self, *, skip_existing: bool, overwrite: bool) -> Plan:
         """Leave out what exists, or refuse to go on.
 
         Raises:
@@ -290,56 +324,32 @@ class _Plan:
         return replace(self, jobs=jobs, skipped=skipped)
 
 
-def _planned(
-    photos: StrPath | Sequence[StrPath],
-    output: Path,
-    camera: StrPath | Calibrated | CubicCamera,
-    asked: UndistortOptions,
-    run: Run,
-) -> tuple[Path | None, Views, _Plan]:
-    """The file of the camera or the rig, what is rendered, and which photos become what.
-
-    Raises:
-        UsageError: photos and videos are mixed, ``output`` is none for them, or something is asked
-            that says nothing about them.
-        PhotoError: there are none.
-        OutputError: two have one name, or one would be replaced by its own result.
-        CubicfishError: the camera or the rig cannot be used.
-
-    """
-    rig = None if isinstance(camera, CubicCamera | Calibrated) else rig_in(Path(camera))
-    if rig is not None:
-        from cubicfish_cli.formats.rig_yaml import load_rig
-        from cubicfish_cli.library.rig_pictures import body_of_rig
-        from cubicfish_cli.library.rig_shots import shots_of, views_of_rig
-
-        loaded = load_rig(rig)
-        names = [one.name for one in loaded.cameras]
-        shots = shots_of(paths_of(photos), names, run.listener)
-        suffix = next(iter(next(iter(shots.values())).values())).suffix
-        jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-        plan = _plan("shot", jobs, output, len(shots) == 1, asked)
-        return rig, views_of_rig(body_of_rig(loaded), shots, asked), plan
-    kind, sources, alone = _named_sources(photos, run.listener)
-    plan = _plan(kind, {name: (name, {"": one}) for name, one in sources}, output, alone, asked)
-    if kind == "video" and (run.executor is not None or run.jobs is not None):
-        name = "--jobs" if run.executor is None else "--scheduler"
-        raise UsageError(f"{name} is for photos: do videos without it")
-    view = asked.view
-    path, known = _loaded(camera, in_planes=isinstance(view, PlaneOptions))
-    if isinstance(view, PlaneOptions):
-        return path, PlanesOfPhotos(known, view, asked.interpolation), plan
-    return path, ViewsBySize(known.camera, view, asked.interpolation), plan
-
-
-def _plan(
-    kind: Kind,
+def plan_pictures(
+    kind: str,
     sources: Mapping[str, tuple[str, Mapping[str, Path]]],
     output: Path,
+    asked: PictureOptions,
+    run: Run,
+    *,
     alone: bool,
-    asked: UndistortOptions,
-) -> _Plan:
-    """What becomes of sources: name -> the name of the result in a folder, and photos."""
+) -> Plan:
+    """What becomes of sources.
+
+    Args:
+        kind: what they are, in a word.
+        sources: name -> the name of the result in a folder, and photos.
+        output: a folder; of one that is named ``alone`` also a name for its result.
+        asked: what becomes of them.
+        run: how the work is done.
+        alone: whether there is one, named by itself.
+
+    Raises:
+        UsageError: ``output`` is none for them, or something is asked that does not go together.
+        OutputError: one would be replaced by its own result.
+
+    """
+    if asked.skip_existing and run.overwrite:
+        raise UsageError("--skip-existing and --overwrite exclude each other")
     to_folder = is_folder(output, "" if alone else plural(len(sources), kind))
     if kind == "video" and not to_folder and output.suffix.lower() not in VIDEO_SUFFIXES:
         raise UsageError(
@@ -352,12 +362,12 @@ def _plan(
         refuse_itself(list(outputs.values()), list(photos.values()))
         jobs.append(Job(name=name, photos=photos, outputs=outputs))
     asked.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
-    return _Plan(kind=kind, jobs=jobs)
+    return Plan(kind=kind, output=output, jobs=jobs)
 
 
 def _named_sources(
     photos: StrPath | Sequence[StrPath], listener: Listener
-) -> tuple[Kind, list[tuple[str, Path]], bool]:
+) -> tuple[str, list[tuple[str, Path]], bool]:
     """What photos or videos are meant, by their names; and whether one was named alone.
 
     Raises:
@@ -427,7 +437,7 @@ def refuse_itself(outputs: Sequence[Path], photos: Sequence[Path]) -> None:
             )
 
 
-def _files_beside(plan: _Plan, views: Views, asked: UndistortOptions) -> dict[Path, Content]:
+def _files_beside(plan: Plan, views: Views, asked: PictureOptions) -> dict[Path, Content]:
     """The mask and the virtual camera, which are the same for all photos of one size."""
     mask, virtual_camera = path_or_none(asked.mask), path_or_none(asked.virtual_camera)
     jobs = [*plan.jobs, *plan.skipped]
@@ -444,20 +454,21 @@ def _files_beside(plan: _Plan, views: Views, asked: UndistortOptions) -> dict[Pa
 
 
 def _write_all(
-    plan: _Plan, views: Views, asked: UndistortOptions, run: Run
+    plan: Plan,
+    views: Views,
+    asked: PictureOptions,
+    run: Run,
+    in_turn: Callable[..., None] | None,
 ) -> dict[str, CubicfishError]:
-    """Photos or shots at once, or videos in turn: what could not be done, and why."""
+    """Photos at once, or what tells how far it is in turn: what could not be done, and why."""
     executor = run.executor if plan.jobs else None
-    of_videos = plan.kind == "video"
-    write = partial(write_one, render=views, quality=asked.quality)
-    if of_videos:
-        write = partial(_write_video, views=views, asked=asked, listener=run.listener)
+    progress = (run.listener if in_turn is None else SILENT).counting("Undistorting")
     failures = write_many(
         plan.jobs,
-        write,
-        workers=1 if of_videos else run.jobs or os.cpu_count() or 1,
+        in_turn or partial(write_one, render=views, quality=asked.quality),
+        workers=1 if in_turn else run.jobs or os.cpu_count() or 1,
         overwrite=run.overwrite,
-        progress=SILENT.counting("") if of_videos else run.listener.counting("Undistorting"),
+        progress=progress,
         executor=executor,
     )
     for job in plan.jobs if executor is None else ():

@@ -42,7 +42,7 @@ _ROTATION_TOLERANCE = 1e-6
 
 
 class Views(ABC):
-    """What a run renders of each photo, or of each shot of a rig; called, it renders one.
+    """What a run renders of each photo; called, it renders one.
 
     Sizes are (width, height), pixels.
     """
@@ -61,6 +61,9 @@ class Views(ABC):
             ViewError: there is no such view of this photo.
 
         """
+
+    def place(self, sources: Sequence[Path], run: Run) -> None:  # noqa: B027
+        """Find out, before anything is rendered, what has to be known of each photo."""
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """Part of the view -> its map."""

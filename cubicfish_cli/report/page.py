@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +46,7 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
-    return template("report.html").render(
+    return template(_TEMPLATES / "report.html").render(
         facts=facts,
         known=facts.known.facts,
         lens=_lens(facts.known.facts),
@@ -81,10 +80,12 @@ def day_of(made_by: Mapping[str, Any]) -> str | None:
     return date.replace("T", " ").replace("+00:00", " UTC") if date else None
 
 
+_TEMPLATES = Path(__file__).with_name("templates")
+
+
 @cache
-def template(name: str) -> Any:
+def template(page: Path) -> Any:
     """One of the package's pages, which have style and figures in common."""
-    folder = files("cubicfish_cli.report") / "templates"
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
@@ -94,8 +95,8 @@ def template(name: str) -> Any:
     )
     environment.filters["px"] = _px
     environment.filters["count"] = _count
-    environment.globals["style"] = (folder / "report.css").read_text(encoding="utf-8")
-    texts = [(folder / part).read_text(encoding="utf-8") for part in ("parts.html", name)]
+    environment.globals["style"] = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
+    texts = [one.read_text(encoding="utf-8") for one in (_TEMPLATES / "parts.html", page)]
     return environment.from_string("".join(texts))
 
 

@@ -42,7 +42,7 @@ def test_a_camera_that_sees_next_to_nothing_is_no_traceback(
     [
         *[
             (command, "cam.yaml", "'cam.yaml' is the name of a file, and several files are written")
-            for command in ("calibrate", "rig", "frames", "simulate", "target print")
+            for command in ("calibrate", "rig calibrate", "frames", "simulate", "target print")
         ],
         *[
             (command, "new/", "'new/' is a folder: give the name of a file")

@@ -523,3 +523,29 @@ def test_own_exports_come_back_with_the_field_they_had(
     assert load_camera(back).camera.max_angle_deg == pytest.approx(field, abs=1e-3)
     asked = run("import", path, "-o", back, "--overwrite", "--max-angle", "50").stdout
     assert "the --max-angle given" in asked
+
+
+@pytest.mark.slow
+def test_gyroflow_holds_the_lens_of_one_camera(run: Run, calibrated: Path, tmp_path: Path) -> None:
+    path = tmp_path / "lens_profile.json"
+    said = run(
+        "export", calibrated, "--to", "gyroflow", "-o", path, "--max-error", 3, "--json"
+    ).stdout
+    profile = json.loads(path.read_text())
+    assert profile["use_opencv_fisheye"]
+    assert profile["calib_dimension"] == {"w": 960, "h": 720}
+    (fx, _, cx), (_, fy, cy), _ = profile["fisheye_params"]["camera_matrix"]
+    k = profile["fisheye_params"]["distortion_coeffs"]
+    pixel = kannala_brandt(np.array([[0.5, 0.2, 1.0]]), fx, fy, cx, cy, k)
+    own = json.loads(said)
+    assert f"{own['rms_px']:.4f}" in profile["note"]
+    args = ["-o", tmp_path / "cv.yaml", "--max-error", 3, "--json"]
+    other = run("export", calibrated, "--to", "opencv", *args).stdout
+    storage = cv2.FileStorage(str(tmp_path / "cv.yaml"), cv2.FILE_STORAGE_READ)
+    matrix = storage.getNode("camera_matrix").mat()
+    d = storage.getNode("distortion_coefficients").mat()
+    storage.release()
+    ray = np.array([[[0.5, 0.2, 1.0]]])
+    theirs, _ = cv2.fisheye.projectPoints(ray, np.zeros(3), np.zeros(3), matrix, d)
+    np.testing.assert_allclose(pixel, theirs[0], atol=1e-9)
+    assert json.loads(other)["rms_px"] == own["rms_px"]

@@ -35,12 +35,8 @@ KEYS: dict[str, Mapping[str, str]] = {
 
 # Keys that only cameras and rigs have which are tested elsewhere.
 RARE = {
-    "compare": {"cameras", "units"},
-    "evaluate": {"alone_rms_px", "cameras", "model", "pairs", "per_shot"},
-    "export": {"beyond", "files", "cameras"},
+    "export": {"beyond"},
     "import": {"fold_deg"},
-    "info": {"rig"},
-    "map": {"stereo"},
 }
 
 
@@ -317,10 +313,12 @@ def test_an_error_leaves_stdout_empty(run: Run, tmp_path: Path, name: str) -> No
     """One line on stderr and an exit code, as without ``--json``."""
     missing, out = tmp_path / "missing", tmp_path / "out"
     special: dict[str, tuple[object, ...]] = {
-        "rig": (missing, missing, "--names", "a,b", "-t", TARGET),
+        "rig calibrate": (missing, missing, "--names", "a,b", "-t", TARGET),
         "frames": (missing, "-o", out),
         "map": (out / "m.npz", "-m", missing),
+        "rig map": (out / "m.npz", "-m", missing),
         "export": ("--to", "opencv", missing),
+        "rig export": ("--to", "opencv", missing),
         "corners": (missing, "-t", TARGET, "--size", "960x720"),
     }
     said = run(*name.split(), *special.get(name, of_missing_files(name, missing)), "--json", code=1)

@@ -65,8 +65,8 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {*done.stdout.splitlines()[-1].split()}
-    needless = ("detection.finder", "films.source", "fitting.rig.start", "identification.scene",
-                "lenses.registry", "rendering.views")  # fmt: skip
+    needless = ("detection.finder", "films.source", "extensions.rigs.fit.start",
+                "identification.scene", "lenses.registry", "rendering.views")  # fmt: skip
     assert "cubicfish_cli.fitting.climb" in loaded
     assert not loaded & {f"cubicfish_cli.{name}" for name in needless}
 
@@ -296,11 +296,11 @@ def test_a_signal_after_the_work_is_no_failure(tmp_path: Path, name: str, code: 
     program.write_text(
         "import signal\n"
         "from cubicfish_cli.cli import main, start\n"
-        "whole = main.LazyGroup.invoke\n"
+        "whole = main.Program.invoke\n"
         "def invoke(self, context):\n"
         "    whole(self, context)\n"
         f"    signal.raise_signal(signal.{name})\n"
-        "main.LazyGroup.invoke = invoke\n"
+        "main.Program.invoke = invoke\n"
         "start.main()\n"
     )
     lens = SAMPLE / "true_camera.yaml"

@@ -17,8 +17,10 @@ from running import SAMPLE, Run
 
 from cubicfish_cli.cli.map import command as map_command
 from cubicfish_cli.cli.undistort import command as undistort_command
+from cubicfish_cli.extensions.rigs.map import command as map_rig_command
+from cubicfish_cli.extensions.rigs.undistort import command as undistort_rig_command
 from cubicfish_cli.library import undistorting
-from tests.cli.test_export_rig import made_rig
+from tests.extensions.rigs.test_export import made_rig
 
 TARGET = SAMPLE / "target.yaml"
 PHOTOS = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 2)]
@@ -104,7 +106,7 @@ def undistort_line(mode: str, sources: Mapping[str, Path], out: Path) -> list[ob
         "cube": [PHOTOS[0], out / "a.png", *one, "--view", "cube", "--size", "16x16"],
         "plane": [PHOTOS[0], out / "a.png", *one, "--view", "plane:floor"],
     }
-    return ["undistort", *line[mode]]
+    return [*(["rig"] if mode == "rig" else []), "undistort", *line[mode]]
 
 
 def map_line(mode: str, sources: Mapping[str, Path], out: Path) -> list[object]:
@@ -112,7 +114,8 @@ def map_line(mode: str, sources: Mapping[str, Path], out: Path) -> list[object]:
     name = out / f"m.{mode if mode in ('png', 'pgm', 'exr') else 'npz'}"
     own: dict[str, list[object]] = {"cube": ["--view", "cube"], "back": ["--redistort"]}
     model = sources["rig" if mode == "pair" else "camera"]
-    return ["map", name, "-m", model, "--size", "24x24", *own.get(mode, [])]
+    words = ["rig", "map"] if mode == "pair" else ["map"]
+    return [*words, name, "-m", model, "--size", "24x24", *own.get(mode, [])]
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -218,6 +221,10 @@ def test_an_option_is_used_or_refused(
 
 
 def test_the_tables_have_all_options() -> None:
-    for command, table in ((undistort_command, UNDISTORT), (map_command, MAP)):
-        words = {word for one in command.params for word in one.opts if word.startswith("--")}
+    for both, table in (
+        ((undistort_command, undistort_rig_command), UNDISTORT),
+        ((map_command, map_rig_command), MAP),
+    ):
+        params = [one for command in both for one in command.params]
+        words = {word for one in params for word in one.opts if word.startswith("--")}
         assert words - COMMON - {"--fov"} == {*table}

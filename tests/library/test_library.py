@@ -616,7 +616,6 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         ("none", {}, "none"),
         (["a.mp4", "b.jpg"], {}, "photos and videos together"),
         (PHOTOS, {"crf": 20}, "--crf goes with videos"),
-        (PHOTOS, {"distance": 20}, "--distance goes with a rig"),
     ],
 )
 def test_files_that_cannot_be_undistorted_are_refused(

@@ -16,6 +16,7 @@ FOR_ALL = {"errors", "types", "units", "angles", "geometry", "threads", "wording
 # Part -> what else it may import directly. A part may import itself, too.
 ALLOWED: dict[str, set[str]] = {
     **{part: set() for part in FOR_ALL},
+    "extension": set(),
     "words": set(),
     "listener": {"words"},
     "arrays": set(),
@@ -111,11 +112,13 @@ ALLOWED["report"] = {*ALLOWED}
 ALLOWED["library"] = {*ALLOWED}
 ALLOWED["cli"] = {*ALLOWED}
 ALLOWED["commands"] = {*ALLOWED}
+ALLOWED["extensions"] = {*ALLOWED}
 ALLOWED["__main__"] = {"cli"}
 # What it offers when it is asked.
 ALLOWED["__init__"] = {*ALLOWED} - {
     "cli",
     "commands",
+    "extensions",
     "report",
     "__main__",
 }
@@ -198,8 +201,9 @@ def test_libraries_stay_in_the_parts_that_need_them() -> None:
 
 # What commands take of the package beside one call of a public name: names resolved, words read.
 RESOLVING = {
-    "as_text", "check_inputs", "connect", "in_folder", "length_mm", "parse_size",
-    "read_bytes", "rig_in",
+    "as_text", "check_inputs", "connect", "extension_commands", "in_folder",
+    "length_mm", "load_place", "parse_size",
+    "read_bytes",
 }  # fmt: skip
 PRINTING = {
     "ErrorStatistics",

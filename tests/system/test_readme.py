@@ -14,6 +14,7 @@ from running import SAMPLE, run_cli
 from saved_maps import read_map
 
 from cubicfish_cli.cli.main import COMMANDS, cli
+from cubicfish_cli.extension import extension_commands
 from cubicfish_cli.formats.camera_yaml import load_camera
 from cubicfish_cli.target import load_target
 
@@ -100,7 +101,7 @@ def test_the_figures_beside_other_tools_are_the_recorded_ones() -> None:
 
 def test_every_command_is_shown_on_some_page() -> None:
     shown = {args[0] for text in ALL.values() for args in command_lines(text)}
-    assert shown == set(COMMANDS)
+    assert shown == {*COMMANDS, *extension_commands()}
 
 
 def test_the_readme_is_short() -> None:

@@ -50,7 +50,8 @@ def _step(line: str, *writes: str, input: str = "", extra: str | None = None) ->
 
 
 COMMANDS = (
-    "target", "target check", "target print", "calibrate", "rig", "frames", "detect", "corners",
+    "target", "target check", "target print", "calibrate", "rig", "rig calibrate", "frames",
+    "detect", "corners",
     "evaluate", "compare", "info", "report", "advise", "undistort", "map", "project", "unproject",
     "export", "import", "simulate",
 )  # fmt: skip

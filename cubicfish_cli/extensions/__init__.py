@@ -1,0 +1,1 @@
+"""What stands around the core: each a folder with its commands, words and files."""

@@ -1,0 +1,363 @@
+"""``cubicfish rig calibrate``: photos of several cameras on one body to where each stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import hold_gate, mark_of, print_verdict
+from cubicfish_cli.cli.options import (
+    FILE,
+    IntRange,
+    Seconds,
+    command_line,
+    option,
+    record,
+    target_options,
+)
+from cubicfish_cli.cli.progress import keep_fonts, running
+from cubicfish_cli.cli.report import PAGE, FitOptions, fit_options
+from cubicfish_cli.cli.terminal import apart, print_json, print_wrote, result, say
+from cubicfish_cli.errors import UsageError
+from cubicfish_cli.extensions.rigs.options import as_rig_command
+from cubicfish_cli.extensions.rigs.printed import print_rig
+from cubicfish_cli.files import refuse_existing
+from cubicfish_cli.films import MOST
+from cubicfish_cli.library.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    in_folder,
+    made_at,
+    made_by_record,
+    paths_of,
+)
+from cubicfish_cli.wording import quoted
+from cubicfish_cli.words.codes import Event
+
+if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.extensions.rigs.films import RigFrames
+    from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
+    from cubicfish_cli.fitting.climb import RefineTarget
+    from cubicfish_cli.formats.camera_yaml import CameraFile
+    from cubicfish_cli.target import Target
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig calibrate``."""
+
+    cameras: tuple[Path, ...] = options.argument(
+        "For each camera a folder of photos, a film, a corners.csv, or the folder that calibrate "
+        "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame "
+        "is the rig's.",
+        nargs=-1,
+        metavar="CAMERA CAMERA...",
+    )
+    target: TargetSource = target_options
+    folder: Path = options.output_option(
+        "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
+        default="rig",
+        folder=True,
+    )
+    names: str | None = option(
+        "--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]"
+    )
+    lenses: tuple[Path, ...] = option(
+        "--lens NAME=FILE",
+        "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
+        "it is. Once for each such camera.",
+        FILE,
+        multiple=True,
+    )
+    shots: Path | None = option(
+        "--shots FILE",
+        "Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
+        "camera,image,time (seconds) for photos of one time. [default: photos of the same name]",
+        FILE,
+    )
+    tolerance: float | None = option(
+        "--tolerance TIME",
+        "Photos taken within this are one shot, by the times in their names or in --shots, such "
+        "as 5ms. [default for films: half a frame]",
+        Seconds(),
+    )
+    most: int | None = option(
+        "--most N",
+        f"Choose no more shots of films than these. [default: {MOST}]",
+        IntRange(min=1),
+    )
+    hold_lenses: bool = option(
+        "--hold-lenses",
+        "Leave the lenses as each camera alone has them, and fit their places only.",
+    )
+    refine_target: RefineTarget = options.refine_target_option(
+        "Fit the target too, as 'cubicfish calibrate' does."
+    )
+    fit: FitOptions = fit_options
+
+
+@as_rig_command(
+    "calibrate",
+    "Photos of several cameras on one body to where each camera stands.",
+    "cubicfish rig calibrate left/ right/ --target target.yaml",
+    "cubicfish rig calibrate left.csv right.csv rear.csv --target target.yaml -o rig",
+    "cubicfish rig calibrate left/ right/ --lens left=left_calibration",
+    "cubicfish rig calibrate cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
+    "cubicfish rig calibrate run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names a,b",
+)
+def command(given: Asked) -> None:
+    """Calibrate several cameras on one body: their lenses, and where each stands.
+
+    Move the rig about the target, or the target about the rig. Photos of one shot have the same
+    name in each camera's folder. Of films, moments are chosen at which several cameras see the
+    target sharply, and how far their clocks differ is fitted. The cameras' fields need not overlap:
+    two cameras are connected where each sees some board of the target in the same shot.
+    """
+    fit = given.fit
+    keep_fonts(not fit.no_cache)
+    with running(jobs=fit.jobs, no_cache=fit.no_cache, overwrite=fit.overwrite) as run:
+        made = calibrate_rig_files(
+            given.cameras,
+            given.target,
+            given.folder,
+            names=None if given.names is None else given.names.split(","),
+            lenses=dict(map(_parse_lens, given.lenses)),
+            shots=given.shots,
+            tolerance=given.tolerance,
+            most=given.most,
+            hold_lenses=given.hold_lenses,
+            refine_target=given.refine_target,
+            report=fit.report,
+            command=command_line(),
+            run=run,
+        )
+    if fit.as_json:
+        print_json(made.as_record())
+    for finding in made.rig.findings:
+        say(f"{mark_of(finding)}: {finding.line}")
+    if not fit.as_json:
+        apart()
+        print_rig(made.record)
+        result()
+        print_verdict(made.verdict)
+        result()
+        print_wrote(made.files)
+    hold_gate(made.rig.errors.rms_px, fit.max_rms)
+
+
+def _parse_lens(text: Path) -> tuple[str, Path | str]:
+    """``left=left_calibration`` -> its parts."""
+    name, separator, path = str(text).partition("=")
+    return (name, Path(path)) if separator else (str(text), "")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigFiles:
+    """What became of :func:`calibrate_rig_files`.
+
+    Attributes:
+        rig: the rig.
+        record: the same as plain data, as rig.yaml has it.
+        verdict: what it is worth.
+        files: what was written, rig.yaml first.
+
+    """
+
+    rig: RigCalibration
+    record: dict[str, Any]
+    verdict: Verdict
+    files: list[Path]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish rig calibrate --json`` prints."""
+        return {
+            **self.record,
+            "model": str(self.files[0]),
+            "verdict": self.verdict.as_record(),
+        }
+
+
+def calibrate_rig_files(
+    cameras: Mapping[str, StrPath] | Sequence[StrPath],
+    target: TargetSource | Target | StrPath | None = None,
+    folder: StrPath = "rig",
+    *,
+    names: Sequence[str] | None = None,
+    lenses: Mapping[str, CameraFile | StrPath] | None = None,
+    shots: StrPath | None = None,
+    tolerance: float | None = None,
+    most: int | None = None,
+    hold_lenses: bool = False,
+    refine_target: RefineTarget = "auto",
+    report: bool = True,
+    command: str | None = None,
+    run: Run = RUN,
+) -> RigFiles:
+    """Calibrate several cameras on one body from files into a folder, as ``cubicfish rig
+    calibrate`` does.
+
+    Args:
+        cameras: of each camera, by name or not, a folder of photos, a film, a corners.csv, or the
+            folder of its calibration, whose lens stays as it is.
+        target: the calibration target, or its file.
+        folder: where rig.yaml goes, and each camera's camera.yaml in a folder of its name.
+        names: of cameras without; by default those of their folders or files.
+        lenses: by name, cameras that are calibrated already, or their files.
+        shots: a table that says which photos are of one shot, or when each was taken.
+        tolerance: how far apart photos of a shot may be, seconds; by default 5 ms, and half a frame
+            of films.
+        most: how many moments of films are chosen at most; by default 60.
+        hold_lenses: leaves the lenses as each camera alone has them.
+        refine_target: as in :func:`calibrate`.
+        report: also writes report.html, where the extra ``report`` is installed.
+        command: what is run, for the record.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, a file exists and may not be replaced, or no rig
+            can be fitted.
+
+    """
+    from cubicfish_cli.extensions.rigs.films import rig_frames
+    from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
+    from cubicfish_cli.extensions.rigs.report import write_rig_page
+    from cubicfish_cli.extensions.rigs.rigs import calibrate_rig, rig_record, save_rig
+    from cubicfish_cli.extensions.rigs.verdict import rig_verdict
+    from cubicfish_cli.films.scan import room_for_frames
+    from cubicfish_cli.library.inputs import films_among
+    from cubicfish_cli.printing import extra
+
+    source = TargetSource.of(target)
+    if isinstance(cameras, Mapping):
+        names, cameras = list(cameras), list(cameras.values())
+    inputs = paths_of(cameras)
+    if len(inputs) < 2:
+        raise UsageError("name two cameras or more: a folder of photos each, or a corners.csv")
+    source.check()
+    called = _name_cameras(inputs, names)
+    films = films_among(inputs)
+    if films and (len(films) < len(inputs) or shots is not None):
+        raise UsageError(
+            f"{quoted(str(films[0]))} is a film: films are matched by time, and with films alone"
+            " (without --shots); of some calibrated cameras say --lens"
+            if len(films) == len(inputs)
+            else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
+            "each camera, or take its frames with 'cubicfish frames'"
+        )
+    if most is not None and not films:
+        raise UsageError("--most goes with films: photos are all taken")
+    made_at()  # said before the work if it cannot be
+    place, listener = Path(folder), run.listener
+    pages = [place / PAGE] if report and not extra.missing(extra.REPORT) else []
+    own_files = [place / name / "camera.yaml" for name in called]
+    refuse_existing(place / "rig.yaml", *pages, *own_files, overwrite=run.overwrite)
+    known = _load_known(lenses or {}, called)
+    frames, loaded, moving = None, {}, None
+    with room_for_frames(place / "frames") as room:
+        if films:
+            frames = rig_frames(
+                dict(zip(called, inputs, strict=True)),
+                place / "frames",
+                room,
+                source.load(),
+                run,
+                most=MOST if most is None else most,
+                tolerance=tolerance,
+            )
+        for name, path in zip(called, inputs, strict=True):
+            listener.tell(Event.CAMERA, name=name, path=path)
+            sources = [path] if frames is None else frames.photos[name]
+            loaded[name], camera = load_camera_inputs(sources, source, run)
+            if camera is not None:
+                known.setdefault(name, camera)
+        if frames is not None:
+            moving = {
+                name: frames.moving(name, own.pairs, listener) for name, own in loaded.items()
+            }
+    matched, by = _match_shots(shots, tolerance, frames)
+    first = loaded[called[0]]
+    rig = calibrate_rig(
+        {name: own.given for name, own in loaded.items()},
+        first.pairs.target,
+        **matched,
+        moving=moving,
+        known=known,
+        hold_lenses=hold_lenses,
+        refine_target=refine_target,
+        listener=listener,
+    )
+    files = [file for own in loaded.values() for file in own.files]
+    asked = {"hold_lenses": hold_lenses, "refine_target": refine_target, "shots": by}
+    made_by = made_by_record(command, asked, first.target_file, files)
+    listener.progress("Writing")
+    written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
+    if frames is not None:
+        frames.tell_clocks({one.name: one.late_s for one in rig.cameras}, listener)
+    record = rig_record(rig)
+    for page in pages:
+        write_rig_page(written[0], page, run)
+    return RigFiles(rig=rig, record=record, verdict=rig_verdict(record), files=[*written, *pages])
+
+
+def _load_known(
+    lenses: Mapping[str, CameraFile | StrPath], called: Sequence[str]
+) -> dict[str, CameraFile]:
+    """Cameras that are calibrated already, by name."""
+    from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
+
+    known = {}
+    for name, one in lenses.items():
+        if name not in called:
+            given = quoted(f"{name}={one}" if isinstance(one, Path) else name)
+            raise UsageError(
+                f"--lens {given} names no camera: write NAME=FILE with one of {', '.join(called)}"
+            )
+        known[name] = one if isinstance(one, CameraFile) else load_camera(in_folder(Path(one)))
+    return known
+
+
+def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | None) -> list[str]:
+    """What the cameras are called."""
+    from cubicfish_cli.extensions.rigs.inputs import named_by
+
+    if given is not None:
+        names = [name.strip() for name in given]
+        if len(names) != len(inputs):
+            raise UsageError(f"--names has {len(names)} names for {len(inputs)} cameras")
+    else:
+        names = []
+        for path in inputs:
+            own = path.absolute()
+            own = own.parent if own.name in ("corners.csv", "camera.yaml") else own
+            names.append(named_by(own))
+    if len(set(names)) < len(names) or not all(names):
+        raise UsageError(
+            f"the cameras would be called {', '.join(names)}: give each a name of its own with "
+            "--names"
+        )
+    return names
+
+
+def _match_shots(
+    shots: StrPath | None, tolerance: float | None, frames: RigFrames | None
+) -> tuple[dict[str, Any], str]:
+    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
+    from cubicfish_cli.extensions.rigs.rigs import TOLERANCE, load_shots
+
+    wanted: dict[str, Any] = {"tolerance": TOLERANCE if tolerance is None else tolerance}
+    if frames is not None:
+        return {**wanted, "shots": frames.shots}, "films"
+    if shots is None:
+        by = "name" if tolerance is None else "time"
+        return {**wanted, "shots": by}, by
+    rows, times = load_shots(Path(shots))
+    if rows is not None and tolerance is not None:
+        raise UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
+    return {**wanted, "shots": "time" if rows is None else rows, "times": times}, str(shots)

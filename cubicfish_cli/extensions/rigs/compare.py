@@ -1,0 +1,116 @@
+"""``cubicfish rig compare``: how far apart two rigs are, camera by camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import px
+from cubicfish_cli.cli.options import record
+from cubicfish_cli.cli.terminal import print_json, print_table, result
+from cubicfish_cli.extensions.rigs.options import as_rig_command
+from cubicfish_cli.library.asked import StrPath
+
+if TYPE_CHECKING:
+    from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera
+
+_BOTH = "two rigs are needed: 'cubicfish rig compare last_year/ rig/'"
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig compare``."""
+
+    first: Path = options.argument(
+        "The rig.yaml, or its folder, in whose frame differences are.", metavar="A", missing=_BOTH
+    )
+    second: Path = options.argument(
+        "The rig.yaml, or its folder, that is compared with it.", metavar="B", missing=_BOTH
+    )
+    as_json: bool = options.json_option
+
+
+@as_rig_command(
+    "compare",
+    "How far apart two rigs are, camera by camera.",
+    "cubicfish rig compare last_year/rig.yaml rig/rig.yaml",
+    "cubicfish rig compare last_year rig --json",
+)
+def command(given: Asked) -> None:
+    """Say how far apart the cameras of the rigs A and B stand beside the first, and how surely.
+
+    Cameras are compared by their names, and so are their lenses.
+    """
+    made = compare_rig_files(given.first, given.second)
+    if given.as_json:
+        print_json(made.as_record())
+    else:
+        _print_compared(made)
+
+
+def _print_compared(made: ComparedRigFiles) -> None:
+    found, units = made.cameras, f" {made.units}" if made.units else ""
+    print_table(
+        ("camera", f"shift{units}", "± shift", "turned °", "± turn °", "in σ", "lens RMS px"),
+        [
+            (
+                one.name,
+                f"{float((one.shift**2).sum()) ** 0.5:.3f}",
+                _sigma(one.shift_sigma, 3),
+                f"{one.turn_deg:.4f}",
+                _sigma(one.turn_sigma_deg, 4),
+                _sigma(one.sigmas, 1),
+                px(one.lens.statistics.rms_px),
+            )
+            for one in found
+        ],
+    )
+    result(
+        f"\nPlaces are beside {found[0].name}, of the rays of the same pixels; ± is of both rigs "
+        "together.\nDifferences of up to about 2 σ are what two calibrations of one rig have."
+    )
+
+
+def _sigma(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparedRigFiles:
+    """What became of :func:`compare_rig_files`.
+
+    Attributes:
+        units: of lengths; None where not known.
+        cameras: how far apart the cameras of one name stand, and their lenses are.
+
+    """
+
+    units: str | None
+    cameras: Sequence[ComparedCamera]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish rig compare --json`` prints."""
+        return {"units": self.units, "cameras": [one.as_record() for one in self.cameras]}
+
+
+def compare_rig_files(first: StrPath, second: StrPath) -> ComparedRigFiles:
+    """Say how far apart two rigs are, camera by camera, as ``cubicfish rig
+    compare`` does.
+
+    Args:
+        first: the file of a rig, or the folder of that.
+        second: another one, whose cameras have the same names.
+
+    Raises:
+        CameraFileError: a file cannot be used.
+        FitError: the rigs have fewer than two cameras in common, or other units.
+
+    """
+    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
+    from cubicfish_cli.extensions.rigs.rigs import compare_rigs
+
+    rig = load_rig(first)
+    return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(second)))

@@ -1,0 +1,118 @@
+"""``cubicfish rig evaluate``: how well a rig explains other shots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.evaluate import say_unplaced
+from cubicfish_cli.cli.figures import count, hold_gate
+from cubicfish_cli.cli.options import record, target_options
+from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.terminal import print_json, say
+from cubicfish_cli.errors import UsageError
+from cubicfish_cli.extensions.rigs.options import as_rig_command
+from cubicfish_cli.extensions.rigs.printed import print_evaluation
+from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
+
+if TYPE_CHECKING:
+    from cubicfish_cli.extensions.rigs.fit.evaluate import RigEvaluation
+    from cubicfish_cli.target import Target
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig evaluate``."""
+
+    rig: Path = options.argument(
+        "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml.",
+        metavar="RIG",
+        missing="name the rig, and new photos of its cameras: 'cubicfish rig evaluate rig left/ "
+        "right/'",
+    )
+    cameras: tuple[Path, ...] = options.argument(
+        "Photos (a folder or a glob) or a corners.csv of each camera: called as the cameras are, "
+        "or in the rig's order.",
+        nargs=-1,
+        metavar="CAMERA CAMERA...",
+    )
+    target: TargetSource = target_options
+    max_rms: float | None = options.max_rms_option
+    as_json: bool = options.json_option
+    jobs: int | None = options.jobs_option
+    no_cache: bool = options.no_cache_option
+
+
+@as_rig_command(
+    "evaluate",
+    "Measure a rig on other shots: only where it was is fitted.",
+    "cubicfish rig evaluate rig left/ right/ --target target.yaml",
+    "cubicfish rig evaluate rig/rig.yaml left.csv right.csv --target target.yaml --max-rms 0.5",
+)
+def command(given: Asked) -> None:
+    """Measure the reprojection error of RIG on photos or corners of each of its cameras.
+
+    The rig stays as it is; only where it was in each shot is fitted. No corner is dropped.
+    """
+    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
+        evaluation = evaluate_rig_files(given.rig, given.cameras, given.target, run=run)
+    for one in evaluation.cameras:
+        if one.outside:
+            say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
+        say_unplaced(one.unplaced, f"camera {one.name}: ")
+    found = evaluation.as_record()
+    if given.as_json:
+        print_json({"model": str(given.rig), **found})
+    else:
+        print_evaluation(evaluation)
+    hold_gate(found["rms_px"], given.max_rms)
+
+
+def evaluate_rig_files(
+    rig: StrPath,
+    cameras: Sequence[StrPath],
+    target: TargetSource | Target | StrPath | None = None,
+    *,
+    run: Run = RUN,
+) -> RigEvaluation:
+    """Measure a rig on files of its cameras, as ``cubicfish rig evaluate`` does.
+
+    Args:
+        rig: its rig.yaml, or the folder of that.
+        cameras: photos or a corners.csv of each camera, in the rig's order or called as they are.
+        target: the calibration target, or its file.
+        run: how the work is done.
+
+    Raises:
+        UsageError: it is not known which camera an input is of.
+        CubicfishError: an input cannot be used, or no shot can be placed.
+
+    """
+    from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs, named_by
+    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
+    from cubicfish_cli.extensions.rigs.rigs import evaluate_rig
+
+    known, inputs = load_rig(Path(rig)), paths_of(cameras)
+    names = [one.name for one in known.cameras]
+    own = [named_by(one.absolute()) for one in inputs]
+    if not set(own) <= set(names):
+        if len(inputs) != len(names):
+            raise UsageError(
+                f"the rig has the cameras {', '.join(names)}: name photos of each in this order, "
+                "or folders that are called as they are"
+            )
+        own = names
+    if len(set(own)) < max(2, len(own)):
+        raise UsageError(
+            f"name photos or a corners.csv of two or more of the cameras {', '.join(names)}"
+        )
+    source = TargetSource.of(target)
+    loaded = {
+        name: load_camera_inputs([one], source, run)[0]
+        for name, one in zip(own, inputs, strict=True)
+    }
+    run.listener.progress("Placing shots")
+    pairs = {name: one.given for name, one in loaded.items()}
+    return evaluate_rig(known, pairs, loaded[own[0]].pairs.target)

@@ -1,0 +1,148 @@
+"""``cubicfish rig export``: the cameras of a rig, and where they stand, for other tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.export import max_angle_option, max_error_option, print_exported
+from cubicfish_cli.cli.options import option, record
+from cubicfish_cli.cli.progress import running
+from cubicfish_cli.errors import FitError, UsageError
+from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_argument
+from cubicfish_cli.files import write_files
+from cubicfish_cli.formats.registry import WRITABLE
+from cubicfish_cli.library.asked import RUN, Run, StrPath
+
+if TYPE_CHECKING:
+    from cubicfish_cli.library.exporting import ExportedFiles
+
+_HELP = """Write a rig for another tool: each camera's lens with its place on the body.
+
+\b
+opencv      stereo.opencv.yaml of two: M1, D1, M2, D2, R, T; R1, R2, P1, P2, Q for flat pictures
+ros         a folder: a camera_info.yaml a camera, static_transforms.yaml, rig.urdf (metres)
+kalibr-...  one camchain.yaml (metres)
+colmap...   rig_config.json
+mrcal       a folder: a .cameramodel a camera (metres)
+nerfstudio  one transforms.json
+nvidia      one rig.json, f-theta (metres)
+
+Each lens is fitted to its camera as 'cubicfish export' does it, which has more to say of that.
+"""
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig export``."""
+
+    rig: Path = rig_argument
+    to: str = option(
+        "--to FORMAT",
+        "What to write: a name of the list above.",
+        click.Choice(list(WRITABLE)),
+        required=True,
+    )
+    output: Path | None = options.output_option(
+        "Where it goes. [default: the format's usual name, in the current folder]", folder=None
+    )
+    max_error: float = max_error_option
+    max_angle_deg: float | None = max_angle_option
+    pair: tuple[str, str] | None = pair_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+
+
+@as_rig_command(
+    "export",
+    "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "cubicfish rig export --to kalibr-omni -o camchain.yaml",
+    "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
+    help=_HELP,
+)
+def command(given: Asked) -> None:
+    """See ``_HELP``."""
+    with running(overwrite=given.overwrite) as run:
+        made = export_rig_files(
+            given.rig,
+            given.to,
+            given.output,
+            pair=given.pair,
+            max_error=given.max_error,
+            max_angle_deg=given.max_angle_deg,
+            run=run,
+        )
+    print_exported(made, as_json=given.as_json)
+
+
+def export_rig_files(
+    rig: StrPath,
+    to: str,
+    output: StrPath | None = None,
+    *,
+    pair: tuple[str, str] | None = None,
+    max_error: float = 0.5,
+    max_angle_deg: float | None = None,
+    run: Run = RUN,
+) -> ExportedFiles:
+    """Write all cameras of a rig, or two, with their places, as ``cubicfish rig export`` does.
+
+    Args:
+        rig: its rig.yaml, or the folder of that.
+        to: the format: a name of ``cubicfish rig export --help``.
+        output: where it goes; by default the format's usual name, in the current folder.
+        pair: two of its cameras; by default all.
+        max_error: as for :func:`export_camera`, of each camera.
+        max_angle_deg: likewise.
+        run: how the work is done.
+
+    Raises:
+        UsageError: the format holds no rigs.
+        FitError: there is no such format, or its lens is too far from a camera.
+        CubicfishError: a file cannot be used, or exists and may not be replaced.
+
+    """
+    from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
+    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
+    from cubicfish_cli.formats.foreign import WRITTEN
+    from cubicfish_cli.library.exporting import ExportedFiles, export_camera, without_matrix
+
+    path = rig_file(rig)
+    known = load_rig(path)
+    chosen = known.cameras if pair is None else tuple(map(known.camera, pair))
+    holds_rigs = WRITTEN[to].rig if to in WRITTEN else None
+    if holds_rigs is None:
+        first = path.parent / known.cameras[0].path
+        raise UsageError(
+            f"--to {to} holds one camera: name one of the rig's, such as {first}, or choose one of "
+            + ", ".join(name for name, made in WRITTEN.items() if made.rig)
+        )
+    run.listener.progress("Fitting the other lenses")
+    goal = Path(output or holds_rigs[0])
+    made = []
+    for one in chosen:
+        try:
+            own = export_camera(one.file, to, max_error=max_error, max_angle_deg=max_angle_deg)
+        except FitError as problem:
+            raise FitError(f"camera {one.name}: {problem}") from problem
+        made.append((one, own))
+    text = holds_rigs[1](lens_rig(known, made))
+    texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
+    written = write_files(texts, overwrite=run.overwrite)
+    lines, warnings = [], []
+    for one, lens in made:
+        lines.append(f"{one.name}: {lens.note[1]}")
+        lines += [f"  {without_matrix(line)}" for line in lens.note[2:]]
+        warning = lens.warning(max_error)
+        if warning is not None:
+            warnings.append(f"camera {one.name}: {warning}")
+    records = [{"name": one.name, **lens.as_record()} for one, lens in made]
+    return ExportedFiles(
+        files=written,
+        record={"files": written, "format": to, "cameras": records},
+        lines=tuple(lines),
+        warnings=tuple(warnings),
+    )

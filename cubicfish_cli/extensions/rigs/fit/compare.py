@@ -1,0 +1,125 @@
+"""Two rigs of the same cameras: how far apart these stand, and how far apart their lenses are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.extensions.rigs.fit.evaluate import KnownCamera
+from cubicfish_cli.fitting.comparison import Comparison, compare
+from cubicfish_cli.geometry import camera_centre, total_sigma
+from cubicfish_cli.types import FloatArray
+
+
+class ComparedPlace(KnownCamera, Protocol):
+    """A camera of a rig, and how surely it stands there."""
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """(6, 6) of turn (radians, camera frame) and translation; None where not known."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparedCamera:
+    """One camera of two rigs.
+
+    Attributes:
+        name: of the camera.
+        lens: how far apart its lenses are; None where they do not see the same.
+        turn_deg: by how much it is turned in the second rig beside the first.
+        shift: (3,) how far it stands elsewhere, in the first rig's frame and units.
+        turn_sigma_deg, shift_sigma: standard deviations of these, of both rigs together; None
+            where either does not say, or for the first camera.
+        sigmas: root of the mean square of the six differences over their standard deviations;
+            None likewise.
+
+    """
+
+    name: str
+    lens: Comparison
+    turn_deg: float
+    shift: FloatArray
+    turn_sigma_deg: float | None
+    shift_sigma: float | None
+    sigmas: float | None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data."""
+        return {**vars(self), "shift": self.shift.tolist(), "lens": self.lens.as_record()}
+
+
+def compare_rigs(
+    first: Sequence[ComparedPlace], second: Sequence[ComparedPlace]
+) -> list[ComparedCamera]:
+    """Compare the cameras that both rigs have, beside the first of these.
+
+    A lens may turn its rays a little and its camera turn back: places are compared by where the
+    rays of the same pixels go, so that this does not count.
+
+    Args:
+        first: cameras of one rig.
+        second: those of another one, in the same units.
+
+    Raises:
+        FitError: the rigs have fewer than two cameras of one name.
+
+    """
+    others = {one.name: one for one in second}
+    common = [(one, others[one.name]) for one in first if one.name in others]
+    if len(common) < 2:
+        raise FitError(
+            f"the rigs have {len(common) or 'no'} camera{'s' * (len(common) != 1)} of one name "
+            f"({', '.join(one.name for one in first)}; {', '.join(others)}): two are needed"
+        )
+    lenses = [compare(one.camera, other.camera) for one, other in common]
+    # X in the frame of the second rig's camera -> in that of the first rig's.
+    turns = [own.rotation.T for own in lenses]
+    begin, begin_other = common[0]
+    found = []
+    for (one, other), lens, turn in zip(common, lenses, turns, strict=True):
+        rotation, translation = _beside(one, begin)
+        theirs, shifted = _beside(other, begin_other)
+        theirs, shifted = turn @ theirs @ turns[0].T, turn @ shifted
+        off = Rotation.from_matrix(theirs @ rotation.T).as_rotvec()
+        away = shifted - translation
+        covariance = _sum_of(one, other, turn) if one is not begin else None
+        shift = begin.rotation.T @ (
+            camera_centre(theirs, shifted) - camera_centre(rotation, translation)
+        )
+        found.append(
+            ComparedCamera(
+                name=one.name,
+                lens=lens,
+                turn_deg=float(np.rad2deg(np.linalg.norm(off))),
+                shift=shift,
+                turn_sigma_deg=None
+                if covariance is None
+                else float(np.rad2deg(total_sigma(covariance[:3, :3]))),
+                shift_sigma=None if covariance is None else total_sigma(covariance[3:, 3:]),
+                sigmas=None if covariance is None else _sigmas(np.append(off, away), covariance),
+            )
+        )
+    return found
+
+
+def _beside(camera: ComparedPlace, begin: ComparedPlace) -> tuple[FloatArray, FloatArray]:
+    """Camera from the first camera's frame."""
+    rotation = camera.rotation @ begin.rotation.T
+    return rotation, camera.translation - rotation @ begin.translation
+
+
+def _sum_of(one: ComparedPlace, other: ComparedPlace, turn: FloatArray) -> FloatArray | None:
+    if one.covariance is None or other.covariance is None:
+        return None
+    both = np.kron(np.eye(2), turn)
+    total = one.covariance + both @ other.covariance @ both.T
+    return total if (np.diagonal(total) > 0).all() else None
+
+
+def _sigmas(off: FloatArray, covariance: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(off) / np.diagonal(covariance))))

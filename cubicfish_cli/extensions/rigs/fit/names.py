@@ -1,0 +1,120 @@
+"""Names of corners that all cameras of a rig agree on, where a target looks the same turned.
+
+Each camera names such a target's corners by what it sees, so a camera that is mounted the other way
+up names them the other way round. In one shot they see one thing: that tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cubicfish_cli.extensions.rigs.fit.start import apart, median_pose
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.subset import world_scale
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import chosen, symmetries
+from cubicfish_cli.target import Target
+from cubicfish_cli.types import IntArray
+
+# Places of a camera, one per shot, from which the one is sought that the others agree with.
+_SEEDS = 20
+# Radians and lengths of about the target's, from which on a place is none of a camera's.
+_FAR = 0.5
+# Names stay where they do not make cameras stand so many times farther from one place.
+_CLEARLY = 2.0
+
+
+def agreeing(
+    lens: RigLens,
+    views: Poses,
+    pairs: Observations,
+    target: Target,
+    scale: float,
+    *,
+    known: bool = False,
+) -> tuple[Poses, Observations]:
+    """Views and corners with names by which each camera stands in one place in all shots.
+
+    Args:
+        lens: the cameras, and which view is whose.
+        views: camera_from_world of each view, as its camera found it alone.
+        pairs: pairs of all views, their boards indices into the target's.
+        target: the target.
+        scale: its units in one unit of poses and pairs.
+        known: whether the cameras stand where ``lens`` says.
+
+    """
+    motions = symmetries(target)
+    if not motions:
+        return views, pairs
+    turned = [views, *(views.of_moved(one.rotation, one.shift / scale) for one in motions)]
+    # Places are told apart in radians and in lengths of about the target's.
+    size = 1 / world_scale(pairs)
+    near = replace(lens, places=lens.places.scaled(size))
+    way = _ways(near, [one.scaled(size) for one in turned], known=known)
+    if not way.any():
+        return views, pairs
+    for number, other in enumerate(turned):
+        own = np.flatnonzero(way == number)
+        views = views.with_photos(own, other[own])
+    return views, chosen([pairs, *(one.named(pairs, target, scale) for one in motions)], way)
+
+
+def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
+    """(V,) which of the ways each view is named in, camera after camera."""
+    cameras, shots = len(lens.lenses), int(lens.shot.max()) + 1
+    common = lens.common_shots
+    way = np.zeros(len(lens.camera), np.intp)
+    placed = np.zeros(shots, bool)
+    rigs = Poses(rotation=np.zeros((shots, 3, 3)), translation=np.zeros((shots, 3)))
+    left = list(range(cameras))
+    while left:
+        done = [camera for camera in range(cameras) if camera not in left]
+        camera = max(left, key=lambda one: (common[one, done].sum(), -one))
+        left.remove(camera)
+        own = np.flatnonzero(lens.camera == camera)
+        both = own[placed[lens.shot[own]]]
+        place = lens.places[np.array([camera])]
+        if both.size:
+            inverse = rigs[lens.shot[both]].inverse()
+            relative = [one[both] @ inverse for one in turned]
+            way[both] = _chosen(relative, place if known else None)
+            each = _of_ways(relative, way[both])
+            place = place if known else median_pose(each)
+            alike = np.unique(way[both])
+            if len(alike) == 1:  # what this camera saw alone it named alike
+                way[own] = alike[0]
+        new = own[~placed[lens.shot[own]]]
+        seen = _of_ways([one[new] for one in turned], way[new])
+        rigs = rigs.with_photos(lens.shot[new], place.inverse() @ seen)
+        placed[lens.shot[new]] = True
+    return way
+
+
+def _of_ways(turned: Sequence[Poses], way: IntArray) -> Poses:
+    every = np.arange(len(way))
+    return Poses(
+        rotation=np.stack([one.rotation for one in turned])[way, every],
+        translation=np.stack([one.translation for one in turned])[way, every],
+    )
+
+
+def _chosen(relative: Sequence[Poses], place: Poses | None) -> IntArray:
+    """(S,) the way in which a camera stands in one place, given or not, in most shots."""
+    count = len(relative[0])
+    if place is not None:
+        tried = [place]
+    else:
+        seeds = np.unique(np.linspace(0, count - 1, min(count, _SEEDS)).astype(int))
+        tried = [one[np.array([seed])] for one in relative for seed in seeds]
+    far = [np.stack([np.minimum(apart(one, at), _FAR) for one in relative]) for at in tried]
+    cost = [float(one.min(axis=0).sum()) for one in far]
+    as_named = min(float(one[0].sum()) for one in far)
+    best = int(np.argmin(cost))
+    if as_named <= _CLEARLY * cost[best]:
+        return np.zeros(count, np.intp)
+    return np.asarray(far[best].argmin(axis=0))

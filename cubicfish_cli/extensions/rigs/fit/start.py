@@ -1,0 +1,333 @@
+"""Where the cameras of a rig stand, from the poses that each found alone. No guess is needed.
+
+Two cameras that see the target in one shot say how they stand to each other, whether they see the
+same of it or not. The strongest of these pairs connect all cameras; then every shot is placed by
+the camera with which the others agree best.
+
+Photos that were taken with another camera of the rig than they are said to be are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.extensions.rigs.fit.alone import RigCamera
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.known_lens import fit_poses
+from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.robust import huber_px, noise_px
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.words.phrases import listed, plural
+
+# Photos fit another lens so many times better before they are said to be its.
+_TIMES = 2.0
+# A shot's cameras are exchanged where they stand so many times nearer the other way round, and
+# then as near as usual, within so many times.
+_CLEARLY, _LIKE = 10.0, 5.0
+# Lenses' frames are turned against each other by about this much, radians, the other way round in
+# exchanged shots: a turn of a lens and a shift of its principal point are hard to tell apart.
+_FRAMES = 0.02
+_SEEDS, _FAR = 40, 0.5
+_ROUNDS = 30
+# A view whose corners are off by more than both under the pose of its shot is of another shot.
+_GROSS_TIMES = 10.0
+_GROSS_SHARE = 0.01
+# Cameras of which the typical shot is off by more of the photo's longer side stand nowhere.
+_LOST_SHARE = 0.03
+
+
+def refuse_exchanged(cameras: Sequence[RigCamera]) -> None:
+    """Refuse photos that are of another size than their lens, or fit another one far better.
+
+    Raises:
+        FitError: they do; the text names the cameras.
+
+    """
+    known = [camera for camera in cameras if camera.camera is not None]
+    for one in known:
+        assert one.camera is not None
+        if one.camera.image_size != one.pairs.image_size:
+            raise FitError(
+                "camera {}: its photos have {}x{} pixels and its lens is of {}x{}: check that no "
+                "two cameras are exchanged".format(
+                    one.name, *one.pairs.image_size, *one.camera.image_size
+                )
+            )
+    errors = np.array([[_error(photos, lens) for lens in known] for photos in cameras])
+    own = [cameras.index(camera) for camera in known]
+    for b, lens in enumerate(known):
+        mine = errors[own[b], b]
+        for a, other in enumerate(cameras):
+            # Of a camera whose lens is not known it is enough that its photos fit this one.
+            theirs = errors[a, own.index(a)] if a in own else np.inf
+            back = errors[own[b], own.index(a)] if a in own else 0.0
+            if a != own[b] and mine > _TIMES * errors[a, b] and theirs > _TIMES * back:
+                raise FitError(
+                    f"cameras {lens.name} and {other.name} are exchanged: the photos of "
+                    f"{other.name} fit the lens of {lens.name} ({errors[a, b]:.2g} px where its "
+                    f"own are off by {mine:.2g} px): exchange their folders"
+                )
+
+
+def _error(photos: RigCamera, lens: RigCamera) -> float:
+    """Noise of the photos' corners under a lens, their poses fitted, pixels."""
+    camera, pairs = lens.camera, photos.pairs
+    if camera is None or camera.image_size != pairs.image_size:
+        return np.inf
+    # Cameras of one make differ by little more than their radial references miss.
+    placed, own, _ = fit_poses(camera.radial, pairs)
+    if placed is None:
+        return np.inf
+    limit = huber_px(placed.residual)
+    return noise_px(adjust(FixedLens(camera=camera), placed.poses, own, huber_px=limit).residual)
+
+
+def exchanged_shots(relative: Poses) -> BoolArray:
+    """Shots (S,) in which two cameras' photos were exchanged, as far as their places tell.
+
+    What one camera says of the other is then the other way round. Where that is nearly the same,
+    as of two cameras back to back, it does not show.
+
+    Args:
+        relative: second_from_first of each shot, with lengths about those of the target as 1.
+
+    """
+    back = relative.inverse()
+    near = [relative[np.array([seed])] for seed in _some(len(relative))]
+    both = [(apart(relative, one), apart(back, one)) for one in near]
+    cost = [float(np.minimum(np.minimum(*pair), _FAR).sum()) for pair in both]
+    as_is, turned = both[int(np.argmin(cost))]
+    usual = float(np.median(np.minimum(as_is, turned)))
+    like = _LIKE * usual + _FRAMES
+    found = (as_is > _CLEARLY * turned) & (turned < like)
+    straight = (turned > _CLEARLY * as_is) & (as_is < like)
+    return np.asarray(found if found.sum() <= straight.sum() else straight)
+
+
+def _some(count: int) -> IntArray:
+    """Of so many places some, evenly: among them is one from which the others are to be sought."""
+    return np.unique(np.linspace(0, count - 1, min(count, _SEEDS)).astype(np.intp))
+
+
+def apart(poses: Poses, other: Poses) -> FloatArray:
+    """(S,) how far poses are from another one (1,): radians, and lengths."""
+    turn = Rotation.from_matrix(poses.rotation) * Rotation.from_matrix(other.rotation[0]).inv()
+    shift = np.linalg.norm(poses.translation - other.translation, axis=1)
+    return np.asarray(turn.magnitude() + shift)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigStart:
+    """A first rig.
+
+    Attributes:
+        places: camera_from_rig of each camera, the first one's the identity.
+        shots: rig_from_world of each shot; NaN where no camera sees it.
+        misfit: (V,) median error of each view under its shot's pose, pixels.
+        apart: (V,) views that do not go with the other views of their shot.
+
+    """
+
+    places: Poses
+    shots: Poses
+    misfit: FloatArray
+    apart: BoolArray
+
+
+def median_pose(poses: Poses) -> Poses:
+    """One pose (1,) amid many, which a few that are wrong do not move.
+
+    The turn is the one with the smallest sum of angles to all others (the geodesic L1 median,
+    Hartley et al. 2011), the shift that with the smallest sum of distances.
+    """
+    turn = Rotation.from_matrix(poses.rotation)
+    tried = turn[_some(len(poses))]
+    angles = [(turn * one.inv()).magnitude().sum() for one in tried]
+    middle = tried[int(np.argmin(angles))]
+    for _ in range(_ROUNDS):
+        away = (turn * middle.inv()).as_rotvec()
+        weight = 1 / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+        middle = Rotation.from_rotvec((weight @ away) / weight.sum()) * middle
+    shift = np.median(poses.translation, axis=0)
+    floor = 1e-9 * max(1e-300, float(np.abs(poses.translation).max()))
+    for _ in range(_ROUNDS):
+        away = poses.translation - shift
+        weight = 1 / np.maximum(np.linalg.norm(away, axis=1), floor)
+        shift = shift + (weight @ away) / weight.sum()
+    return Poses(rotation=middle.as_matrix()[None], translation=shift[None])
+
+
+def start_rig(
+    names: Sequence[str],
+    lens: RigLens,
+    views: Poses,
+    pairs: Observations,
+    called: Sequence[str],
+) -> RigStart:
+    """Place the cameras and the shots.
+
+    Args:
+        names: of the cameras, for words.
+        lens: the cameras' lenses, and which view is whose; its places are not looked at.
+        views: camera_from_world of each view, as its camera found it alone.
+        pairs: pairs of all views, sorted by view; the target's lengths are about 1.
+        called: names of the shots, for words.
+
+    Raises:
+        FitError: the cameras are not connected, two are exchanged in some shots, or no one body
+            has them.
+
+    """
+    count = len(names)
+    common = lens.common_shots
+    relative: dict[tuple[int, int], Poses] = {}
+    for a in range(count):
+        for b in range(a + 1, count):
+            if not common[a, b]:
+                continue
+            of_a, of_b = _together(lens, a, b)
+            each = views[of_b] @ views[of_a].inverse()
+            _refuse_exchanged(
+                names[a], names[b], each, [called[n] for n in lens.shot[of_a].tolist()]
+            )
+            relative[a, b] = median_pose(each)
+            relative[b, a] = relative[a, b].inverse()
+    places, edges = _placed(names, common, relative)
+    lens = replace(lens, places=places)
+    size = max(pairs.image_size)
+    typical = 0.0
+    for a, b in edges:
+        error = float(np.median(_transferred(lens, views, pairs, a, b)))
+        if error > _LOST_SHARE * size:
+            raise FitError(
+                f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
+                f"{min(error, size):.0f} px in the median): check that photos of one shot were "
+                "taken at the same moment and are matched rightly, and that no camera moved"
+            )
+        typical = max(typical, error)
+    shots, misfit = place_shots(lens, views, pairs)
+    several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
+    wrong = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
+    return RigStart(places=places, shots=shots, misfit=misfit, apart=wrong)
+
+
+def _refuse_exchanged(first: str, second: str, relative: Poses, shots: Sequence[str]) -> None:
+    found = [shots[number] for number in np.flatnonzero(exchanged_shots(relative)).tolist()]
+    if found:
+        raise FitError(
+            f"cameras {first} and {second} are exchanged in {plural(len(found), 'shot')} of "
+            f"{len(shots)} ({listed(found, 'shots')}): each stands there where the other one does: "
+            "exchange these photos"
+        )
+
+
+def connected(common: IntArray) -> bool:
+    """Whether shots in common (C, C) lead from each camera to each other one."""
+    return int(connected_components(common > 0, directed=False)[0]) == 1
+
+
+def _together(lens: RigLens, a: int, b: int) -> tuple[IntArray, IntArray]:
+    """Views of two cameras of the shots that both saw."""
+    of_a, of_b = np.flatnonzero(lens.camera == a), np.flatnonzero(lens.camera == b)
+    _, first, second = np.intersect1d(lens.shot[of_a], lens.shot[of_b], return_indices=True)
+    return of_a[first], of_b[second]
+
+
+def _placed(
+    names: Sequence[str], common: IntArray, relative: dict[tuple[int, int], Poses]
+) -> tuple[Poses, list[tuple[int, int]]]:
+    """camera_from_rig along the pairs with most shots in common, from the first camera on.
+
+    And these pairs.
+    """
+    edges: list[tuple[int, int]] = []
+    found = {0: Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3)))}
+    while len(found) < len(names):
+        shared = [(common[a, b], -a, -b) for a, b in relative if a in found and b not in found]
+        if not shared:
+            raise FitError(_unconnected(names, found))
+        _, a, b = max(shared)
+        found[-b] = relative[-a, -b] @ found[-a]
+        edges.append((-a, -b))
+    return Poses.joined([found[camera] for camera in range(len(names))]), edges
+
+
+def _transferred(lens: RigLens, views: Poses, pairs: Observations, a: int, b: int) -> FloatArray:
+    """Errors of one camera's views where another's say that the rig was, pixels."""
+    of_a, of_b = _together(lens, a, b)
+    rigs = lens.places[lens.camera[of_a]].inverse() @ views[of_a]
+    return _view_errors(lens, rigs, of_b, pairs)
+
+
+def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
+    near = " and ".join(names[camera] for camera in sorted(found))
+    far = [name for camera, name in enumerate(names) if camera not in found]
+    return (
+        f"no shot shows the target to {far[0]} and to {near} at once, so nothing connects them: "
+        f"take five or more shots in which {far[0]} and one of the others each see a board of "
+        "the target (not necessarily the same board), or check that shots are matched rightly"
+    )
+
+
+def place_shots(lens: RigLens, views: Poses, pairs: Observations) -> tuple[Poses, FloatArray]:
+    """rig_from_world of each shot, by the view with which the shot's others agree best.
+
+    And how far each view (V,) is off then, pixels.
+    """
+    proposed = lens.places[lens.camera].inverse() @ views
+    count, cameras = int(lens.shot.max()) + 1, len(lens.lenses)
+    view_of = np.full((cameras, count), -1, np.intp)
+    view_of[lens.camera, lens.shot] = np.arange(len(views))
+    best, proposer = np.full(count, np.inf), np.full(count, -1, np.intp)
+    misfit = np.zeros(len(views))
+    for camera in range(cameras):
+        by = view_of[camera, lens.shot]
+        judged = np.flatnonzero(by >= 0)
+        errors = _view_errors(lens, proposed[by[judged]], judged, pairs)
+        # A capped sum: one view that is of another shot must not choose.
+        capped = np.minimum(errors, _LOST_SHARE * max(pairs.image_size))
+        total = np.bincount(lens.shot[judged], capped, count)
+        better = (view_of[camera] >= 0) & (total < best)
+        best[better], proposer[better] = total[better], view_of[camera, better]
+        own = better[lens.shot[judged]]
+        misfit[judged[own]] = errors[own]
+    seen = np.flatnonzero(proposer >= 0)
+    nowhere = Poses(
+        rotation=np.full((count, 3, 3), np.nan), translation=np.full((count, 3), np.nan)
+    )
+    return nowhere.with_photos(seen, proposed[proposer[seen]]), misfit
+
+
+def _view_errors(lens: RigLens, rigs: Poses, views: IntArray, pairs: Observations) -> FloatArray:
+    """Median error (V,) of each of some views' corners under its pose of the rig, pixels.
+
+    Args:
+        lens: the lenses, and where the cameras stand.
+        rigs: rig_from_world, one for each of these views.
+        views: increasing.
+        pairs: pairs of all views, sorted by view.
+
+    """
+    poses = lens.places[lens.camera[views]] @ rigs
+    bounds = np.searchsorted(pairs.image, [views, views + 1])
+    rows = np.concatenate([np.arange(*own) for own in bounds.T]) if len(views) else views
+    each = np.repeat(np.arange(len(views)), bounds[1] - bounds[0])
+    points = poses.apply(each, pairs.world[rows])
+    length = np.empty(len(rows))
+    with np.errstate(all="ignore"):
+        for camera in np.unique(lens.camera[views]).tolist():
+            own = lens.camera[views][each] == camera
+            miss = lens.lenses[camera].project(points[own]) - pairs.pixel[rows[own]]
+            length[own] = np.hypot(miss[:, 0], miss[:, 1])
+    length[~np.isfinite(length)] = np.inf
+    starts = np.cumsum(bounds[1] - bounds[0])[:-1]
+    return np.array([np.median(one) for one in np.split(length, starts)])

@@ -1,0 +1,31 @@
+"""``cubicfish rig``: the commands of several cameras on one body."""
+
+from __future__ import annotations
+
+import click
+
+from cubicfish_cli.cli.group import LazyGroup
+from cubicfish_cli.cli.options import common_options, examples
+
+COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "map", "export")
+
+
+@click.group(
+    "rig",
+    cls=LazyGroup,
+    own={name: f"cubicfish_cli.extensions.rigs.{name}:command" for name in COMMANDS},
+    short_help="Several cameras on one body: where each stands, and what is done with them.",
+    epilog=examples(
+        "cubicfish rig calibrate left/ right/ --target target.yaml",
+        "cubicfish rig info",
+        "cubicfish rig undistort left/1.png right/1.png all.png",
+        "cubicfish rig calibrate -h",
+    ),
+)
+@common_options
+def command() -> None:
+    """Calibrate several cameras on one body, and work with what they see.
+
+    A rig is a folder with rig.yaml and a folder for each camera. What is done with one of the
+    cameras alone takes its own folder: 'cubicfish undistort photo.png flat.png --model rig/left'.
+    """

@@ -1,0 +1,83 @@
+"""``cubicfish rig info``: where the cameras of a rig stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import print_verdict
+from cubicfish_cli.cli.options import record
+from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
+from cubicfish_cli.extensions.rigs.printed import print_rig
+from cubicfish_cli.library.asked import StrPath
+
+if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig info``."""
+
+    rig: Path = rig_argument
+    as_json: bool = options.json_option
+
+
+@as_rig_command(
+    "info",
+    "What a rig is: where its cameras stand, and how surely.",
+    "cubicfish rig info",
+    "cubicfish rig info last_year/rig.yaml --json",
+)
+def command(given: Asked) -> None:
+    """Say where the cameras of RIG (by default: rig) stand, how surely, and how well it fits."""
+    made = info_rig_files(given.rig)
+    if given.as_json:
+        print_json(made.as_record())
+        return
+    print_rig(made.rig)
+    result()
+    print_verdict(made.verdict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigInfo:
+    """What the file of a rig says.
+
+    Attributes:
+        model: the file.
+        verdict: what the rig is worth.
+        rig: its plain data: units, cameras, pairs, fit and made_by.
+
+    """
+
+    model: Path
+    verdict: Verdict
+    rig: dict[str, Any]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish rig info --json`` prints."""
+        return {"model": self.model, "rig": self.rig}
+
+
+def info_rig_files(rig: StrPath) -> RigInfo:
+    """Say what a rig is, as ``cubicfish rig info`` does.
+
+    Args:
+        rig: its rig.yaml, or the folder of that.
+
+    Raises:
+        CameraFileError: the file cannot be used.
+
+    """
+    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
+    from cubicfish_cli.extensions.rigs.rigs import loaded_record
+    from cubicfish_cli.extensions.rigs.verdict import rig_verdict
+
+    path = rig_file(rig)
+    known = load_rig(path)
+    held = {**loaded_record(known), "made_by": dict(known.made_by)}
+    return RigInfo(model=path, verdict=rig_verdict(held), rig=held)

@@ -1,0 +1,74 @@
+"""A rig's cameras as another tool's lenses, with their places: what formats write."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cubicfish_cli.errors import ViewError
+from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.extensions.rigs.stereo import rectify
+from cubicfish_cli.formats.camera_format import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.library.exporting import Exported
+from cubicfish_cli.undistortion.choose import build_view
+from cubicfish_cli.undistortion.fit import sees
+
+_OVERLAP_RAYS = 2000
+
+
+def lens_rig(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> LensRig:
+    """The rig of some of its cameras' lenses: what other tools' files hold.
+
+    Args:
+        rig: the rig.
+        converted: those of its cameras that are wanted, as lenses.
+
+    """
+    cameras = [camera for camera, _ in converted]
+    return LensRig(
+        lenses=tuple(_placed(camera, lens) for camera, lens in converted),
+        units=rig.units,
+        overlaps=np.array([[a is not b and _overlap(a, b) for b in cameras] for a in cameras]),
+        flat=_flat(rig, converted) if len(converted) == 2 else None,
+    )
+
+
+def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
+    turn = lens.conversion.lens_from_camera
+    return PlacedLens(
+        name=camera.name,
+        lens=lens.conversion.lens,
+        note=lens.note,
+        rotation=turn @ camera.rotation,
+        translation=turn @ camera.translation,
+        max_angle_deg=camera.camera.max_angle_deg,
+        poses=lens.poses,
+    )
+
+
+def _overlap(first: RigFileCamera, second: RigFileCamera) -> bool:
+    """Whether two cameras see some far thing both."""
+    rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
+    own = rays[sees(first.camera, rays)]
+    return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
+
+
+def _flat(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> FlatPair | None:
+    """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
+    try:
+        pair = rectify(rig, *(camera.name for camera, _ in converted))
+        view = build_view(pair)
+    except ViewError:
+        return None
+    turns = [
+        rotation @ lens.conversion.lens_from_camera.T
+        for rotation, (_, lens) in zip(pair.rotations, converted, strict=True)
+    ]
+    return FlatPair(
+        size=view.size,
+        rotations=(turns[0], turns[1]),
+        projections=pair.projections(view),
+        Q=pair.Q(view),
+    )

@@ -1,0 +1,63 @@
+"""``cubicfish rig map``: maps of two cameras, after which both show things in equal rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.map import photo_size_option, print_maps
+from cubicfish_cli.cli.options import record
+from cubicfish_cli.cli.view_options import view_options
+from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_option
+from cubicfish_cli.library.asked import Run
+from cubicfish_cli.undistortion.options import ViewOptions
+
+_HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
+
+After them what one camera shows in a row the other shows in the same row. Flat
+pictures end before 180°; --view cylindrical and equirectangular are then about the line between
+the cameras and go on all around it. OUT.stereo.yaml has what it takes to get from disparities to
+points: baseline, focal length, and of flat ones P1, P2 and Q. Maps are written as
+'cubicfish map' does: .npz, .exr, .png or .pgm.
+"""
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig map``."""
+
+    output: Path = options.argument(
+        "Where the maps go: a name that ends in .npz, .exr, .png or .pgm.",
+        metavar="OUT",
+        missing="OUT is needed: 'cubicfish rig map stereo.npz', or a name in .exr, .png or .pgm",
+    )
+    rig: Path = rig_option
+    pair: tuple[str, str] | None = pair_option
+    view: ViewOptions = view_options
+    photo_size: tuple[int, int] | None = photo_size_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+
+
+@as_rig_command(
+    "map",
+    "Maps of two cameras, after which rows of their pictures agree: stereo.",
+    "cubicfish rig map stereo.npz --pair left,right",
+    "cubicfish rig map stereo.npz --model rig --view equirectangular",
+    help=_HELP,
+)
+def command(given: Asked) -> None:
+    """See ``_HELP``."""
+    from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files
+
+    made = map_rig_files(
+        given.rig,
+        given.output,
+        given.view,
+        pair=given.pair,
+        photo_size=given.photo_size,
+        run=Run(overwrite=given.overwrite),
+    )
+    unit = f" {made.stereo['units']}" if made.stereo["units"] else ""
+    depth = f"baseline {made.stereo['baseline']:.3f}{unit}; {made.stereo['depth']}"
+    print_maps(made, as_json=given.as_json, more=depth)

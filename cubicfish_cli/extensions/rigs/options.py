@@ -1,0 +1,39 @@
+"""Options that several commands of rigs share."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.cli.options import FILE, Parsed, argument, as_command, option
+
+as_rig_command = partial(as_command, keys=Path(__file__).parent)
+"""A command whose ``--json`` is explained beside this module."""
+
+rig_argument: Any = argument(
+    "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml. [default: rig]",
+    default="rig",
+    metavar="[RIG]",
+)
+
+rig_option: Any = option(
+    "-m --model RIG",
+    "The rig: the folder that 'cubicfish rig calibrate' wrote, or its rig.yaml.",
+    FILE,
+    "rig",
+)
+
+
+def _two_names(text: str) -> tuple[str, str]:
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or not all(names) or names[0] == names[1]:
+        raise ValueError(f"{text!r} does not name two cameras, such as left,right")
+    return names[0], names[1]
+
+
+pair_option: Any = option(
+    "--pair NAME,NAME",
+    "Two cameras of the rig, such as left,right. [default: those that it has]",
+    Parsed("NAME,NAME", _two_names),
+)

@@ -1,0 +1,97 @@
+"""``cubicfish rig report``, and the page that ``calibrate`` writes beside rig.yaml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.figures import print_verdict
+from cubicfish_cli.cli.options import record
+from cubicfish_cli.cli.progress import keep_fonts, running
+from cubicfish_cli.cli.report import PAGE
+from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
+from cubicfish_cli.files import refuse_existing, write_text
+from cubicfish_cli.library.asked import RUN, Run, StrPath
+
+if TYPE_CHECKING:
+    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.library.report_files import ReportFiles
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig report``."""
+
+    rig: Path = rig_argument
+    page: Path | None = options.output_option("The page. [default: report.html beside the rig]")
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+
+
+@as_rig_command(
+    "report",
+    "One HTML page about a rig: is it good, and why.",
+    "cubicfish rig report",
+    "cubicfish rig report rig/rig.yaml -o body.html",
+)
+def command(given: Asked) -> None:
+    """Write one HTML page about RIG (by default: rig): where its cameras stand, what they see.
+
+    The page stands alone: no network, no program, every picture inside.
+    """
+    keep_fonts()
+    with running(overwrite=given.overwrite) as run:
+        made = report_rig_files(given.rig, given.page, run=run)
+    if given.as_json:
+        print_json(made.as_record())
+        return
+    print_verdict(made.verdict)
+    result(f"\nwrote {made.page}")
+
+
+def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RUN) -> ReportFiles:
+    """Write a page about a rig, as ``cubicfish rig report`` does.
+
+    Args:
+        rig: its rig.yaml, or the folder of that.
+        page: where the page goes; by default report.html beside it.
+        run: how the work is done.
+
+    Raises:
+        CubicfishError: the extra ``report`` is not installed, the file cannot be used, or the page
+            exists and may not be replaced.
+
+    """
+    from cubicfish_cli.extensions.rigs.rig_yaml import rig_file
+    from cubicfish_cli.library.report_files import ReportFiles, refuse_without_extra
+
+    refuse_without_extra()
+    model = rig_file(rig)
+    path = model.parent / PAGE if page is None else Path(page)
+    refuse_existing(path, overwrite=run.overwrite)
+    return ReportFiles(page=path, model=model, verdict=write_rig_page(model, path, run))
+
+
+def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
+    """Write the page about a rig's file, and judge the rig.
+
+    Raises:
+        CameraFileError: the rig cannot be read.
+        OutputError: the page is there, or cannot be written.
+
+    """
+    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
+    from cubicfish_cli.extensions.rigs.rigs import loaded_record
+    from cubicfish_cli.extensions.rigs.verdict import rig_verdict
+    from cubicfish_cli.printing import extra
+
+    with extra.quiet():
+        from cubicfish_cli.extensions.rigs.page import rig_html
+
+    loaded = load_rig(rig)
+    held = loaded_record(loaded)
+    run.listener.progress("Making the report")
+    write_text(page, rig_html(loaded, held), overwrite=run.overwrite)
+    return rig_verdict(held)

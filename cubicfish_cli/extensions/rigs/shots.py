@@ -1,0 +1,140 @@
+"""The shots of a rig, and what a run renders of each: a picture of all that its cameras see."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from cubicfish_cli.errors import UsageError, ViewError
+from cubicfish_cli.extensions.rigs.fit.shots import shots_by_name
+from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of
+from cubicfish_cli.library.asked import named_photos
+from cubicfish_cli.library.views import Size, Views
+from cubicfish_cli.listener import SILENT, Listener
+from cubicfish_cli.photos import Picture, natural_key, photo_size, shown
+from cubicfish_cli.undistortion.batch import Job
+from cubicfish_cli.undistortion.choose import ChosenView
+from cubicfish_cli.undistortion.maps import UndistortMap, camera_for_photos
+
+Shot = Mapping[str, Path]
+"""Camera -> its photo."""
+
+
+class RigViews(Views):
+    """A view of all that a rig's cameras see: the same for all shots."""
+
+    def __init__(self, body: Body, view: ChosenView, interpolation: str) -> None:
+        """Prepare for the shots of a rig.
+
+        Args:
+            body: the cameras, for photos of the size that there are.
+            view: what is rendered, in the frame of the rig.
+            interpolation: how pixels are blended.
+
+        """
+        self._body, self._view, self.interpolation = body, view, interpolation
+        self._made: Mosaic | None = None
+        self._lock = Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel without the maps, which are quicker made than sent, and the lock."""
+        return RigViews, (self._body, self._view, self.interpolation)
+
+    def group(self, source: Path, size: Size) -> Hashable:
+        """There is but one."""
+        return None
+
+    def chosen(self, source: Path, size: Size) -> tuple[None, ChosenView]:
+        """The view that is asked for."""
+        return None, self._view
+
+    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
+        """For what its view and its valid pixels tell: it maps nothing."""
+        return {"": self._mosaic().whole_map}
+
+    def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
+        """The picture of a shot."""
+        return {"": self._mosaic().render(photos, self.interpolation)[0]}
+
+    def _mosaic(self) -> Mosaic:
+        """Made once, from any thread."""
+        with self._lock:
+            if self._made is None:
+                self._made = mosaic_of(self._body, self._view.first)
+            return self._made
+
+
+def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:
+    """The cameras for photos of the size of each one's first, an exact rescale where it differs.
+
+    Raises:
+        ViewError: it is none.
+
+    """
+    cameras = []
+    for one in body.cameras:
+        first = next((photos[one.name] for photos in shots.values() if one.name in photos), None)
+        if first is not None:
+            try:
+                one = replace(one, camera=camera_for_photos(one.camera, photo_size(first)))
+            except ViewError as problem:
+                raise ViewError(f"camera {one.name}: {problem}") from problem
+        cameras.append(one)
+    return replace(body, cameras=tuple(cameras))
+
+
+def shots_of(
+    sources: Sequence[Path], cameras: Sequence[str], listener: Listener = SILENT
+) -> dict[str, Shot]:
+    """The shots that the user named: name -> the photo of each camera.
+
+    A source is a folder with a folder for each camera, a camera's own folder, or a photo. Photos
+    belong to the camera that their folder is called after, or their own name begins with; where
+    nothing is called after a camera, sources are in the cameras' order.
+
+    Raises:
+        UsageError: it is not known which camera a source is of.
+        PhotoError: one holds no photo.
+        FitError: a camera's photos would be of one shot twice.
+
+    """
+    inside = [path / name for path in sources for name in cameras if (path / name).is_dir()]
+    paths = inside if inside and len(sources) == 1 else list(sources)
+    owners = [_owner(path, cameras) for path in paths]
+    if not any(owners) and len(paths) == len(cameras):
+        owners = list(cameras)
+    for path, owner in zip(paths, owners, strict=True):
+        if owner is None:
+            raise UsageError(
+                f"which camera is {shown(path)} of? Call its folder after one of "
+                f"{', '.join(cameras)}, or name one photo or folder of each, in that order"
+            )
+    photos: dict[str, list[Path]] = {name: [] for name in cameras}
+    for path, owner in zip(paths, owners, strict=True):
+        photos[str(owner)] += [photo.path for photo in named_photos([path], listener)]
+    there = {name: own for name, own in photos.items() if own}
+    if all(len(own) == 1 for own in there.values()):
+        one = next(iter(there.values()))[0].stem
+        return {one: {name: own[0] for name, own in there.items()}}
+    if len(there) == 1:
+        ((name, own),) = there.items()
+        return {path.stem: {name: path} for path in own}
+    matched = shots_by_name(list(there), [[str(path) for path in own] for own in there.values()])
+    shots: dict[str, dict[str, Path]] = {}
+    for name, index_of in zip(there, matched.photos, strict=True):
+        for photo, index in index_of.items():
+            shots.setdefault(matched.names[index], {})[name] = Path(photo)
+    return dict(sorted(shots.items(), key=lambda item: natural_key(item[0])))
+
+
+def _owner(path: Path, cameras: Sequence[str]) -> str | None:
+    """The camera that a photo or a folder is called after."""
+    own = path.absolute()
+    called = own.name if own.is_dir() else own.parent.name
+    if called in cameras:
+        return called
+    starts = [name for name in cameras if own.name.startswith(name)]
+    return max(starts, key=len, default=None)

@@ -1,0 +1,146 @@
+"""``cubicfish rig undistort``: the photos of each shot to one picture of all that they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cubicfish_cli.cli import options
+from cubicfish_cli.cli.options import FloatRange, bundle, option, record
+from cubicfish_cli.cli.progress import SchedulerOptions, running, scheduler_options
+from cubicfish_cli.cli.undistort import end_with_pictures, named_sources
+from cubicfish_cli.cli.view_options import picture_options, view_options
+from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_option
+from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
+from cubicfish_cli.library.asked_pictures import PictureOptions
+from cubicfish_cli.undistortion.options import ViewOptions
+
+if TYPE_CHECKING:
+    from cubicfish_cli.library.undistorting import UndistortedFiles
+    from cubicfish_cli.undistortion.view import View
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShotOptions(PictureOptions):
+    """What becomes of the shots of a rig: beside what a :class:`PictureOptions` has
+
+    Attributes:
+        view: by default all around, as longitude and latitude.
+        distance: how far away things are that the cameras' pictures join at, in the rig's unit;
+            None for far away.
+
+    Raises:
+        UsageError: one is not usable.
+
+    """
+
+    view: View | ViewOptions | None = None
+    distance: float | None = None
+
+
+@record
+class Asked:
+    """What is asked of ``cubicfish rig undistort``."""
+
+    sources: tuple[str, ...] = options.argument(
+        "Photos of the rig's cameras: files, folders or globs; '-' reads their names from stdin.",
+        type=options.NAME,
+        nargs=-1,
+        required=True,
+        metavar="IN...",
+        missing="IN and OUT are both needed: 'cubicfish rig undistort left/1.png right/1.png "
+        "all.png', or for many shots 'cubicfish rig undistort shots/ around/'",
+    )
+    output: Path = options.argument(
+        "The picture that is made of one shot; of several, or without a suffix, a folder.",
+        metavar="OUT",
+    )
+    rig: Path = rig_option
+    asked: ShotOptions = bundle(
+        ShotOptions,
+        view_options,
+        *picture_options,
+        option(
+            "--distance UNITS",
+            "How far away things are that the cameras' pictures join at. [default: far away]",
+            FloatRange(0, min_open=True),
+        ),
+    )
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+    jobs: int | None = options.jobs_option
+    scheduler: SchedulerOptions = scheduler_options
+
+
+@as_rig_command(
+    "undistort",
+    "The photos of each shot to one picture of all that they show.",
+    "cubicfish rig undistort left/1.png right/1.png all.png",
+    "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
+)
+def command(given: Asked) -> None:
+    """Render one picture OUT of the photos IN of a rig's cameras, of each shot one.
+
+    A panorama in any --view (equirectangular unless another is named). A photo is of the camera
+    that its folder is called after, or that its name begins with; otherwise name one of each, in
+    the rig's order. A folder with a folder for each camera holds many shots, photos of the same
+    name being one.
+    """
+    given.scheduler.check(given.jobs)
+    photos = named_sources(given.sources)
+    with running(jobs=given.jobs, overwrite=given.overwrite, scheduler=given.scheduler) as run:
+        made = undistort_rig_files(photos, given.output, given.rig, given.asked, run=run)
+    end_with_pictures(made, as_json=given.as_json)
+
+
+def undistort_rig_files(
+    photos: StrPath | Sequence[StrPath],
+    output: StrPath,
+    rig: StrPath,
+    options: ShotOptions | None = None,
+    *,
+    run: Run = RUN,
+) -> UndistortedFiles:
+    """Make one picture of each shot of a rig, as ``cubicfish rig undistort`` does.
+
+    One that fails does not stop the others.
+
+    Args:
+        photos: files, folders and globs. A photo is of the camera that its folder is called after,
+            or that its own name begins with; where nothing is called after a camera, they are in
+            the cameras' order.
+        output: a folder; of one shot also a name for its result.
+        rig: its rig.yaml, or the folder of that.
+        options: what becomes of them.
+        run: how the work is done.
+
+    Returns:
+        The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
+
+    Raises:
+        UsageError: what is asked does not go together, or it is not known whose a photo is.
+        PhotoError: there are none.
+        OutputError: a result exists, and it may be neither replaced nor left.
+        CubicfishError: the rig or the executor cannot be used.
+
+    """
+    from cubicfish_cli.extensions.rigs.mosaic import body_of_rig
+    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
+    from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
+    from cubicfish_cli.library.undistorting import plan_pictures, write_pictures
+    from cubicfish_cli.undistortion.choose import chosen_view
+
+    asked, model = options or ShotOptions(), rig_file(rig)
+    known = load_rig(model)
+    shots = shots_of(paths_of(photos), [one.name for one in known.cameras], run.listener)
+    suffix = next(iter(next(iter(shots.values())).values())).suffix
+    jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
+    plan = plan_pictures("shot", jobs, Path(output), asked, run, alone=len(shots) == 1)
+    view = asked.view
+    if view is None or (isinstance(view, ViewOptions) and view.kind is None):
+        view = replace(view or ViewOptions(), kind="equirectangular")
+    body = body_for_photos(replace(body_of_rig(known), distance=asked.distance), shots)
+    views = RigViews(body, chosen_view(body, view), asked.interpolation)
+    return write_pictures(plan, views, asked, run, model)

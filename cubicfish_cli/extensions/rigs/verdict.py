@@ -1,0 +1,114 @@
+"""Verdict on a rig, from the record in rig.yaml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.assess.records import Numbers, recorded_mappings, recorded_number
+from cubicfish_cli.assess.verdict import Verdict, ratio_above
+from cubicfish_cli.words.codes import Code, Severity
+from cubicfish_cli.words.finding import Finding, RigFinding, level_of, of_record
+
+# A camera's error in the rig over that of its photos alone, and the error from which that matters.
+_STRAINED = ((1.5, 0.25), (3.0, 0.5))
+# Where the rays of a camera may go on the body, by this much, they are not known.
+_TURN_DEG = (0.1, 1.0)
+# Of how far cameras are from each other; where these turns of rays from the target are farther,
+# cameras stand in one place, and no more than that has to be known.
+_SHIFT_SHARE = (0.02, 0.2)
+_ORDER = (Severity.BAD, Severity.CARE, Severity.NOTE)
+
+
+def rig_verdict(record: Mapping[str, Any]) -> Verdict:
+    """Judge a rig.
+
+    Args:
+        record: as rig.yaml has it; what is not what a rig's fit writes is passed over.
+
+    """
+    fit = record.get("fit")
+    fit = fit if isinstance(fit, Mapping) else {}
+    found = [of_record(one) for one in recorded_mappings(fit.get("findings"))]
+    reasons = [one for one in found if one is not None and one.severity is not Severity.NOTE]
+    reasons += [*_strained(record), *_uncertain(record)]
+    reasons.sort(key=lambda one: _ORDER.index(one.severity))
+    return Verdict(level=level_of(reasons), figures=_rig_figures(fit), reasons=tuple(reasons))
+
+
+def _strained(record: Mapping[str, Any]) -> Iterator[Finding]:
+    """Cameras whose photos fit well alone, and not on the body."""
+    found = []
+    for camera in recorded_mappings(record.get("cameras")):
+        errors = Numbers(camera.get("fit"))
+        rms, alone = errors.rms_px, errors.alone_rms_px
+        severity = ratio_above(rms, alone, _STRAINED, 1.0)
+        if severity is not None:
+            figures = {"rms_px": rms, "alone_px": alone}
+            found.append((str(camera.get("name")), severity, figures))
+    yield from _together(Code.RIG_STRAINED, found, "rms_px")
+
+
+def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
+    cameras = [
+        one for one in recorded_mappings(record.get("cameras")) if one.get("covariance") is not None
+    ]
+    places = [one["position"] for one in cameras if isinstance(one.get("position"), list)]
+    size = max(
+        (float(np.linalg.norm(np.subtract(a, b))) for a, b in pairwise([*places, *places[:1]])),
+        default=0.0,
+    )
+    near = np.tan(np.deg2rad(_TURN_DEG)) * _distance(record)
+    limits = near if size < near[0] else np.multiply(_SHIFT_SHARE, size or np.inf)
+    found = []
+    for camera in cameras:
+        of = Numbers(camera)
+        turn, shift = of.turn_sigma_deg, of.shift_sigma
+        passed = [
+            turn > turn_limit or shift > shift_limit
+            for turn_limit, shift_limit in zip(_TURN_DEG, limits, strict=True)
+        ]
+        if any(passed):
+            severity = Severity.BAD if passed[1] else Severity.CARE
+            figures = {
+                "turn_deg": float(np.nan_to_num(turn)),
+                "shift": float(np.nan_to_num(shift)),
+            }
+            found.append((str(camera.get("name")), severity, figures))
+    yield from _together(Code.PLACE_UNCERTAIN, found, "turn_deg")
+
+
+def _distance(record: Mapping[str, Any]) -> float:
+    """How far the target's origin is from the rig's, in the usual shot; 0 where nothing says it."""
+    fit = record.get("fit")
+    shots = recorded_mappings(fit.get("per_shot")) if isinstance(fit, Mapping) else ()
+    poses = [shot.get("rig_from_world") for shot in shots]
+    places = [pose.get("translation") for pose in poses if isinstance(pose, Mapping)]
+    known = [
+        math.hypot(*at)
+        for at in places
+        if isinstance(at, list) and None not in map(recorded_number, at)
+    ]
+    return float(np.median(known or [0.0]))
+
+
+def _together(
+    code: Code, found: Sequence[tuple[str, Severity, Mapping[str, float]]], worst: str
+) -> Iterator[Finding]:
+    """One finding of all cameras of one severity, with the figures of the worst, which is first."""
+    for severity in dict.fromkeys(severity for _, severity, _ in found):
+        own = sorted((one for one in found if one[1] is severity), key=lambda one: -one[2][worst])
+        cameras = tuple(name for name, _, _ in own)
+        yield RigFinding(code=code, severity=severity, cameras=cameras, figures=own[0][2])
+
+
+def _rig_figures(fit: Mapping[str, Any]) -> str:
+    of = Numbers(fit)
+    said = [f"error {of.rms_px:.3f} px RMS over all cameras"] * math.isfinite(of.rms_px)
+    if math.isfinite(of.held_out_rms_px):
+        said.append(f"{of.held_out_rms_px:.3f} px on shots left out")
+    return ", ".join(said) or "no figures on record"

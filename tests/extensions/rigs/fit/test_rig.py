@@ -1,0 +1,627 @@
+"""Rigs: several cameras on one body, from corners that each camera found."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import CornerErrors
+from simulated_rig import RigTruth, simulated_rig
+from synthetic_lenses import SineProfile, synthetic_lens
+
+from cubicfish_cli.errors import FitError
+from cubicfish_cli.extensions.rigs.faults import find_rig_faults
+from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
+from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration, RigCamera, calibrate_rig
+from cubicfish_cli.extensions.rigs.fit.clocks import Moving
+from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
+from cubicfish_cli.extensions.rigs.fit.shots import (
+    Shots,
+    shots_by_name,
+    shots_by_time,
+    shots_of_table,
+)
+from cubicfish_cli.extensions.rigs.fit.start import median_pose
+from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.folds import dealt_out
+from cubicfish_cli.fitting.linearise import linearised
+from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.rig_lens import RigLens
+from cubicfish_cli.fitting.subset import select
+from cubicfish_cli.fitting.world import World
+from cubicfish_cli.lenses.nearest import FreeLens
+from cubicfish_cli.lenses.radial import RadialCamera
+from cubicfish_cli.observations import Observations
+from cubicfish_cli.placement import renamed, symmetries
+from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
+from cubicfish_cli.target import Target
+
+NAMES = ("left", "right")
+APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))
+
+
+def target() -> Target:
+    """Three boards in a corner."""
+    boards = [
+        ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
+        ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
+        ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
+    ]
+    return Target.from_data(
+        {
+            "units": "mm",
+            "boards": [
+                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
+                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
+                for name, corners, origin, x_axis, y_axis in boards
+            ],
+        }
+    )  # fmt: skip
+
+
+@functools.cache
+def simulated(
+    seed: int = 0, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[tuple[Observations, ...], RigTruth]:
+    lenses = [synthetic_lens("equisolid", (800, 600)), synthetic_lens("equisolid", (640, 640))]
+    nothing = (np.zeros(3), np.zeros(3))
+    corners, truth = simulated_rig(
+        lenses,
+        [nothing, (APART[0], APART[1] + shift)],
+        target(),
+        10,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        seed=seed,
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    return tuple(one.with_target(target()) for one in corners), truth
+
+
+def matched(pairs: Sequence[Observations]) -> Shots:
+    return shots_by_name(NAMES, [one.images for one in pairs])
+
+
+def fitted(
+    pairs: Sequence[Observations], shots: Shots | None = None, *, hold_lenses: bool = False
+) -> RigCalibration:
+    cameras = [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)]
+    return calibrate_rig(
+        cameras,
+        shots or matched(pairs),
+        target=target(),
+        refine_target="off",
+        hold_lenses=hold_lenses,
+        diagnose=find_rig_faults,
+    )
+
+
+@functools.cache
+def plain() -> RigCalibration:
+    return fitted(simulated()[0])
+
+
+@pytest.mark.slow
+def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
+    rig, (vector, shift) = plain(), APART
+    right = rig.cameras[1]
+    # The axes of these lenses are turned against their formula's: 0.5° of freedom for the turn.
+    off = right.rotation @ rotation_matrix(vector).T
+    assert np.degrees(np.arccos((np.trace(off) - 1) / 2)) < 0.5
+    assert np.linalg.norm(right.position - -rotation_matrix(vector).T @ shift) < 2.0
+    length = np.linalg.norm(right.translation) - np.linalg.norm(shift)
+    assert abs(length) < 4 * right.shift_sigma < 1.2
+    assert 0 < right.turn_sigma_deg < 0.05
+    assert rig.errors.rms_px == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
+    assert rig.held_out_rms_px == pytest.approx(rig.errors.rms_px, rel=0.15)
+    assert rig.held_out_rms_px > rig.errors.rms_px
+    assert [finding.code for finding in rig.findings] == []
+    first = rig.cameras[0]
+    assert (first.rotation == np.eye(3)).all()
+    assert not first.translation.any()
+    assert not first.covariance.any()
+
+
+@pytest.mark.slow
+def test_lenses_can_be_held() -> None:
+    free, held = plain(), fitted(simulated()[0], hold_lenses=True)
+    assert held.held_lenses
+    assert not free.held_lenses
+    assert free.errors.rms_px < held.errors.rms_px < 1.05 * free.errors.rms_px
+
+
+@pytest.mark.slow
+def test_a_photo_of_another_shot_is_named_and_harms_nothing() -> None:
+    pairs, _ = simulated()
+    names = list(pairs[1].images)
+    names[2], names[5] = names[5], names[2]
+    order = np.argsort(names)
+    place = np.argsort(order)
+    wrong = replace(pairs[1], images=tuple(names))
+    rows = np.argsort(place[wrong.image], kind="stable")
+    wrong = replace(
+        wrong,
+        images=tuple(sorted(names)),
+        **{
+            name: getattr(wrong, name)[rows]
+            for name in ("world", "pixel", "weight", "board", "column", "row", "certain")
+        },
+        image=np.sort(place[wrong.image]),
+    )
+    rig = fitted((pairs[0], wrong))
+    assert {one.code for one in rig.findings} == {"shot_mismatched"}
+    named = {shot for one in rig.findings for shot in one.shots}
+    assert named == {pairs[1].images[2], pairs[1].images[5]}
+    assert np.allclose(rig.cameras[1].translation, plain().cameras[1].translation, atol=0.5)
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+
+
+def joined(first: Observations, second: Observations, half: str) -> Observations:
+    """The photos of the first up to ``half``, and those of the second after it."""
+    one, _ = select(first, np.array([name <= half for name in first.images])[first.image])
+    two, _ = select(second, np.array([name > half for name in second.images])[second.image])
+    return Observations.joined([one, two])
+
+
+@pytest.mark.slow
+def test_a_camera_that_moved_half_way_is_found() -> None:
+    before, after = simulated()[0], simulated(0, (2.0, 0.0, 0.0))[0]
+    rig = fitted([joined(a, b, "shot_005") for a, b in zip(before, after, strict=True)])
+    (found,) = rig.findings
+    assert found.code == "camera_moved"
+    assert set(found.cameras) == set(NAMES)
+    assert found.shots == ("shot_006",)
+    assert found.figures["shift"] == pytest.approx(2.0, rel=0.3)
+    # It stands where it stood in most shots, and the others, which no longer pull, fit.
+    assert found.figures["part"] == "before"
+    right, truth = rig.cameras[1], plain().cameras[1]
+    moved = np.array([2.0, 0.0, 0.0])
+    assert np.allclose(right.translation, truth.translation + moved, atol=0.6)
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+
+
+def in_motion(
+    seed: int = 1, late: tuple[float, float] = (0.0, 0.0)
+) -> tuple[list[Observations], list[Moving]]:
+    """The same shots with rig and target in motion, cameras late by some seconds."""
+    pairs, truth = simulated()
+    rng = np.random.default_rng(seed)
+    count = 20
+    turns, shifts = 0.3 * rng.standard_normal((count, 3)), 80 * rng.standard_normal((count, 3))
+    found, moving = [], []
+    for one, true, place, own in zip(
+        pairs, truth.cameras, truth.camera_from_rig, late, strict=True
+    ):
+        turn = rotation_matrix(place[0])
+
+        def pixel(time: float, one=one, true=true, place=place, turn=turn) -> np.ndarray:
+            seen = np.empty_like(one.pixel)
+            for number, (name, pose) in enumerate(zip(one.images, true.poses, strict=True)):
+                rows, shot = one.image == number, int(name[-3:])
+                points = one.world[rows] @ rotation_matrix(pose[0]).T + pose[1]
+                in_rig = (points - place[1]) @ turn
+                # The target as the rig sees it, some time later.
+                in_rig = in_rig @ rotation_matrix(time * turns[shot]).T + time * shifts[shot]
+                seen[rows] = true.lens.project(in_rig @ turn.T + place[1])
+            return seen
+
+        now, before, after = (pixel(time) for time in (0.0, -0.05, 0.05))
+        step = pixel(own) - now if own else 0.0
+        found.append(replace(one, pixel=one.pixel + step))
+        noise = 0.1 * rng.standard_normal((2, *now.shape))
+        moves = (before - now + noise[0], after - now + noise[1])
+        moving.append(Moving.between(*moves, (-0.05, 0.05)))
+    return found, moving
+
+
+@pytest.mark.slow
+def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
+    pairs, moving = in_motion(late=(0.0, 0.03))
+    cameras = [
+        RigCamera(name=name, pairs=one, moving=own)
+        for name, one, own in zip(NAMES, pairs, moving, strict=True)
+    ]
+    rig = calibrate_rig(
+        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_rig_faults
+    )
+    (found,) = rig.findings
+    assert (found.code, found.cameras) == ("clocks_differ", ("right", "left"))
+    right = rig.cameras[1]
+    assert right.late_s == pytest.approx(0.03, abs=5 * right.late_sigma_s)
+    assert 0 < right.late_sigma_s < 1e-3
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+    assert np.allclose(right.translation, plain().cameras[1].translation, atol=0.5)
+
+
+@pytest.mark.slow
+def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
+    pairs, moving = in_motion(late=(0.0, 0.03))
+    late = [
+        replace(own, late=np.full(len(own.late), ms))
+        for own, ms in zip(moving, (0, 0.03), strict=True)
+    ]
+    cameras = [
+        RigCamera(name=name, pairs=one, moving=own)
+        for name, one, own in zip(NAMES, pairs, late, strict=True)
+    ]
+    rig = calibrate_rig(
+        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_rig_faults
+    )
+    assert rig.findings == ()
+    assert rig.cameras[1].late_s == 0
+    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+
+
+@pytest.mark.slow
+def test_cameras_that_are_not_triggered_at_once_are_named() -> None:
+    pairs, _ = in_motion(late=(0.0, 0.03))
+    (found,) = fitted(pairs).findings
+    assert (found.code, set(found.cameras)) == ("not_at_once", set(NAMES))
+    assert found.figures["off_px"] > 1
+
+
+@pytest.mark.slow
+def test_one_shot_in_which_something_moved_is_named() -> None:
+    pairs, _ = simulated()
+    moved, _ = in_motion(late=(0.0, 0.03))
+    own = pairs[1].image == 4
+    wrong = replace(pairs[1], pixel=np.where(own[:, None], moved[1].pixel, pairs[1].pixel))
+    (found,) = fitted((pairs[0], wrong)).findings
+    assert (found.code, found.shots) == ("shot_apart", (pairs[1].images[4],))
+
+
+@pytest.mark.slow
+def test_shots_that_are_not_quite_at_once_count_for_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs, _ = simulated()
+    moved, _ = in_motion(late=(0.0, 0.01))
+    own = np.isin(pairs[1].image, (2, 5, 7))
+    shaken = replace(pairs[1], pixel=np.where(own[:, None], moved[1].pixel, pairs[1].pixel))
+
+    def off() -> float:
+        place, clean = fitted((pairs[0], shaken)).cameras[1], plain().cameras[1]
+        return float(np.linalg.norm(place.position - clean.position))
+
+    weighed = off()
+    monkeypatch.setattr(rig_fit, "weighed", lambda pairs, residual: pairs)
+    assert weighed < 0.75 * off()
+
+
+@pytest.mark.slow
+def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
+    pairs, _ = simulated()
+    first, second = (one.images for one in pairs)
+    both = sorted(set(first) & set(second))[-3:]
+    lens = synthetic_lens("equisolid", (800, 600))
+    corners, _ = simulated_rig(
+        [lens, lens],
+        [(np.zeros(3), np.zeros(3)), APART],
+        target(),
+        10,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    pairs = tuple(one.with_target(target()) for one in corners)
+    halves = [
+        [
+            select(one, np.array([(name in both) == late for name in one.images])[one.image])[0]
+            for late in (False, True)
+        ]
+        for one in pairs
+    ]
+    wrong = [Observations.joined([halves[number][0], halves[1 - number][1]]) for number in range(2)]
+    with pytest.raises(FitError, match="left and right are exchanged in 3 shots of 10"):
+        fitted(wrong)
+
+
+@pytest.mark.slow
+def test_a_mirrored_camera_is_named() -> None:
+    pairs, _ = simulated()
+    mirrored = pairs[1].pixel * [-1, 1] + [pairs[1].image_size[0] - 1, 0]
+    with pytest.raises(FitError, match=r"camera right.*mirrored"):
+        fitted((pairs[0], replace(pairs[1], pixel=mirrored)))
+
+
+def test_folds_of_films_are_blocks_of_time() -> None:
+    shots = [f"shot_{time:010.3f}s" for time in range(6)]
+    parts = [one.tolist() for one in dealt_out(np.arange(6), shots, 3)]
+    assert parts == [[0, 1], [2, 3], [4, 5]]
+    parts = [one.tolist() for one in dealt_out(np.arange(6), list("abcdef"), 3)]
+    assert parts == [[0, 3], [1, 4], [2, 5]]
+
+
+@pytest.mark.slow
+def test_a_lens_that_is_known_stays_as_it_is() -> None:
+    pairs, _ = simulated()
+    known = plain().cameras[1]
+    cameras = [
+        RigCamera(name="left", pairs=pairs[0]),
+        RigCamera(name="right", pairs=pairs[1], camera=known.camera, fit=known.fit),
+    ]
+    rig = calibrate_rig(
+        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_rig_faults
+    )
+    assert (rig.cameras[1].camera.P == known.camera.P).all()
+    assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
+    assert not rig.held_lenses
+
+
+@pytest.mark.slow
+def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
+    """Fitted along in the common scale, and of a camera that is known, in the target's units."""
+    plain_lens = synthetic_lens("equisolid", (800, 600))
+    travels = (5.0, 2.0)
+    corners, _ = simulated_rig(
+        [
+            replace(plain_lens, profile=SineProfile(share=0.31, pupil_mm=travel))
+            for travel in travels
+        ],
+        [(np.zeros(3), np.zeros(3)), APART],
+        target(),
+        12,
+        distances=(50, 300),
+        middle=(330, 330, 300),
+        errors=CornerErrors(noise=0.05, shared=0, spread=0),
+    )
+    pairs = [one.with_target(target()) for one in corners]
+    rig = fitted(pairs)
+    found = [one.camera.pupil_travel for one in rig.cameras]
+    np.testing.assert_allclose(found, travels, atol=0.6)
+    assert {one.camera.units for one in rig.cameras} == {"mm"}
+    assert rig.errors.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
+    one = rig.cameras[1]
+    held = calibrate_rig(
+        [
+            RigCamera(name="left", pairs=pairs[0]),
+            RigCamera(name="right", pairs=pairs[1], camera=one.camera, fit=one.fit),
+        ],
+        matched(pairs),
+        target=target(),
+        refine_target="off",
+    )
+    assert held.cameras[1].camera.pupil_travel == pytest.approx(one.camera.pupil_travel)
+    assert held.errors.rms_px == pytest.approx(rig.errors.rms_px, rel=0.02)
+    told = evaluate_rig(rig.cameras, pairs, matched(pairs))
+    assert told.errors.rms_px == pytest.approx(rig.errors.rms_px, rel=0.02)
+
+
+@pytest.mark.slow
+def test_cameras_without_a_common_shot_are_refused() -> None:
+    pairs, _ = simulated()
+    apart = Shots(
+        names=tuple(f"{number}" for number in range(40)),
+        photos=(
+            {name: number for number, name in enumerate(pairs[0].images)},
+            {name: 20 + number for number, name in enumerate(pairs[1].images)},
+        ),
+    )
+    with pytest.raises(FitError, match="no shot shows the target to right and to left at once"):
+        fitted(pairs, apart)
+
+
+@pytest.mark.slow
+def test_few_common_shots_are_told_once_for_two_cameras() -> None:
+    pairs, _ = simulated()
+    shots = matched(pairs)
+    few = {name: shot + 20 * (shot > 3) for name, shot in shots.photos[1].items()}
+    names = tuple(f"{number:02d}" for number in range(40))
+    rig = fitted(pairs, Shots(names=names, photos=(shots.photos[0], few)))
+    (found,) = rig.findings
+    assert (found.code, set(found.cameras)) == ("few_common_shots", set(NAMES))
+    assert found.figures["shots"] == rig.pairs[0].shots < 5
+
+
+@pytest.mark.slow
+def test_shots_that_fit_no_rig_are_refused() -> None:
+    pairs, _ = simulated()
+    names = pairs[1].images
+    shuffled = dict(zip(names, np.roll(np.arange(len(names)), 3).tolist(), strict=True))
+    shots = matched(pairs)
+    wrong = Shots(names=shots.names, photos=(shots.photos[0], shuffled))
+    with pytest.raises(FitError, match="do not fit one rig"):
+        fitted(pairs, wrong)
+
+
+def free_radial(values: np.ndarray) -> FreeLens[RadialCamera]:
+    return FreeLens.of(RadialCamera.from_parameters(values, (640, 480)))
+
+
+def small_rig() -> tuple[RigLens, Poses, Observations]:
+    """Two radial lenses and three shots, one of which only the second camera sees."""
+    rng = np.random.default_rng(1)
+    camera, shot = np.array([0, 0, 1, 1, 1]), np.array([0, 2, 0, 1, 2])
+    values = np.array([200.0, 205, 320, 240, 0.01, 0.002, 0, 0])
+    others = values + 3.0 * (np.arange(8) < 4)
+    turns = rotation_from_vector([[0, 0, 0], [0.1, 0.5, -0.2]])
+    lens = RigLens(
+        lenses=(free_radial(values), free_radial(others)),
+        places=Poses(rotation=turns, translation=np.array([[0, 0, 0], [0.3, -0.1, 0.2]])),
+        camera=camera,
+        shot=shot,
+    )
+    poses = Poses(
+        rotation=rotation_from_vector(0.3 * rng.standard_normal((3, 3))),
+        translation=np.array([0, 0, 3.0]) + 0.3 * rng.standard_normal((3, 3)),
+    )
+    image = np.repeat(np.arange(5), 12)
+    world = rng.uniform(-1, 1, (60, 3))
+    pairs = Observations.from_points(
+        [world[image == view] for view in range(5)],
+        [rng.uniform(0, 400, (12, 2)) for _ in range(5)],
+        (640, 480),
+    )
+    return lens, poses, pairs
+
+
+def test_derivatives_of_a_rig_are_those_of_differences() -> None:
+    lens, poses, pairs = small_rig()
+    world = World(as_drawn=pairs.world)
+    run = slice(24, 60)  # of the second camera
+    terms = linearised(lens, poses, world, pairs, run)
+    step = 1e-6
+
+    def pixel(lens: RigLens, poses: Poses) -> np.ndarray:
+        views = lens.views(poses)
+        points = views.apply(pairs.image[run], pairs.world[run])
+        return lens.lenses[1].project(points)
+
+    for column in range(terms.columns.start, terms.columns.stop):
+        moved = np.zeros(len(lens.parameters))
+        moved[column] = step
+        there, back = (lens.with_parameters(lens.parameters + s * moved) for s in (1, -1))
+        found = (pixel(there, poses) - pixel(back, poses)) / (2 * step)
+        own = terms.d_lens[:, :, column - terms.columns.start]
+        assert np.allclose(own, found, atol=1e-4), column
+    d_pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2)
+    for column in range(6):
+        for shot in range(3):
+            moved = np.zeros((3, 6))
+            moved[shot, column] = step
+            found = (pixel(lens, poses.moved(moved)) - pixel(lens, poses.moved(-moved))) / 2 / step
+            own = np.where((terms.pose == shot)[:, None], d_pose[:, :, column], 0)
+            assert np.allclose(own, found, atol=1e-4), (column, shot)
+
+
+def test_one_camera_is_a_rig_of_one() -> None:
+    pairs, truth = simulated()
+    one = pairs[0]
+    size = np.array(one.image_size)
+    values = np.array([200.0, 200, *((size - 1) / 2), 0, 0, 0, 0])
+    poses = Poses(
+        rotation=np.stack([rotation_matrix(pose[0]) for pose in truth.cameras[0].poses]),
+        translation=np.stack([pose[1] for pose in truth.cameras[0].poses]),
+    )
+    count = np.arange(len(poses))
+    alone = free_radial(values)
+    rig = RigLens(
+        lenses=(alone,),
+        places=Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3))),
+        camera=np.zeros(len(poses), np.intp),
+        shot=count,
+    )
+    plainly = adjust(alone, poses, one, huber_px=5.0)
+    as_rig = adjust(rig, poses, one, huber_px=5.0)
+    assert as_rig.iterations == plainly.iterations
+    assert as_rig.cost == pytest.approx(plainly.cost, rel=1e-12)
+    assert np.allclose(as_rig.lens.parameters, plainly.lens.parameters, rtol=1e-9)
+
+
+def test_the_median_of_poses_forgets_a_few_that_are_wrong() -> None:
+    rng = np.random.default_rng(0)
+    vectors = np.array([0.2, -0.4, 1.0]) + 1e-3 * rng.standard_normal((20, 3))
+    shifts = np.array([5.0, 0, -2]) + 1e-2 * rng.standard_normal((20, 3))
+    vectors[:6], shifts[:6] = rng.standard_normal((6, 3)), 50 * rng.standard_normal((6, 3))
+    found = median_pose(Poses(rotation=rotation_from_vector(vectors), translation=shifts))
+    assert np.allclose(found.rotation_vector[0], [0.2, -0.4, 1.0], atol=2e-3)
+    assert np.allclose(found.translation[0], [5, 0, -2], atol=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        (["a/01.png", "a/02.png"], ["b/02.jpg", "b/01.jpg"]),
+        (["left01.png", "left02.png"], ["right02.png", "right01.png"]),
+        (["01_l.png", "02_l.png"], ["02_right.png", "01_right.png"]),
+    ],
+)
+def test_photos_of_one_name_are_one_shot(left: list[str], right: list[str]) -> None:
+    shots = shots_by_name(NAMES, [left, right])
+    assert shots.photos == ({left[0]: 0, left[1]: 1}, {right[0]: 1, right[1]: 0})
+
+
+def test_names_that_tell_no_shot_are_refused() -> None:
+    with pytest.raises(FitError, match="no photo of left is called as one of another camera"):
+        shots_by_name(NAMES, [["x1.png", "x2.png"], ["y3.png", "y4.png"]])
+    with pytest.raises(FitError, match="would be of one shot"):
+        shots_by_name(NAMES, [["a/1.png", "b/1.png"], ["1.png", "2.png"]])
+
+
+def test_photos_of_one_time_are_one_shot() -> None:
+    photos = [["a.png", "b.png", "c.png"], ["x.png", "y.png"]]
+    times = [{"a.png": 1.0, "b.png": 2.0, "c.png": 3.0}, {"x.png": 2.004, "y.png": 3.006}]
+    shots = shots_by_time(NAMES, photos, times, 5e-3)
+    assert shots.photos == (
+        {"a.png": 0, "b.png": 1, "c.png": 2},
+        {"x.png": 1, "y.png": 3},
+    )
+    with pytest.raises(FitError, match="no two cameras have photos within 1 ms"):
+        shots_by_time(NAMES, photos, times, 1e-3)
+    with pytest.raises(FitError, match=r"'y.png' has no time in its name"):
+        shots_by_time(NAMES, photos, [times[0], {"x.png": 1.0}], 5e-3)
+
+
+def test_a_table_says_which_photos_are_of_one_shot() -> None:
+    photos = [["p.png", "q.png"], ["x.png", "y.png"]]
+    rows = [("one", "left", "q.png"), ("one", "right", "x.png"), ("two", "left", "p.png")]
+    shots = shots_of_table(NAMES, photos, rows)
+    assert shots.names == ("one", "two")
+    assert shots.photos == ({"p.png": 1, "q.png": 0}, {"x.png": 0})
+    with pytest.raises(FitError, match="there is no camera 'rear'"):
+        shots_of_table(NAMES, photos, [("one", "rear", "x.png")])
+
+
+def test_poses_of_matrices_are_what_the_tests_think() -> None:
+    turn = rotation_matrix(APART[0])
+    pose: Pose = pose_of_matrix(turn, -turn.T @ APART[1])
+    assert np.allclose(pose[0], APART[0])
+    assert np.allclose(pose[1], APART[1])
+
+
+@functools.cache
+def symmetric_shots() -> tuple[Target, tuple[Observations, ...], RigTruth]:
+    """Shots of one board that looks the same after half a turn, by its true names."""
+    board = {"name": "board", "type": "checkerboard", "corners": [8, 6], "square": 40.0}
+    of = Target.from_data({"units": "mm", "boards": [board]})
+    lenses = [synthetic_lens("equisolid", (800, 600)), synthetic_lens("equisolid", (640, 640))]
+    near = (np.array([0.02, 0.3, -0.02]), np.array([-120.0, 10.0, 5.0]))
+    corners, truth = simulated_rig(
+        lenses,
+        [(np.zeros(3), np.zeros(3)), near],
+        of,
+        14,
+        distances=(150, 400),
+        seed=1,
+        errors=CornerErrors(noise=0.1, shared=0, spread=0),
+    )
+    return of, tuple(one.with_target(of) for one in corners), truth
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("named", ["by chance", "upside down"])
+def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -> None:
+    of, shown, truth = symmetric_shots()
+    (half,) = symmetries(of)
+    given = []
+    for number, pairs in enumerate(shown):
+        chance = np.random.default_rng(number).random(len(pairs.images)) < 0.5
+        turned = chance if named == "by chance" else np.full(len(chance), number == 1)
+        photos = [pairs.images[photo] for photo in np.flatnonzero(turned)]
+        given.append(renamed(pairs, of, dict.fromkeys(photos, half)))
+    rig, by_truth = (
+        calibrate_rig(
+            [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)],
+            matched(pairs),
+            target=of,
+            refine_target="off",
+            diagnose=find_rig_faults,
+        )
+        for pairs in (given, shown)
+    )
+    assert rig.findings == ()
+    assert len(rig.shots) == 14
+    right = truth.camera_from_rig[1]
+    np.testing.assert_allclose(rig.cameras[1].translation, right[1], atol=3)
+    np.testing.assert_allclose(
+        rig.cameras[1].translation, by_truth.cameras[1].translation, atol=1e-3
+    )
+    # And a rig that is known explains shots with such names as well as with true ones.
+    told, true = (evaluate_rig(rig.cameras, pairs, matched(pairs)) for pairs in (given, shown))
+    assert told.errors.rms_px == pytest.approx(true.errors.rms_px, rel=1e-3)
+    # One shot alone is told by where the cameras stand.
+    turned = renamed(shown[1], of, dict.fromkeys(shown[1].images, half))
+    shot = set(shown[0].images) & set(shown[1].images)
+    name = sorted(shot)[0]
+    one = [pairs.select(pairs.image == pairs.images.index(name)).only_seen()[0]
+           for pairs in (shown[0], turned)]  # fmt: skip
+    assert evaluate_rig(rig.cameras, one, matched(one)).errors.rms_px < 0.5
