@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -43,6 +44,11 @@ def run_without(folder: Path, *args: object) -> subprocess.CompletedProcess[str]
     )
 
 
+def bare(text: str) -> str:
+    """Without what depends on where lines end."""
+    return re.sub(r"[\s-]", "", text)
+
+
 @pytest.mark.slow
 def test_a_single_camera_needs_no_rigs(without_rigs: Path, calibrated: Path, run: Run) -> None:
     said = run_without(without_rigs, "--help")
@@ -64,7 +70,8 @@ def test_a_single_camera_needs_no_rigs(without_rigs: Path, calibrated: Path, run
         "export": [calibrated, "--to", "opencv", "-o", without_rigs / "cv.yaml", "--max-error", 3],
     }  # fmt: skip
     for name, args in lines.items():
-        assert run_without(without_rigs, name, "--help").stdout == run(name, "--help").stdout
+        helped = run_without(without_rigs, name, "--help").stdout
+        assert bare(helped) == bare(run(name, "--help").stdout)
         done = run_without(without_rigs, name, *args, *(["--json"] if name != "calibrate" else []))
         assert done.returncode == 0, done.stderr
         assert name == "calibrate" or json.loads(done.stdout)
