@@ -17,6 +17,7 @@ import argparse
 import csv
 import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,12 +26,13 @@ from cubicfish_cli.boards.checkerboard import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import cv2
 import numpy as np
+from asymmetric_lens import AsymmetricLens
 
 from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import look_at, project_corners
 from cubicfish_cli.target import Target

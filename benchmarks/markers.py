@@ -9,13 +9,18 @@ processor, without the search for grids that ``find_grids`` does for every photo
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import cv2
 import numpy as np
+from asymmetric_lens import AsymmetricLens
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.boards.markers import Markers
@@ -23,7 +28,6 @@ from cubicfish_cli.boards.types import BOARD_TYPES
 from cubicfish_cli.detection.finder import find_grids
 from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.detection.markers_pieces import How
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import Pose, TrueCorners, look_at, project_corners
 from cubicfish_cli.target import Target

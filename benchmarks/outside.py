@@ -27,13 +27,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
+from asymmetric_lens import AsymmetricLens
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish_cli.errors import CubicfishError
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.target import Target

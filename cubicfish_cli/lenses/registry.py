@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.division import DivisionLens
 from cubicfish_cli.lenses.field_of_view import FieldOfViewLens
 from cubicfish_cli.lenses.ftheta import FThetaLens
@@ -17,7 +16,6 @@ from cubicfish_cli.lenses.unified import DoubleSphereLens, UnifiedLens
 
 LENSES: tuple[type[Lens], ...] = (
     RadialCamera,
-    AsymmetricLens,
     DivisionLens,
     FieldOfViewLens,
     ScaramuzzaLens,

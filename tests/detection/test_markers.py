@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from asymmetric_lens import AsymmetricLens
 from synthetic import plain_background
 
 from cubicfish_cli.boards.markers import Markers
@@ -19,7 +20,6 @@ from cubicfish_cli.detection.markers_pieces import How
 from cubicfish_cli.detection.markers_read import read_grid
 from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.identification.glance import glance_at_markers
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.photos import Photo
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners

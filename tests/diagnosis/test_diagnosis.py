@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 import wrong_setups as wrong
+from asymmetric_lens import AsymmetricLens
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -40,7 +41,6 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.geometry import similarity
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.library.calibration import calibrate
 from cubicfish_cli.observations import Observations

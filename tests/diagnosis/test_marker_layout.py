@@ -6,6 +6,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+from asymmetric_lens import AsymmetricLens
 
 from cubicfish_cli.boards.markers import Markers
 from cubicfish_cli.boards.types import BOARD_TYPES
@@ -14,7 +15,6 @@ from cubicfish_cli.detection.markers import find_marked_corners
 from cubicfish_cli.diagnosis.diagnose import find_faults
 from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.identification.identified import marked_corners
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import look_at
 from cubicfish_cli.target import Target

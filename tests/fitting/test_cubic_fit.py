@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic
+from asymmetric_lens import AsymmetricLens
 from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.boards.shape import BoardShape
@@ -17,7 +18,6 @@ from cubicfish_cli.fitting.nearest_cubic import MARGIN_DEG, cone_angle
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.subset import world_scale
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.cubic import check_validity
 from cubicfish_cli.target import Target
 

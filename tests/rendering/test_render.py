@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from asymmetric_lens import AsymmetricLens
 from synthetic import (
     as_type,
     checkerboard,
@@ -14,7 +15,6 @@ from synthetic import (
 )
 
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering import simulate as rendering
 from cubicfish_cli.rendering.simulate import render
 from cubicfish_cli.rendering.truth import camera_points, look_at, project_corners, rotation_matrix

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from asymmetric_lens import AsymmetricLens
 from synthetic import (
     IMAGE_SIZE,
     TRUE_LENS,
@@ -16,7 +17,6 @@ from synthetic import (
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.errors import TargetError
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.rendering.truth import camera_points, rotation_matrix
 from cubicfish_cli.rendering.views import choose_views, sample_views, view_from

@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
+from asymmetric_lens import AsymmetricLens
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.checkerboard import Checkerboard
 from cubicfish_cli.boards.types import BOARD_TYPES
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.truth import (
     AnyLens,

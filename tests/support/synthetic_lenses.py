@@ -1,6 +1,6 @@
 """Made-up lenses outside the fitted families, for honest synthetic tests.
 
-:class:`~cubicfish_cli.lenses.asymmetric.AsymmetricLens` has the formula of the lens that P is held
+:class:`~asymmetric_lens.AsymmetricLens` has the formula of the lens that P is held
 to, so what it shows leans on the prior being right. The lenses here differ from it as real ones do,
 and none is a member of the cubic's family or of another model of :mod:`cubicfish_cli.lenses`:
 

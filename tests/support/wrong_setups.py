@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import synthetic
+from asymmetric_lens import AsymmetricLens
 
 from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.corner_files.observations_csv import save_corners
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.truth import Pose
 from cubicfish_cli.target import Target, target_text

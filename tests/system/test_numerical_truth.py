@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 import synthetic
+from asymmetric_lens import AsymmetricLens
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +21,6 @@ from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.target import Target
 

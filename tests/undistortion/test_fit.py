@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from asymmetric_lens import AsymmetricLens
 from lenses import cubic_camera
 from synthetic import TRUE_LENS
 
 from cubicfish_cli.errors import ViewError
 from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 from cubicfish_cli.lenses.sphere import cone_rays
 from cubicfish_cli.undistortion.choose import CENTRAL_KINDS, axis_focal, build_view
 from cubicfish_cli.undistortion.fit import _region, _shows, fit_view, seen_field_deg, sees

@@ -2,12 +2,12 @@ from math import atan2, hypot, radians
 
 import numpy as np
 import pytest
+from asymmetric_lens import AsymmetricLens
 from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import IMAGE_SIZE, TRUE_LENS, lens_of_size, rays_in_cone
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.lenses.asymmetric import AsymmetricLens
 
 
 def by_the_formula(ray, lens):
