@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.fitting.linearise import huber_weight
+from cubicfish_cli.lenses.sphere import all_around
 from cubicfish_cli.types import FloatArray, IntArray
 
 _HUBER_PX = 1.0
@@ -52,7 +53,13 @@ def aligned_difference(
         has no pixel; and R (3, 3).
 
     """
-    wanted = second.project(rays)
+    return aligned_to_pixels(first, rays, second.project(rays), near=near)
+
+
+def aligned_to_pixels(
+    first: ProjectingLens, rays: FloatArray, wanted: FloatArray, *, near: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """:func:`aligned_difference`, of a second lens that sees the rays at pixels (N, 2)."""
     rotation = Rotation.identity() if near else _start(first, rays, wanted)
 
     def difference(rotation: Rotation, index: IntArray) -> FloatArray:
@@ -102,7 +109,7 @@ def _small_turn(
 def _start(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotation:
     """Turn each ray onto that ray whose pixel in ``first`` is nearest to its own (Wahba 1965)."""
     # Rays of the whole sphere: the first lens may look along any axis of its frame.
-    probes = _sphere(max(4 * len(rays), 4000))
+    probes = all_around(max(4 * len(rays), 4000))
     seen = first.project(probes)
     good = np.isfinite(seen).all(axis=1)
     pairs = np.isfinite(wanted).all(axis=1)
@@ -120,12 +127,3 @@ def _start(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotat
         off = np.linalg.norm(rotation.apply(own) - matched, axis=1)
         near = off <= np.quantile(off, _START_SHARE)
     return rotation
-
-
-def _sphere(count: int) -> FloatArray:
-    """``count`` unit vectors spread evenly over the sphere (Fibonacci)."""
-    index = np.arange(count)
-    z = 1 - (2 * index + 1) / count
-    azimuth = index * np.pi * (3 - np.sqrt(5))
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], axis=-1)

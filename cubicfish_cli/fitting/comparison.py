@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.fit_record import ErrorStatistics
 from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.alignment import aligned_difference
+from cubicfish_cli.fitting.alignment import aligned_to_pixels
 from cubicfish_cli.fitting.statistics import error_statistics, rms_px
+from cubicfish_cli.lenses.sphere import ray_at
 from cubicfish_cli.types import FloatArray
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
@@ -118,9 +119,7 @@ def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
         rays = first.unproject(pixel)
     seen = np.flatnonzero(np.isfinite(rays[:, 0]))
     some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
-    _, rotation = aligned_difference(
-        _Rescaled(second, scale), _KnownPixels(pixel[some]), rays[some]
-    )
+    _, rotation = aligned_to_pixels(_Rescaled(second, scale), rays[some], pixel[some])
     miss = _Rescaled(second, scale).project(rays[seen] @ rotation.T) - pixel[seen]
     common = np.isfinite(miss[:, 0])
     if not common.any():
@@ -139,26 +138,11 @@ def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
     )
 
 
-class _KnownPixels:
-    """The first camera at pixels whose rays are known."""
-
-    def __init__(self, pixel: FloatArray) -> None:
-        self._pixel = pixel
-
-    def project(self, points: FloatArray, /) -> FloatArray:
-        return self._pixel
-
-
 def _near_axis(camera: ComparedCamera) -> FloatArray:
     """Pixels (N, 2) spread evenly over the part of the photo that a camera of narrow field sees."""
     angle = np.deg2rad(np.geomspace(1e-3, 90, 200))[:, None]
     around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    fan = np.stack(
-        np.broadcast_arrays(
-            np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)
-        ),
-        axis=-1,
-    )
+    fan = ray_at(*np.broadcast_arrays(angle, around))
     edge = camera.project(fan.reshape(-1, 3))
     edge = edge[np.isfinite(edge[:, 0])]
     if not len(edge):
