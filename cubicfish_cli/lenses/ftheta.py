@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from cubicfish_cli.angles import angle_from_axis, unit_rays
-from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.types import FloatArray
@@ -74,40 +73,6 @@ class FThetaLens(Lens):
             way = np.where(across[:, None] > 0, points[:, :2] / across[:, None], 0.0)
         pixel = (way * r[:, None]) @ _matrix(self.linear).T + [self.cx, self.cy]
         return np.where(found[:, None], pixel, np.nan)
-
-    @classmethod
-    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FThetaLens:
-        """See :class:`Lens`: by angles between rays, which needs no inverse.
-
-        Times the focal length they are pixels.
-        """
-        from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
-
-        start = cls.starts(camera.radial, 0.0)[0]
-        rays = unit_rays(rays)
-        focal = 0.5 * (camera.radial.fx + camera.radial.fy)
-
-        def lens(values: FloatArray) -> FThetaLens:
-            scaled = values[2:7] / focal ** np.arange(1, 6)
-            return replace(
-                start,
-                cx=float(values[0]),
-                cy=float(values[1]),
-                polynomial=np.concatenate([[0.0], scaled]),
-                linear=values[7:],
-            )
-
-        def residual(values: FloatArray) -> FloatArray:
-            centre, k, linear = values[:2], values[2:7], values[7:]
-            offset = (pixel - centre) @ np.linalg.inv(_matrix(linear)).T
-            r = np.hypot(offset[:, 0], offset[:, 1])
-            theta = polynomial.polyval(r / focal, np.concatenate([[0.0], k]))
-            way = offset / np.maximum(r, 1e-300)[:, None]
-            seen = np.column_stack([np.sin(theta)[:, None] * way, np.cos(theta)])
-            return np.asarray((focal * (seen - rays)).ravel())
-
-        first = np.array([start.cx, start.cy, 1.0, 0, 0, 0, 0, *start.linear])
-        return lens(least_squares(residual, first, x_scale="jac", max_nfev=200).x)
 
 
 def _matrix(linear: FloatArray) -> FloatArray:

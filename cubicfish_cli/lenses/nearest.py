@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Literal, Self, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,11 @@ from cubicfish_cli.lenses.lens import Lens
 from cubicfish_cli.types import FloatArray
 
 L = TypeVar("L", bound=Lens)
-Method = Literal["trf", "lm"]
 
 # What a ray that a lens does not see counts for: a step to such a lens is turned down by its cost.
 _BLIND_PX = 1e4
 _NEAR_STEPS = 3
+_MOST_STEPS = 200
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,8 +74,6 @@ def nearest_lens(
     pixel: FloatArray,
     *,
     held: Collection[str] = (),
-    method: Method = "trf",
-    most_steps: int = 200,
 ) -> L:
     """The lens nearest to pixels, least squares over its parameters, from the best of its starts.
 
@@ -84,15 +82,13 @@ def nearest_lens(
         rays: (N, 3) unit rays.
         pixel: (N, 2) where they should be seen.
         held: names of parameters that stay as they start, beside those that the model fixes.
-        method: of scipy's least_squares.
-        most_steps: how often the pixels are evaluated.
 
     Raises:
         FitError: no lens of the model is near.
 
     """
     free = [FreeLens.of(one, held) for one in starts]
-    fits = [_least_squares(one, rays, pixel, method, most_steps) for one in free]
+    fits = [_least_squares(one, rays, pixel) for one in free]
     found = min(fits, key=lambda fit: fit[0])[1]
     if not np.isfinite(found.parameters).all():
         raise FitError("no lens of this model is near the camera: choose another format")
@@ -133,13 +129,7 @@ def nearest_accepted(
     return found
 
 
-def _least_squares(
-    start: FreeLens[L],
-    rays: FloatArray,
-    pixel: FloatArray,
-    method: Method = "trf",
-    most_steps: int = 200,
-) -> tuple[float, L]:
+def _least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
     """Cost, and the lens."""
     from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
 
@@ -153,11 +143,6 @@ def _least_squares(
 
     with np.errstate(all="ignore"):
         found = least_squares(
-            residual,
-            start.parameters,
-            jac=slope,
-            method=method,
-            x_scale="jac" if method == "trf" else 1.0,
-            max_nfev=most_steps,
+            residual, start.parameters, jac=slope, method="lm", x_scale="jac", max_nfev=_MOST_STEPS
         )
     return float(found.cost), start.with_parameters(found.x).lens

@@ -73,21 +73,8 @@ class ScaramuzzaLens(Lens):
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
         """Linear least squares of f on the radial lens's profile."""
-        theta = np.linspace(0.02, covered, 200)
-        profile = radial.profile(theta)
-        powers = np.array([0, 2, 3, 4])
-        a = np.zeros(5)
-        a[powers] = _on_profile(profile, theta, powers) * radial.fy ** (1.0 - powers)
-        return (
-            cls(
-                image_size=radial.image_size,
-                cx=radial.cx,
-                cy=radial.cy,
-                stretch=np.diag([radial.fx / radial.fy, 1.0]),
-                a=a,
-                reach=_COMPARED_REACH * radial.fy,
-            ),
-        )
+        start = cls._near(radial, np.linspace(0.02, covered, 200), _DEGREES[0])
+        return (replace(start, reach=_COMPARED_REACH * radial.fy),)
 
     @property
     def units(self) -> FloatArray:
@@ -168,30 +155,27 @@ class ScaramuzzaLens(Lens):
     def of_degree(
         cls, degree: int, camera: CubicCamera, rays: FloatArray, pixel: FloatArray
     ) -> ScaramuzzaLens:
-        """The nearest lens of a degree, without its inverse; the linear term stays 0.
+        """The nearest lens of a degree, without its inverse; the linear term stays 0."""
+        start = cls._near(camera.radial, angle_from_axis(rays), degree)
+        reach = 2 * float(np.hypot(*camera.image_size))
+        return replace(nearest_lens([replace(start, reach=reach)], rays, pixel), reach=None)
 
-        Lengths count in focal lengths, so that all values are near 1.
-        """
-        radial, powers = camera.radial, np.array([0, *range(2, degree + 1)])
-        unit = radial.fy
-        theta = angle_from_axis(rays)
+    @classmethod
+    def _near(cls, radial: RadialCamera, theta: FloatArray, degree: int) -> Self:
+        """Linear least squares of f on a radial lens's profile at angles from its axis."""
+        powers = np.array([0, *range(2, degree + 1)])
+        profile = radial.profile(theta)
+        # Times sin θ the equation stays finite where f crosses 0.
+        rows = profile[:, None] ** powers * np.sin(theta)[:, None]
+        found = np.linalg.lstsq(rows, profile * np.cos(theta), rcond=None)[0]
         a = np.zeros(degree + 1)
-        a[powers] = _on_profile(radial.profile(theta), theta, powers)
-        start = cls(
-            image_size=camera.image_size,
-            cx=radial.cx / unit,
-            cy=radial.cy / unit,
+        a[powers] = found * radial.fy ** (1.0 - powers)
+        return cls(
+            image_size=radial.image_size,
+            cx=radial.cx,
+            cy=radial.cy,
             stretch=np.diag([radial.fx / radial.fy, 1.0]),
             a=a,
-            reach=2 * float(np.hypot(*camera.image_size)) / unit,
-        )
-        found = nearest_lens([start], rays, pixel / unit, method="lm", most_steps=60)
-        return replace(
-            found,
-            cx=found.cx * unit,
-            cy=found.cy * unit,
-            a=found.a * unit ** (1.0 - np.arange(degree + 1)),
-            reach=None,
         )
 
     @property
@@ -216,15 +200,6 @@ def shifted(coefficients: FloatArray, offset: float, scale: float = 1.0) -> Floa
     for value in coefficients[::-1]:
         result = polynomial.polyadd(polynomial.polymul(result, [offset, scale]), [value])
     return np.asarray(result, float)
-
-
-def _on_profile(profile: FloatArray, theta: FloatArray, powers: FloatArray) -> FloatArray:
-    """F's coefficients by linear least squares on a profile, in its unit.
-
-    Times sin θ the equation stays finite where f crosses 0.
-    """
-    rows = profile[:, None] ** powers * np.sin(theta)[:, None]
-    return np.asarray(np.linalg.lstsq(rows, profile * np.cos(theta), rcond=None)[0])
 
 
 def _rms_and_largest(
