@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
-from cubicfish_cli.fitting.gram import gram
+from cubicfish_cli.fitting.fit_lens import gram
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.robust import noise_px, wide_px
 from cubicfish_cli.geometry import decentring, decentring_slope, mean_rotation

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol, Self
 
+import numpy as np
+
 from cubicfish_cli.types import FloatArray
 
 
@@ -28,3 +30,9 @@ class FitLens(Protocol):
 
         Products of their derivatives by the parameters and, last, of their residuals, pixels.
         """
+
+
+def gram(slope: FloatArray, residual: FloatArray) -> FloatArray:
+    """(K + 1, K + 1) products of derivatives (L, K) and, last, of residuals (L,)."""
+    rows = np.column_stack([slope, residual])
+    return np.asarray(rows.T @ rows)

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish_cli.fitting.asymmetric import BentFit, StillRays
-from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.gram import gram
+from cubicfish_cli.fitting.fit_lens import FitLens, gram
 from cubicfish_cli.fitting.linear import linear_coefficients
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.lenses.cubic import CubicCamera

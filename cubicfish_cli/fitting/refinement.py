@@ -15,10 +15,8 @@ from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.hold import choose_hold
-from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.fitting.photo_noise import weighed
-from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
@@ -83,15 +81,12 @@ class TargetFit:
         level: how much of the target was free.
         reference: the radial fit, its pairs with the refined world points.
         cubic: the cubic fit.
-        offset_spread: standard deviation of corners' own offsets that the data showed, in the
-            pairs' units; None below the level ``points``.
 
     """
 
     level: Level
     reference: RadialReference
     cubic: CubicResult
-    offset_spread: float | None = None
 
     def refined_target(self, drawing: Drawing) -> Target | None:
         """The target as fitted, in the target's units; the drawing itself at level ``off``."""
@@ -140,9 +135,26 @@ def refine_object(
     free = free_world(drawing, noise=noise_px(fit.cubic.errors), offset_spread=spread)
     free = free.started(fit.cubic.fit.world)
     pairs = replace(drawing.pairs_at(level), weight=fit.reference.pairs.weight)
-    adjusted = _adjusted(fit.cubic.lens, fit.cubic.poses, pairs, free)
+    # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
+    # the loss's scale by.
+    adjusted = adjust(
+        fit.cubic.lens,
+        fit.cubic.poses,
+        pairs,
+        huber_px=2 * huber_px(np.full((1, 2), free.noise)),
+        world=free,
+        relative_decrease=1e-3,
+        damping=WARM_DAMPING,
+    )
     adjusted, spread = settled_spread(adjusted, pairs, spread)
-    return _joint(fit, drawing, level, adjusted, spread, groups)
+    # With the target near its place: the reference anew, how P is held, then all at once.
+    pairs = weighed(drawing.pairs_at(level), adjusted.residual)
+    pairs = pairs.with_world(adjusted.world.points)
+    reference = refit_radial(fit.reference, pairs, adjusted.poses)
+    world = adjusted.world.with_noise(noise_px(adjusted.errors), spread)
+    near = replace(fit.cubic, fit=replace(adjusted, world=world))
+    cubic = choose_hold(reference, groups, world=world, start=near)
+    return TargetFit(level=level, reference=reference.followed(cubic.fit.world.points), cubic=cubic)
 
 
 def to_the_bottom(fit: TargetFit) -> TargetFit:
@@ -162,22 +174,6 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
         noise=noise,
         offset_spread=offset_spread,
         scale=drawing.scale,
-    )
-
-
-def _adjusted(
-    lens: CubicFit, poses: Poses, pairs: Observations, world: World
-) -> Adjustment[CubicFit]:
-    """A first adjustment of the target, rough: the reference and all at once come after it."""
-    # As drawn, residuals are too large to set the loss's scale by.
-    return adjust(
-        lens,
-        poses,
-        pairs,
-        huber_px=2 * huber_px(np.full((1, 2), world.noise)),
-        world=world,
-        relative_decrease=1e-3,
-        damping=WARM_DAMPING,
     )
 
 
@@ -231,26 +227,3 @@ def _offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
     left_open = np.trace(covariance, axis1=1, axis2=2) / 3
     found = np.median(length) / _MEDIAN_OF_MAXWELL
     return max(float(np.sqrt(found**2 + np.median(left_open))), _SMALLEST_SPREAD)
-
-
-def _joint(
-    fit: TargetFit,
-    drawing: Drawing,
-    level: Level,
-    adjusted: Adjustment[CubicFit],
-    spread: float | None,
-    groups: Sequence[IntArray],
-) -> TargetFit:
-    """With the target near its place: the reference anew, how P is held, then all at once."""
-    world = adjusted.world
-    pairs = weighed(drawing.pairs_at(level), adjusted.residual).with_world(world.points)
-    reference = refit_radial(fit.reference, pairs, adjusted.poses)
-    world = world.with_noise(noise_px(adjusted.errors), spread)
-    near = replace(fit.cubic, fit=replace(adjusted, world=world))
-    cubic = choose_hold(reference, groups, world=world, start=near)
-    return TargetFit(
-        level=level,
-        reference=reference.followed(cubic.fit.world.points),
-        cubic=cubic,
-        offset_spread=spread,
-    )

@@ -14,7 +14,7 @@ import numpy as np
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.fitting.gram import gram
+from cubicfish_cli.fitting.fit_lens import gram
 from cubicfish_cli.fitting.poses import cross, rotation_from_vector
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
