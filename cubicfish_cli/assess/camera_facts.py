@@ -14,7 +14,8 @@ from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.assess.records import plain_record
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
-from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point import PointCamera
 
 _STEPS = 512  # pixels that are looked at between the axis and an edge
 

@@ -10,7 +10,8 @@ import numpy as np
 from cubicfish_cli.angles import angle_from_axis, azimuth
 from cubicfish_cli.fitting.robust import noise_by_photo
 from cubicfish_cli.geometry import inside_polygon
-from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point import PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code

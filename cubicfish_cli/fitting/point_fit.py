@@ -28,8 +28,8 @@ from cubicfish_cli.fitting.statistics import (
 )
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
 from cubicfish_cli.formats.calibrated import CameraRecord
-from cubicfish_cli.lenses.cubic import PointCamera
 from cubicfish_cli.lenses.lift import lift
+from cubicfish_cli.lenses.point import PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.threads import one_blas_thread

@@ -22,7 +22,8 @@ from cubicfish_cli.assess.fit_record import ErrorStatistics, FitRecord
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.files import write_text
-from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point import PointCamera
 from cubicfish_cli.plain_yaml import plain_yaml_text
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import quoted

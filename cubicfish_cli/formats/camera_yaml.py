@@ -19,8 +19,9 @@ from cubicfish_cli.formats.calibrated import (
     unit_norm,
 )
 from cubicfish_cli.formats.camera_format import mapping, refuse_unknown, refuse_version
-from cubicfish_cli.lenses.cubic import CubicCamera, Frame, PointCamera, check_validity
+from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.lenses.lift import SIZE
+from cubicfish_cli.lenses.point import Frame, PointCamera
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.plain_yaml import load_plain_yaml
 from cubicfish_cli.types import FloatArray

@@ -6,32 +6,22 @@
 An unconstrained fit can put a zero of P3Φ inside or just outside the data, where pixels run to
 infinity and come back mirrored. A sound P has P3Φ > 0 and a positive Jacobian determinant (the
 picture is neither folded nor mirrored) over the whole cone.
-
-The ``point`` lift: Φ of the 3D point itself, as Zhu & Yin (2010) write Eq. 4–7 in Section 3.
-
-λ m = P Φ((X − offset) / scale). X is a world point (one photo) or a camera-frame point (several).
-Unlike the ``ray`` lift this is no camera with a centre: depth matters, and P means something only
-in the volume that the corners filled. Where all corners lay on a few planes, every cubic that
-vanishes on these planes may be added to a row of P without changing any corner's pixel: then P
-says nothing of points off the planes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.angles import angle_from_axis, azimuth, unit_rays
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.lenses.lift import SIZE, evaluate_cubics, lift
+from cubicfish_cli.lenses.lift import evaluate_cubics, lift
 from cubicfish_cli.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
-from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.types import FloatArray
 from cubicfish_cli.units import times
 
 # Pixel -> ray is exact to this many pixels; what does not get there is NaN.
@@ -261,97 +251,7 @@ def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
 def _checked(angle_deg: float) -> FloatArray:
     """Rays of a cone, (N, 3): a fit asks for the same many times."""
     angle = np.deg2rad(angle_deg)
-    rim_azimuth = np.linspace(0, 2 * np.pi, 720, endpoint=False)
-    rim = np.stack(
-        [
-            np.sin(angle) * np.cos(rim_azimuth),
-            np.sin(angle) * np.sin(rim_azimuth),
-            np.full(720, np.cos(angle)),
-        ],
-        axis=-1,
-    )
+    rim = ray_at(np.full(720, angle), np.linspace(0, 2 * np.pi, 720, endpoint=False))
     rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
     rays.flags.writeable = False
     return rays
-
-
-Frame = Literal["world", "camera"]
-
-# In units of the target's size: what a cubic that vanishes on all corners may come to at a point
-# that still counts as lying where they were.
-_ON_BOARD = 1e-4
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointCamera:
-    """A ratio of cubics in the point.
-
-    Attributes:
-        image_size: (width, height), pixels.
-        P: (3, 20), columns in the paper's order.
-        frame: which frame the points are in.
-        offset: (3,) and ``scale``: Φ is applied to (X − offset) / scale.
-        null: (K, 20) orthonormal cubics that vanish on every corner of the fit; K = 0 when the
-            corners determined all of P.
-        reach: the corners lay within this distance of ``offset``, in units of ``scale``.
-        valid: (M, 2) outline of the corners, pixels.
-
-    """
-
-    image_size: tuple[int, int]
-    P: FloatArray
-    frame: Frame
-    offset: FloatArray
-    scale: float
-    null: FloatArray
-    reach: float
-    valid: FloatArray
-
-    @property
-    def rank(self) -> int:
-        """Rank of Φ over the corners of the fit: 20 when P is determined in the whole volume."""
-        return SIZE - len(self.null)
-
-    def outline(self) -> FloatArray:
-        """(M, 2) where it may be trusted in the photo, pixels: :attr:`valid`."""
-        return self.valid
-
-    def project(self, points: npt.ArrayLike, *, near: bool = True) -> FloatArray:
-        """Points (..., 3) in :attr:`frame` -> pixels (..., 2); all of them count as near.
-
-        NaN outside the volume of the corners, at a pole, and off the boards where the rank is
-        below 20; :meth:`refuse_off_boards` says the latter aloud.
-        """
-        local = self._local(points)
-        values = lift(np.where(np.isfinite(local), local, 0))
-        homogeneous = values @ self.P.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pixel = homogeneous[..., :2] / homogeneous[..., 2:]
-            inside = np.linalg.norm(local, axis=-1) <= self.reach
-        inside &= (homogeneous[..., 2] > 0) & self._on_boards(values)
-        return np.where(inside[..., None], pixel, np.nan)
-
-    def refuse_off_boards(self, points: npt.ArrayLike) -> None:
-        """Refuse points (..., 3) of which the corners said nothing.
-
-        Raises:
-            FitError: a finite point is off the boards and the rank is below 20.
-
-        """
-        given = np.asarray(points, float).reshape(-1, 3)
-        given = given[np.isfinite(given).all(axis=1)]
-        off = np.flatnonzero(~self._on_boards(lift(self._local(given))))
-        if off.size:
-            x, y, z = given[off[0]].tolist()
-            raise FitError(
-                f"point {x:g}, {y:g}, {z:g} is off the boards: the corners gave P rank "
-                f"{self.rank} of {SIZE}, so any cubic that is zero on the boards could be added "
-                "to it, and a pixel there would be made up; use lift 'ray', or boards on four or "
-                "more planes in general position"
-            )
-
-    def _local(self, points: npt.ArrayLike) -> FloatArray:
-        return (np.asarray(points, float) - self.offset) / self.scale
-
-    def _on_boards(self, values: FloatArray) -> BoolArray:
-        return np.abs(values @ self.null.T).max(axis=-1, initial=0) <= _ON_BOARD

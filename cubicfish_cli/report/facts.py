@@ -18,7 +18,8 @@ from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select
 from cubicfish_cli.formats.calibrated import CameraRecord
-from cubicfish_cli.lenses.cubic import CubicCamera, PointCamera
+from cubicfish_cli.lenses.cubic import CubicCamera
+from cubicfish_cli.lenses.point import PointCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import best_named
 from cubicfish_cli.target import Target

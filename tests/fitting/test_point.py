@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.point_fit import calibrate_points, fit_ratio, ratio
 from cubicfish_cli.fitting.subset import select, select_photos
-from cubicfish_cli.lenses.cubic import PointCamera
 from cubicfish_cli.lenses.lift import lift, lift_rotation
+from cubicfish_cli.lenses.point import PointCamera
 from cubicfish_cli.rendering.truth import rotation_matrix
 from cubicfish_cli.undistortion.maps import build_map
 from cubicfish_cli.undistortion.plane import PlaneView

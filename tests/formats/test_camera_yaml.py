@@ -21,7 +21,7 @@ from cubicfish_cli.formats.camera_yaml import (
     load_any_camera,
     load_camera,
 )
-from cubicfish_cli.lenses.cubic import PointCamera
+from cubicfish_cli.lenses.point import PointCamera
 
 FIT = {"rms_px": 0.1, "per_image": [{"image": "ä b.png", "corners": 3}], "held_out_rms_px": None}
 MADE_BY = {"version": "0", "options": {"target": "no"}}
