@@ -5,18 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 from synthetic import IMAGE_SIZE, TRUE_LENS, corner_of_three, synthetic_correspondences
-from threadpoolctl import threadpool_info, threadpool_limits
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from cubicfish_cli import calibrate, evaluate
 from cubicfish_cli.fitting.model_comparison import compare_models
 from cubicfish_cli.rendering.simulate import chosen_poses
 from cubicfish_cli.threads import Shared, one_blas_thread
 
+LIBRARIES = ThreadpoolController().select(user_api="blas")
+
 
 def blas_threads() -> set[int]:
     """How many each library takes, but for those that were built for one alone."""
-    found = [one for one in threadpool_info() if one["user_api"] == "blas"]
-    return {one["num_threads"] for one in found if one["threading_layer"] != "disabled"}
+    return {one["num_threads"] for one in LIBRARIES.info() if one["threading_layer"] != "disabled"}
 
 
 def test_threads_are_as_before_when_the_last_one_leaves() -> None:
