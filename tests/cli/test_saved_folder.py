@@ -51,23 +51,33 @@ def test_the_object_is_beside_it_or_named(run: Run, saved: Saved, beside: bool) 
     assert "verdict: good" in run("evaluate", table, "-m", model, "-t", TARGET).stdout
 
 
-@pytest.mark.usefixtures("with_report")
+NO_TARGET = "no target.yaml is beside the camera"
+NO_CORNERS = "there is no corners.csv beside the camera"
+
+
 @pytest.mark.parametrize(
     ("names", "why", "do"),
     [
-        (["corners.csv"], "no target.yaml is beside the camera", "name the target with --target"),
-        (["target.yaml"], "there is no corners.csv beside the camera", "with --corners"),
-        ([], "there is no corners.csv beside the camera", "with --corners"),
+        (["corners.csv"], NO_TARGET, "name the target with --target"),
+        (["target.yaml"], NO_CORNERS, "with --corners"),
+        ([], NO_CORNERS, "with --corners"),
     ],
 )
 def test_what_is_missing_is_said_in_one_line(
     run: Run, saved: Saved, names: list[str], why: str, do: str
 ) -> None:
-    folder = saved(*names)
-    said = run("advise", folder, code=1).stderr
+    said = run("advise", saved(*names), code=1).stderr
     assert said.count("\n") == 1
     assert why in said
     assert do in said
+
+
+@pytest.mark.usefixtures("with_report")
+@pytest.mark.parametrize(
+    ("names", "why"), [(["corners.csv"], NO_TARGET), (["target.yaml"], NO_CORNERS)]
+)
+def test_a_page_says_what_is_missing(run: Run, saved: Saved, names: list[str], why: str) -> None:
+    folder = saved(*names)
     (line,) = [line for line in run("report", folder).stderr.splitlines() if "Corners" in line]
     assert why in line
     assert why in (folder / "report.html").read_text(encoding="utf-8")

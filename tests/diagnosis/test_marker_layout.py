@@ -54,18 +54,20 @@ def drawing(kind, counts, first_square="dark"):
 
 @cache
 def photos(kind, counts, first_square="dark"):
+    """Photos of a board, each with the grids that are found in it."""
     target = drawing(kind, counts, first_square)
     board = target.boards[0]
     middle = board.world_points(board.columns - 1, board.rows - 1) / 2
     seen = []
     for place in ((30.0, -20.0, -230.0), (-60.0, 50.0, -240.0)):
         pose = look_at(middle + np.array(place), middle, up=np.array([0.0, -1.0, 0.0]))
-        seen.append(render(target, LENS.unproject, pose, SIZE, noise=1.5, edges_only=True))
+        picture = render(target, LENS.unproject, pose, SIZE, noise=1.5, edges_only=True)
+        seen.append((picture, find_grids(picture)))
     return tuple(seen)
 
 
-def evidence(pictures, target):
-    grids = [find_grids(picture) for picture in pictures]
+def evidence(photos, target):
+    pictures, grids = zip(*photos, strict=True)
     marked = [
         find_marked_corners(picture, target, found)
         for picture, found in zip(pictures, grids, strict=True)
@@ -79,7 +81,7 @@ def evidence(pictures, target):
         with_boards=len(pictures),
         lost=(),
         corners=marked_corners(marked, target, SIZE, NAMES[: len(pictures)]),
-        grids=grids,
+        grids=list(grids),
     )
 
 
@@ -181,7 +183,7 @@ def test_photos_without_any_markers_are_told_of_none():
     middle = np.array([45.0, 75.0, 0.0])
     pose = look_at(middle + np.array([20.0, -10.0, -240.0]), middle, up=np.array([0.0, -1.0, 0.0]))
     picture = render(plain, LENS.unproject, pose, SIZE, noise=1.5, supersample=2)
-    (told,) = find_faults(evidence((picture,), target))
+    (told,) = find_faults(evidence([(picture, find_grids(picture))], target))
     assert (told.code, told.case) == (Code.NO_MARKERS, "all")
 
 
@@ -214,15 +216,16 @@ def test_a_board_that_shows_too_little_is_not_blamed():
     assert told.code is Code.NO_MARKERS
 
 
-@pytest.mark.parametrize("side", [9.0, 14.0])
-def test_markers_of_another_size_than_drawn_name_the_same_corners(side):
+def test_markers_of_another_size_than_drawn_name_the_same_corners():
     target, pictures = drawing("charuco", (4, 6)), photos("charuco", (4, 6))
     (board,) = target.boards
-    drawn = target.with_boards({0: replace(board, markers=replace(board.markers, side=side))})
-    right, seen = evidence(pictures, target).corners, evidence(pictures, drawn).corners
-    for name in ("image", "column", "row"):
-        np.testing.assert_array_equal(getattr(seen, name), getattr(right, name))
-    np.testing.assert_allclose(seen.pixel, right.pixel, atol=0.2)
+    right = evidence(pictures, target).corners
+    for side in (9.0, 14.0):
+        drawn = target.with_boards({0: replace(board, markers=replace(board.markers, side=side))})
+        seen = evidence(pictures, drawn).corners
+        for name in ("image", "column", "row"):
+            np.testing.assert_array_equal(getattr(seen, name), getattr(right, name))
+        np.testing.assert_allclose(seen.pixel, right.pixel, atol=0.2)
 
 
 def test_one_marker_that_cannot_be_read_does_not_outweigh_those_that_agree():

@@ -38,6 +38,16 @@ def reference(target):
     return fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
 
 
+@pytest.fixture(scope="module", params=["off", "shape", "points"])
+def held(request, reference, target):
+    """The level of the target's refinement, and a fit at it."""
+    level, world = request.param, None
+    if level != "off":
+        spread = 2e-3 if level == "points" else None
+        world = World.drawn(reference.pairs, target, noise=0.2, offset_spread=spread)
+    return level, fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4)
+
+
 def anew(fit, pairs, image_size, photos):
     """Residuals of photos under a fit to the others that is followed to its end."""
     train = np.setdiff1d(np.arange(len(pairs.images)), photos)
@@ -84,15 +94,10 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
         assert rms_px(residual) == pytest.approx(rms_px(wanted), rel=0.02)
 
 
-@pytest.mark.parametrize("level", ["off", "shape", "points"])
-def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
+def test_all_holds_at_once_are_as_one_by_one(reference, held):
     """Both ways to eliminate, and every prior as its lens itself has it."""
-    pairs, world = reference.pairs, None
-    if level != "off":
-        spread = 2e-3 if level == "points" else None
-        world = World.drawn(pairs, target, noise=0.2, offset_spread=spread)
-    result = fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4)
-    leaving = Leaving(result.fit, pairs, huber_px(result.residual), FOLDS)
+    _, result = held
+    leaving = Leaving(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
         bent, _ = reference.bent(spread)
@@ -109,15 +114,11 @@ def test_all_holds_at_once_are_as_one_by_one(reference, target, level):
                 assert rms_px(left[..., 0]) == pytest.approx(rms_px(residual[..., 0]), rel=2e-3)
 
 
-@pytest.mark.parametrize("level", ["off", "shape", "points"])
-def test_what_is_known_of_all_photos_saves_work_and_changes_nothing(reference, target, level):
+def test_what_is_known_of_all_photos_saves_work_and_changes_nothing(reference, held):
     """Whichever family of blocks is eliminated."""
-    pairs, world = reference.pairs, None
-    if level != "off":
-        spread = 2e-3 if level == "points" else None
-        world = World.drawn(pairs, target, noise=0.2, offset_spread=spread)
-    fit = fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4).fit
-    leaving = Leaving(fit, pairs, huber_px(fit.residual), FOLDS)
+    level, result = held
+    fit = result.fit
+    leaving = Leaving(fit, reference.pairs, huber_px(fit.residual), FOLDS)
     kept = set()
     for group, put_in, steps in zip(FOLDS, leaving._put_in, leaving.steps(), strict=True):
         anew = fit.normal.without(group, put_in).eliminated(_DAMPING)

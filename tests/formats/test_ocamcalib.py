@@ -23,8 +23,9 @@ SIZE = (960, 720)
 def lens() -> ScaramuzzaLens:
     """A lens with an affine part that no transposition leaves unnoticed."""
     camera = cubic_camera(95)
-    rays = cone_rays(np.deg2rad(90), 2000)
-    fitted = ScaramuzzaLens.nearest_to(camera, rays, camera.project(rays))
+    rays = cone_rays(np.deg2rad(90), 400)
+    fitted = ScaramuzzaLens.of_degree(4, camera, rays, camera.project(rays))
+    fitted = fitted.with_inverse(np.deg2rad(90))
     return replace(fitted, stretch=np.array([[1.003, 0.0021], [-0.0013, 0.998]]))
 
 

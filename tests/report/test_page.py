@@ -159,16 +159,6 @@ def test_corners_that_had_places_of_their_own_do_not_hide_the_others_errors(
     assert facts_of(fitted, other).errors is None
 
 
-def test_corners_of_another_fit_are_not_drawn(fitted: Calibration, pairs: Observations) -> None:
-    facts = facts_of(fitted, replace(pairs, pixel=pairs.pixel + 1.0))
-    assert facts.errors is None
-    assert "they are not those of the fit" in facts.absent[0]
-    page = Page(report_html(facts))
-    assert "they are not those of the fit" in page.text
-    assert "Errors as arrows" not in page.text
-    assert "The lens: radius by angle" in page.text
-
-
 @pytest.mark.slow
 def test_everything_is_there(page: Page) -> None:
     for words in (
@@ -199,11 +189,18 @@ def test_nothing_comes_from_elsewhere_and_no_script_runs(page: Page, html: str) 
     assert "https:" not in html
 
 
-def test_what_is_wrong_comes_first_and_figures_after(fitted: Calibration) -> None:
+def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
+    fitted: Calibration, pairs: Observations
+) -> None:
     note = {"level": "note", "what": "a note", "evidence": "12 px", "do": "sleep on it"}
     fit = {"findings": [{**note, "level": "bad", "what": "a fault"}, note], "notes": ["a remark"]}
-    facts = facts_of(fitted, None, fit=fit)
+    facts = facts_of(fitted, replace(pairs, pixel=pairs.pixel + 1.0), fit=fit)
+    assert facts.errors is None
+    assert "they are not those of the fit" in facts.absent[0]
     text = Page(report_html(facts)).text
+    assert "they are not those of the fit" in text
+    assert "Errors as arrows" not in text
+    assert "The lens: radius by angle" in text
     assert len(facts.known.verdict.reasons) > 1
     told = [
         "Not to be trusted",

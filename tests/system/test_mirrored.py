@@ -1,6 +1,7 @@
 """Photos that a mirror shows: named and fitted where the target says so, and told where not."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -131,13 +132,19 @@ def test_a_first_square_of_the_other_colour_is_told_by_its_key():
     assert "first_square: dark" in finding.what
 
 
+@cache
+def lone_board(columns, rows):
+    """A target, and its grids in photos that show all of it."""
+    target = Target(units="mm", boards=(checkerboard("b", columns, rows, 30.0),))
+    grids, _ = anonymous_photos(seen(target, photos=6, distance=(0.8, 1.4)), target)
+    return target, [own for own in grids if len(own[0]) == columns * rows]
+
+
 @pytest.mark.parametrize("size", [(7, 5), (6, 4), (8, 8)])
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("first", ["dark", "light"])
 def test_a_lone_board_is_named_in_either_colour_and_mirrored(size, mirrored, first):
-    target = Target(units="mm", boards=(checkerboard("b", *size, 30.0),))
-    grids, _ = anonymous_photos(seen(target, photos=6, distance=(0.8, 1.4)), target)
-    whole = [own for own in grids if len(own[0]) == size[0] * size[1]]
+    target, whole = lone_board(*size)
     assert len(whole) >= 3
     if mirrored:
         whole = [[grid_in_mirror(own[0], IMAGE_SIZE[0])] for own in whole]
@@ -149,10 +156,8 @@ def test_a_lone_board_is_named_in_either_colour_and_mirrored(size, mirrored, fir
 
 
 def test_one_photo_of_other_colours_is_left_out_and_says_so():
-    target = Target(units="mm", boards=(checkerboard("b", 7, 5, 30.0),))
-    grids, _ = anonymous_photos(seen(target, photos=6, distance=(0.8, 1.4)), target)
-    whole = [own for own in grids if len(own[0]) == 35]
-    whole[0] = [grid_in_mirror(whole[0][0], IMAGE_SIZE[0])]
+    target, (first, *others) = lone_board(7, 5)
+    whole = [[grid_in_mirror(first[0], IMAGE_SIZE[0])], *others]
     identified = name_grids(whole, target, IMAGE_SIZE, names(len(whole)))
     assert not identified.other_colours
     assert [own[0].verdict for own in identified.grids] == [Decided.COLOURS] + [Decided.NAMED] * (

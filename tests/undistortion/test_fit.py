@@ -24,7 +24,10 @@ SIZE = (120, 90)
 
 def kept_share(camera: AsymmetricLens, view: CentralView) -> float:
     """Share of the solid angle that the camera sees which is in the view."""
-    return float(_shows(view, _region(camera)).mean())
+    return float(_shows(view, region(camera)).mean())
+
+
+region = cache(_region)
 
 
 @cache
@@ -49,7 +52,7 @@ def regions_rays(camera) -> np.ndarray:
     angle = np.radians(camera.max_angle_deg)
     turn = np.linspace(0, 2 * np.pi, 3000)
     rim = [np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), 0 * turn + np.cos(angle)]
-    rays = np.vstack([cone_rays(angle, 20_000), np.stack(rim, axis=-1) + np.array([0, 0, 1e-9])])
+    rays = np.vstack([cone_rays(angle, 5000), np.stack(rim, axis=-1) + np.array([0, 0, 1e-9])])
     return rays[sees(camera, rays)]
 
 
