@@ -66,22 +66,23 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
     counts = evidence.counts
     if not counts:
         return []
+    boards = [evidence.target.boards[one.board] for one in counts]
     seen = [
         {
-            "form": "both" if all(count.sure) else "columns" if count.sure[0] else "rows",
+            "form": "one",
             "board": board.name,
             "columns": count.size[0],
             "rows": count.size[1],
             "drawn_columns": board.columns,
             "drawn_rows": board.rows,
         }
-        for count, board in ((one, evidence.target.boards[one.board]) for one in counts)
+        for count, board in zip(counts, boards, strict=True)
     ]
     fewest, most = min(one.photos for one in counts), max(one.photos for one in counts)
-    told = Finding(
+    finding = Finding(
         code=Code.CORNER_COUNT,
         severity=Severity.CARE,
-        boards=tuple(str(one["board"]) for one in seen),
+        boards=tuple(board.name for board in boards),
         figures={
             "counts": seen,
             "alike": fewest == most,
@@ -90,7 +91,7 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
             "photos": len(evidence.names),
         },
     )
-    return [told]
+    return [finding]
 
 
 def squares_counted(boards: Sequence[Board], photos: int | None = None) -> Finding:

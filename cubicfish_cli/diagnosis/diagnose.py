@@ -179,15 +179,15 @@ def find_faults(
     Args:
         evidence: what says so.
         more: what else may be wrong with such a set-up.
-        known: what was found before, and comes first; where there is no fit only what is bad is
-            accepted, and explains it.
+        known: what was found before, and comes first; where there is no fit only what is bad, and
+            boards of other counts of corners, are accepted, and explain it.
 
     Returns:
         What was known, and what was found, in the order of the table.
 
     """
     if isinstance(evidence, FailedFit):
-        known = [finding for finding in known if finding.severity is Severity.BAD]
+        known = [finding for finding in known if _explains_failure(finding)]
     evidence = replace(evidence, known=known)
     told: dict[int, list[Finding]] = {-1: list(known)}
     table = (*HYPOTHESES, *more)
@@ -201,6 +201,11 @@ def find_faults(
         except (FitError, np.linalg.LinAlgError):  # what cannot be tried explains nothing
             continue
     return _joined(told)
+
+
+def _explains_failure(finding: Finding) -> bool:
+    counted = finding.code is Code.CORNER_COUNT and finding.severity is Severity.CARE
+    return counted or finding.severity is Severity.BAD
 
 
 def _joined(told: dict[int, list[Finding]]) -> list[Finding]:

@@ -15,7 +15,7 @@ from cubicfish_cli.words.finding import Finding
 
 if TYPE_CHECKING:
     from cubicfish_cli.detection.grids import FoundGrids
-    from cubicfish_cli.diagnosis.more_corners import Count
+    from cubicfish_cli.diagnosis.counts import Count
     from cubicfish_cli.identification.identified import Identified
     from cubicfish_cli.photos import Picture
 
@@ -64,14 +64,9 @@ class GridEvidence(PhotoEvidence):
     @cached_property
     def counts(self) -> list[Count]:
         """Boards that have another number of corners than the target says, as photos show it."""
-        from cubicfish_cli.diagnosis.fewer_corners import fewer_corners  # for photos alone
-        from cubicfish_cli.diagnosis.more_corners import more_corners
+        from cubicfish_cli.diagnosis.counts import count_corners  # for photos alone
 
-        more = more_corners(self.identified, self.target)
-        fewer = fewer_corners(self.identified, self.target, self.picture)
-        known = {count.board for count in more}
-        both = [*more, *(count for count in fewer if count.board not in known)]
-        return sorted(both, key=lambda count: count.board)
+        return count_corners(self.identified, self.target)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

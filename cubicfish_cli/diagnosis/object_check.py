@@ -1,18 +1,14 @@
 """What can be known of a calibration target before a photo is taken.
 
-How much its corners say about a camera, which turns of it look the same, which of its boards can
-be taken for others when only some are in a photo, and boards whose places look like a slip.
-Everything is judged on the target as drawn, with the same rules that name corners in photos.
-
-Turns of a target after which all of it, or what one photo shows of it, looks the same.
-
-Everything is judged on the target as drawn, with the same rules that name corners in photos.
+How much its corners say about a camera, which turns of it look the same, which of its boards
+look like others, and prints that reach into each other. Everything is judged on the target as
+drawn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
 
@@ -20,37 +16,30 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.shape import AXES_TOLERANCE
 from cubicfish_cli.fitting.point_fit import RANK_TOLERANCE
 from cubicfish_cli.fitting.subset import flatness
-from cubicfish_cli.geometry import Similarity, similarity
 from cubicfish_cli.lenses.lift import lift
-from cubicfish_cli.lenses.sphere import all_around
-from cubicfish_cli.placement import Placement, placement_of
+from cubicfish_cli.placement import placement_of, symmetries
 from cubicfish_cli.target import Target
-from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.types import FloatArray
 
-# A turn after which boards lie this close to boards, in squares, is nearly a symmetry.
-NEARLY = 0.1
-# Boards that a turn brings this close to boards, in squares, look the same in a photo: corners
-# are some hundredths of a square wrong, and as far as that can be, so is a lens from one photo.
-ALIKE = 0.03
-# Targets of more plain boards are not searched for groups of boards that look alike.
-_MOST_BOARDS = 16
+NamedBy = Literal["markers", "geometry", "table"]
+
+_FLAT = 1e-4
+# Prints that reach into each other by less than this, in squares, only touch.
+_TOUCH = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Turn:
-    """A motion of the target after which some or all of its boards cover boards again.
+    """A motion of the target after which its boards cover boards again.
 
     Attributes:
-        boards: names of the boards that do.
+        boards: names of its plain boards.
         onto: for each of them, the name of the board that it then covers.
         angle_deg: by how much the target is turned, 0 to 180.
-        axis: (3,) unit direction about which, by the right-hand rule.
-        point: (3,) a point of the axis (of a screw's, where the motion also shifts along it),
-            the nearest to the middle of what is turned.
-        error: the largest distance that is left between corners, in squares.
+        axis: (3,) unit direction about which, by the right-hand rule; of the two of a half turn
+            the one whose first entry, that is not 0, is positive.
 
     """
 
@@ -58,139 +47,6 @@ class Turn:
     onto: tuple[str, ...]
     angle_deg: float
     axis: FloatArray
-    point: FloatArray
-    error: float
-
-
-def symmetries(target: Target) -> tuple[list[Turn], list[Turn]]:
-    """Turns of the whole target that make no difference, and those that hardly do."""
-    sides = placement_of(target)
-    everything = list(range(len(sides.wholes)))
-    # The board with the fewest places has the fewest candidates.
-    base = min(everything, key=lambda board: len(sides.wholes[board][0]))
-    exact: list[Turn] = []
-    near: list[Turn] = []
-    # A board that is off by NEARLY turns the motion that is based on it.
-    for places in sides.carried(base, 10 * NEARLY)[2]:
-        motion, miss = _fitted(sides, everything, places)
-        turn = _turn(target, sides, everything, places, motion, miss)
-        if turn.angle_deg < 1 and turn.boards == turn.onto:
-            continue
-        if sides.is_symmetry(motion):
-            exact.append(turn)
-        elif miss < NEARLY:
-            near.append(turn)
-    return exact, near
-
-
-def look_alikes(target: Target, faced: BoolArray) -> tuple[list[Turn] | None, int | None]:
-    """The largest groups of boards that look like others, and how many boards are none."""
-    sides = placement_of(target)
-    everything = list(range(len(sides.wholes)))
-    if len(everything) > _MOST_BOARDS:
-        return None, None
-    if len(everything) == 1:
-        return [], 1
-    groups: dict[frozenset[int], Turn] = {}
-    looked: set[tuple[int, ...]] = set()
-    views = np.unique(faced, axis=0)
-    for base in everything:
-        matrix, shift = sides.motions(base)
-        landings = [sides.landing(matrix, shift, board) for board in everything]
-        error = np.stack([one for one, _ in landings], axis=1)
-        place = np.stack([one for _, one in landings], axis=1)
-        for own, places in zip(error < ALIKE, place, strict=True):
-            # One and the same motion comes up with each board that it moves to a board.
-            key = tuple(np.where(own, places, -1).tolist())
-            if key in looked:
-                continue
-            looked.add(key)
-            if own.all():
-                motion, miss = _fitted(sides, everything, places)
-                if miss < NEARLY or sides.is_symmetry(motion):
-                    continue
-            for group in _seen_at_once(own, views):
-                if any(frozenset(group) < other for other in groups):
-                    continue
-                motion, miss = _fitted(sides, group, places[group])
-                turn = _turn(target, sides, group, places[group], motion, miss)
-                known = groups.get(frozenset(group))
-                # A board that could be another one says more than one that could be turned.
-                if known is None or set(known.boards) == set(known.onto):
-                    groups[frozenset(group)] = turn
-    largest = [group for group in groups if not any(group < other for other in groups)]
-    maximal = [groups[group] for group in sorted(largest, key=lambda g: (-len(g), sorted(g)))]
-    return maximal, 1 + max((len(turn.boards) for turn in maximal), default=0)
-
-
-def _seen_at_once(own: BoolArray, faced: BoolArray) -> list[list[int]]:
-    """The largest groups of some boards (B,) that face one of the eyes (E, B) together."""
-    together = {frozenset(np.flatnonzero(row).tolist()) for row in np.unique(faced & own, axis=0)}
-    largest = [group for group in together if group and not any(group < o for o in together)]
-    return sorted(sorted(group) for group in largest)
-
-
-def _fitted(sides: Placement, group: Sequence[int], places: IntArray) -> tuple[Similarity, float]:
-    """The motion of some boards onto their places that fits best, and its error in squares."""
-    chosen = [(*sides.wholes[board], place) for board, place in zip(group, places, strict=True)]
-    here = np.concatenate([at[0] for _, at, _ in chosen])
-    motion = similarity(here, np.concatenate([at[place] for _, at, place in chosen]))
-    covered = [side[place] for side, _, place in chosen]
-    return motion, motion.error / float(sides.square[covered].min())
-
-
-def _turn(
-    target: Target,
-    sides: Placement,
-    group: Sequence[int],
-    places: IntArray,
-    motion: Similarity,
-    error: float,
-) -> Turn:
-    covered = [sides.wholes[b][0][p] // 4 for b, p in zip(group, places, strict=True)]
-    names = [target.boards[index].name for index in sides.board[::4]]
-    angle, axis = _angle_axis(motion.rotation)
-    middle = np.concatenate([sides.wholes[board][1][0] for board in group]).mean(axis=0)
-    # Of the points that the motion moves along its axis only, the one nearest to the middle.
-    moves = motion.scale * motion.rotation - np.eye(3)
-    across = np.eye(3) - np.outer(axis, axis)
-    to_middle = np.linalg.pinv(moves @ across, rcond=1e-6) @ (motion.shift + moves @ middle)
-    return Turn(
-        boards=tuple(names[b] for b in group),
-        onto=tuple(names[b] for b in covered),
-        angle_deg=float(np.degrees(angle)),
-        axis=axis,
-        point=middle - to_middle,
-        error=error,
-    )
-
-
-def _angle_axis(rotation: FloatArray) -> tuple[float, FloatArray]:
-    """Angle, 0 to π, and unit axis of a rotation (3, 3); (0, 0, 1) where there is no turn.
-
-    Of the two axes of a half turn the one whose first entry, that is not 0, is positive.
-    """
-    vector = Rotation.from_matrix(rotation).as_rotvec()
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-9:
-        return 0.0, np.array([0.0, 0.0, 1.0])
-    axis = vector / angle
-    if angle > np.pi - 1e-6:
-        axis *= np.sign(axis[np.abs(axis) > 1e-6][0])
-    return angle, np.where(np.abs(axis) < 1e-12, 0.0, axis)
-
-
-NamedBy = Literal["markers", "geometry", "table"]
-
-_FLAT = 1e-4
-# An eye that sees a board flatter than this (sine of the angle to its plane) does not see it.
-_FLATTEST = 0.05
-_EYE_DIRECTIONS = 400
-_EYE_DISTANCES = (0.15, 0.3, 0.6, 1.0, 2.0, 4.0)  # from the target's middle, in its diagonals
-# Prints that reach into each other by less than this, in squares, only touch.
-_TOUCH = 0.1
-# Boards at an angle between these (cosine of their normals) form an edge, inside or outside.
-_EDGE_COSINES = (-0.9, 0.7)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,17 +62,9 @@ class ObjectFacts:
             of plain boards; ``table`` where nothing can be found in photos (lists of points).
         plain: names of the boards that carry no markers and are found in photos.
         symmetries: turns, other than none, after which the whole target looks the same.
-        near_symmetries: turns after which it nearly does, to :data:`NEARLY` squares.
-        look_alikes: turns, no symmetries, after which some boards that a camera can see at once
-            look the same, to :data:`ALIKE` squares: a photo that shows no other boards can be
-            named in more than one way. Only the largest groups, one turn for each; None where
-            there are too many boards to look.
-        boards_needed: so many plain boards in one photo, whichever they are, can always be
-            told apart; None where that was not looked at, or markers name the corners.
-        boards_at_once: the most boards that face any one camera.
-        never_together: pairs of boards that no camera sees the printed faces of at once.
-        turned_away: (board, other): the board lies before the other's face but shows it its
-            back.
+        look_alikes: groups of boards that look the same where nothing else is in a photo; a
+            group of one looks the same after half a turn, or a quarter. None of these where
+            markers name the corners.
         crossing: pairs of boards whose prints reach into each other.
 
     """
@@ -228,18 +76,13 @@ class ObjectFacts:
     named_by: NamedBy
     plain: tuple[str, ...]
     symmetries: tuple[Turn, ...]
-    near_symmetries: tuple[Turn, ...]
-    look_alikes: tuple[Turn, ...] | None
-    boards_needed: int | None
-    boards_at_once: int
-    never_together: tuple[tuple[str, str], ...]
-    turned_away: tuple[tuple[str, str], ...]
+    look_alikes: tuple[tuple[str, ...], ...]
     crossing: tuple[tuple[str, str], ...]
 
     @property
     def ambiguous(self) -> bool:
         """Whether some photo of whole boards can be named in more than one way."""
-        return bool(self.symmetries or self.near_symmetries or self.look_alikes)
+        return bool(self.symmetries or self.look_alikes)
 
 
 def check_object(target: Target) -> ObjectFacts:
@@ -248,14 +91,8 @@ def check_object(target: Target) -> ObjectFacts:
     world = drawn.corners()[3]
     printed = [board for board in drawn.boards if board.points is None]
     plain = [board for board in printed if board.markers is None]
-    faced = _faced(printed, world)
-    same: list[Turn] = []
-    near: list[Turn] = []
-    alike: list[Turn] | None = []
-    needed = None
-    if plain and not drawn.has_markers:
-        same, near = symmetries(drawn)
-        alike, needed = look_alikes(drawn, faced)
+    by_geometry = bool(plain) and not drawn.has_markers
+    named = replace(drawn, boards=tuple(plain)) if by_geometry else None
     return ObjectFacts(
         corners=len(world),
         planes=drawn.plane_count(),
@@ -263,14 +100,9 @@ def check_object(target: Target) -> ObjectFacts:
         flat=flatness(world) < _FLAT,
         named_by="markers" if drawn.has_markers else "geometry" if plain else "table",
         plain=tuple(board.name for board in plain),
-        symmetries=tuple(same),
-        near_symmetries=tuple(near),
-        look_alikes=None if alike is None else tuple(alike),
-        boards_needed=needed,
-        boards_at_once=int(faced.sum(axis=1).max()) if printed else 0,
-        never_together=_never_together(printed),
-        turned_away=_turned_away(printed),
-        crossing=_crossing(printed),
+        symmetries=() if named is None else _find_turns(named),
+        look_alikes=() if named is None else _find_look_alikes(named),
+        crossing=_find_crossing(printed),
     )
 
 
@@ -283,66 +115,38 @@ def rank_of_lift(world: FloatArray) -> int:
     return int(np.sum(size > RANK_TOLERANCE * size[0]))
 
 
-def _normals(boards: Sequence[Board]) -> FloatArray:
-    """(B, 3) unit normals out of the printed faces, towards who looks at them."""
-    return -np.array([board.axes[2] for board in boards]).reshape(-1, 3)
+def _find_turns(target: Target) -> tuple[Turn, ...]:
+    names = target.board_names
+    turns = []
+    for symmetry in symmetries(target):
+        vector = Rotation.from_matrix(symmetry.rotation).as_rotvec()
+        angle = float(np.linalg.norm(vector))
+        axis = np.where(np.abs(vector) < 1e-12 * angle, 0.0, vector / angle)
+        if angle > np.pi - 1e-6:
+            axis *= np.sign(axis[np.abs(axis) > 1e-6][0])
+        onto = tuple(names[board] for board in symmetry.board)
+        turns.append(Turn(boards=names, onto=onto, angle_deg=float(np.degrees(angle)), axis=axis))
+    return tuple(turns)
 
 
-def _corner_rectangle(board: Board) -> tuple[FloatArray, FloatArray]:
-    """Opposite outermost corners (2,), (2,) in the board's plane."""
-    return np.zeros(2), board.plane_points(board.columns - 1, board.rows - 1)
+def _find_look_alikes(target: Target) -> tuple[tuple[str, ...], ...]:
+    """Groups of boards whose patterns, whole, lie on more than one place of the target."""
+    sides = placement_of(target)
+    groups = {
+        tuple(np.unique(sides.board[places]).tolist()): None
+        for places, _ in sides.wholes
+        if len(places) > 1
+    }
+    return tuple(tuple(target.boards[index].name for index in group) for group in groups)
 
 
-def _middles(boards: Sequence[Board]) -> FloatArray:
-    """(B, 3) world points of the boards' middles."""
-    middles = [board.origin + _corner_rectangle(board)[1] / 2 @ board.axes[:2] for board in boards]
-    return np.array(middles).reshape(-1, 3)
-
-
-def _faced(boards: Sequence[Board], world: FloatArray) -> BoolArray:
-    """(E, B) which boards turn their faces to each of many eyes around and in the target."""
-    way = all_around(_EYE_DIRECTIONS)
-    middle = (world.min(axis=0) + world.max(axis=0)) / 2
-    diagonal = float(np.linalg.norm(np.ptp(world, axis=0)))
-    eyes = middle + diagonal * (np.array(_EYE_DISTANCES)[:, None, None] * way).reshape(-1, 3)
-    eyes = np.concatenate([middle[None], eyes])
-    to_eye = eyes[:, None] - _middles(boards)
-    height = (to_eye * _normals(boards)).sum(axis=-1)
-    return height > _FLATTEST * np.linalg.norm(to_eye, axis=-1)
-
-
-def _heights(boards: Sequence[Board]) -> FloatArray:
-    """(B, B): sine of how far the middle of board j lies before (+) the face of board i."""
-    middles = _middles(boards)
-    way = middles[None] - middles[:, None]
-    distance = np.linalg.norm(way, axis=-1)
-    height = (way * _normals(boards)[:, None]).sum(axis=-1)
-    return np.asarray(height / np.where(distance > 0, distance, 1.0))
-
-
-def _never_together(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
-    """Pairs whose half-spaces, those before their faces, have nothing in common."""
-    normals, height = _normals(boards), _heights(boards)
-    opposite = (normals @ normals.T < -1 + AXES_TOLERANCE) & (height <= _FLATTEST)
-    return _names(boards, opposite)
-
-
-def _turned_away(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
-    """(i, j): i lies before the face of j, at an angle, and shows it its back."""
-    normals, height = _normals(boards), _heights(boards)
-    low, high = _EDGE_COSINES
-    cosine = normals @ normals.T
-    away = (cosine > low) & (cosine < high) & (height < -_TOUCH) & (height.T > _TOUCH)
-    return tuple((boards[i].name, boards[j].name) for i, j in np.argwhere(away))
-
-
-def _crossing(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
+def _find_crossing(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
     """Pairs whose prints, outer squares included, cut through or cover each other."""
     if not boards:
         return ()
     rim = np.array([b.rim for b in boards])
     touch = _TOUCH * np.array([b.square for b in boards])
-    size = np.array([_corner_rectangle(b)[1] for b in boards])
+    size = np.array([b.plane_points(b.columns - 1, b.rows - 1) for b in boards])
     low = (touch - rim)[:, None] * np.ones(2)
     high = size - low
     axes = np.array([b.axes for b in boards])
@@ -365,17 +169,12 @@ def _crossing(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
     coplanar &= np.einsum("ic,jc->ij", axes[:, 2], axes[:, 2]) > 0
     for i, j in combinations(range(count), 2):
         if coplanar[i, j]:
-            cut[i, j] = _cover(outline[i], outline[j], np.concatenate([axes[i, :2], axes[j, :2]]))
-    np.fill_diagonal(cut, False)
-    return _names(boards, cut | cut.T)
+            cut[i, j] = _overlap(outline[i], outline[j], np.concatenate([axes[i, :2], axes[j, :2]]))
+    pairs = np.argwhere(np.triu(cut | cut.T, 1))
+    return tuple((boards[i].name, boards[j].name) for i, j in pairs)
 
 
-def _cover(one: FloatArray, other: FloatArray, directions: FloatArray) -> bool:
+def _overlap(one: FloatArray, other: FloatArray, directions: FloatArray) -> bool:
     """Whether two rectangles (4, 3) of one plane overlap: none of their sides parts them."""
     a, b = one @ directions.T, other @ directions.T
     return bool((np.minimum(a.max(0), b.max(0)) > np.maximum(a.min(0), b.min(0))).all())
-
-
-def _names(boards: Sequence[Board], pairs: BoolArray) -> tuple[tuple[str, str], ...]:
-    upper = np.triu(pairs, 1)
-    return tuple((boards[i].name, boards[j].name) for i, j in np.argwhere(upper))

@@ -11,7 +11,6 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.diagnosis.object_check import ObjectFacts, Turn, check_object
 from cubicfish_cli.target import Target
 from cubicfish_cli.units import MILLIMETRES
-from cubicfish_cli.wording import either
 from cubicfish_cli.words.catalogue import catalogue
 from cubicfish_cli.words.phrases import Sentences
 
@@ -24,9 +23,7 @@ _ONE_UNIT = 50.0
 _FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 
 
-_FACTS = ("corners", "planes", "rank", "flat", "named_by", "ambiguous")
-_TURNS = ("symmetries", "near_symmetries", "look_alikes")
-_PAIRS = ("boards_needed", "boards_at_once", "never_together", "turned_away", "crossing")
+_FACTS = ("corners", "planes", "rank", "flat", "named_by", "ambiguous", "look_alikes", "crossing")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,20 +45,18 @@ class TargetCheck:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        turns = {name: getattr(self.facts, name) for name in _TURNS}
         return {
             "units": self.target.units,
             "boards": [_board_record(board) for board in self.target.boards],
             **{name: getattr(self.facts, name) for name in _FACTS},
-            **{name: own and list(map(_turn_record, own)) for name, own in turns.items()},
-            **{name: getattr(self.facts, name) for name in _PAIRS},
+            "symmetries": list(map(_turn_record, self.facts.symmetries)),
             "advice": [{"about": label, "text": text} for label, text in self.advice],
             **({} if self.drawing is None else {"drawing": self.drawing}),
         }
 
 
 def check_target(target: Target) -> TargetCheck:
-    """Look at a target from all sides: which boards and photos may be mistaken for others.
+    """Judge a target before photos: which boards and photos may be mistaken for others.
 
     Args:
         target: the target, as it is printed.
@@ -109,21 +104,18 @@ def _turn_record(turn: Turn) -> dict[str, Any]:
     return {
         "angle_deg": turn.angle_deg,
         "axis": turn.axis,
-        "point": turn.point,
         "onto": dict(zip(turn.boards, turn.onto, strict=True)),
-        "error_squares": turn.error,
     }
 
 
 def _advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
-    points = any(board.points is not None for board in target.boards)
-    photos = "several" if facts.flat or (facts.boards_at_once < 2 and not points) else "one"
+    photos = "several" if facts.flat else "one"
     left = _FULL_RANK - facts.rank
     return [
-        ("Photos", _said(f"photos_{photos}", flat=facts.flat)),
+        ("Photos", _said(f"photos_{photos}")),
         *(("Names", text) for text in _names(target, facts)),
-        *(("Places", text) for text in _places(facts)),
+        *(("Places", _said("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
         *(("Sizes", text) for text in _sizes(target)),
         ("Point lift", _said(f"rank_less_{min(left, 2)}", rank=facts.rank, left=left)),
     ]
@@ -150,52 +142,11 @@ def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
         yield _said("upright", oblong=alone and oblong)
     elif alone:
         yield _said("by_colours", board=plain[0])
-    for turn in facts.near_symmetries[:_MOST]:
-        yield _said("nearly_same", turned=_turned(turn, alone=alone), error=turn.error)
     if not alone:
-        yield from _telling_apart(facts)
-
-
-def _telling_apart(facts: ObjectFacts) -> Iterator[str]:
-    if facts.look_alikes is None or facts.boards_needed is None:
-        yield _said("too_many")
-        return
-    total, needed = len(facts.plain), facts.boards_needed
-    many = needed > facts.boards_at_once
-    how = "each" if needed == 1 else "never" if many else "some"
-    if how == "some" and needed == total:
-        how = "both" if total == 2 else "all"
-    yield _said(f"told_{how}", turns=bool(facts.symmetries), total=total, needed=needed)
-    if needed == 1:
-        return
-    alone = [turn for turn in facts.look_alikes if len(turn.boards) == 1]
-    groups = [turn for turn in facts.look_alikes if len(turn.boards) > 1]
-    alike = [
-        _said("group", some=", ".join(turn.boards), onto=", ".join(turn.onto))
-        for turn in groups[:_MOST]
-    ]
-    if len(groups) > _MOST:
-        alike.append(_said("groups", more=len(groups) - _MOST))
-    if len(alone) == 1:
-        (turn,), (board, onto) = alone, (alone[0].boards[0], alone[0].onto[0])
-        itself = "itself" if board == onto else "another"
-        alike.append(_said(itself, board=board, onto=onto, angle_deg=turn.angle_deg))
-    elif alone:
-        alike.append(_said("others", boards=either([turn.boards[0] for turn in alone])))
-    yield _said("alike", alike="; ".join(alike))
-    if needed > 2 or needed == total:
-        yield _said("fewer")
-
-
-def _places(facts: ObjectFacts) -> Iterator[str]:
-    for one, other in facts.crossing[:_MOST]:
-        yield _said("crossing", one=one, other=other)
-    for one, other in facts.turned_away[:_MOST]:
-        yield _said("turned_away", one=one, other=other)
-    pairs = [f"{one} and {other}" for one, other in facts.never_together]
-    if pairs:
-        more = _said("more_pairs", more=len(pairs) - _MOST) if len(pairs) > _MOST else ""
-        yield _said("never_together", pairs="; ".join(pairs[:_MOST]), more_pairs=more)
+        groups = [_said("group", boards=own) for own in facts.look_alikes if len(own) > 1]
+        turned = [own[0] for own in facts.look_alikes if len(own) == 1]
+        alike = "; ".join([*groups, *([_said("itself", boards=turned)] if turned else [])])
+        yield _said("alike", alike=alike) if alike else _said("told_each")
 
 
 def _sizes(target: Target) -> Iterator[str]:
@@ -217,9 +168,6 @@ def _sizes(target: Target) -> Iterator[str]:
 def _turned(turn: Turn, *, alone: bool) -> str:
     if alone:
         return _said("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
-    axis, point = (
-        "(" + ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in vector) + ")"
-        for vector in (turn.axis, turn.point)
-    )
+    axis = ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in turn.axis)
     moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
-    return _said("turned", angle_deg=turn.angle_deg, axis=axis, point=point, moved=moved)
+    return _said("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)

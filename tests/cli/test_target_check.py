@@ -66,8 +66,7 @@ def test_the_sample_as_a_table_and_in_words(run: Run) -> None:
     assert "145 corners on 3 planes" in words
     assert "rank 19 of 20: one cubic vanishes at every corner" in words
     assert "One photo can be enough" in words
-    assert "any 2 boards that are seen together can be told apart" in words
-    assert "right could be itself turned by 180°" in words
+    assert "Seen without the rest, right looks the same turned." in words
     assert "Places" not in words
 
 
@@ -105,7 +104,7 @@ def test_the_box_and_its_half_turn(run: Run, tmp_path: Path) -> None:
     assert "Turned by 180° about the axis (0, 0.71, 0.71)" in words
     assert "floor → back" in words
     assert "harmless for the lens" in words
-    assert "only a photo of all 4 boards" in words
+    assert "floor, left, back and right look like each other" in words
 
 
 @pytest.mark.parametrize(("size", "turned"), [((6, 4), True), ((7, 5), True), ((9, 6), False)])
@@ -130,7 +129,6 @@ def test_slips_of_the_pen_are_pointed_at(run: Run, tmp_path: Path) -> None:
     data["boards"][1].update(y_axis=[0, 0, 1], origin=[50, 37.5, -37.5])
     words = said(run, one(tmp_path, *data["boards"]))
     assert "The prints of floor and left reach into each other" in words
-    assert "is x_axis or y_axis of one of them reversed?" in words
 
 
 def test_two_boards_that_are_alike(run: Run, tmp_path: Path) -> None:
@@ -139,8 +137,7 @@ def test_two_boards_that_are_alike(run: Run, tmp_path: Path) -> None:
         {"name": "b", "origin": [300, 0, 300], "x_axis": [-1, 0, 0], "y_axis": [0, 0, -1]},
     )
     words = said(run, one(tmp_path, *(checkerboard(9, 6) | board for board in boards)))
-    assert "only a photo of both boards is sure to tell which is which" in words
-    assert "With a board of another size" in words
+    assert "Seen without the rest, a and b look like each other." in words
 
 
 def test_lengths_of_two_units_and_of_the_wrong_one(run: Run, tmp_path: Path) -> None:
@@ -167,8 +164,7 @@ def test_json_has_every_fact(run: Run, tmp_path: Path) -> None:
     assert turn["onto"]["left"] == "right"
     assert turn["angle_deg"] == pytest.approx(180)
     assert record["ambiguous"] is True
-    assert record["boards_needed"] == 4
-    assert len(record["look_alikes"]) == 4
+    assert record["look_alikes"] == [["floor", "left", "back", "right"]]
     assert {one["about"] for one in record["advice"]} == {"Point lift", "Photos", "Names"}
 
 

@@ -6,7 +6,7 @@ from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.diagnosis.corner_count import another_target, nothing_named
-from cubicfish_cli.diagnosis.more_corners import Count
+from cubicfish_cli.diagnosis.counts import Count
 from cubicfish_cli.identification.identified import Decided, GridReport, Identified, Place
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target

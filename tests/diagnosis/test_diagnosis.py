@@ -997,6 +997,9 @@ def test_corners_that_do_not_fit_are_explained_by_what_is_likeliest(pairs):
     known = Finding(code=Code.MIRRORED, case="target", severity=Severity.BAD)
     note = Finding(code=Code.MIRRORED, case="colours_in_mirror")
     assert find_faults(failure(pairs), [note, known]) == [known]
+    # Boards that have other counts make a camera, or none.
+    counted = Finding(code=Code.CORNER_COUNT, case="squares", severity=Severity.CARE)
+    assert find_faults(failure(pairs), [note, counted]) == [counted]
     half = mirrored(pairs, pairs.image < 3)
     assert [one.images for one in find_faults(failure(half))] == [("00.png", "01.png", "02.png")]
     # What fits is not explained away: a right set-up that failed for another reason.

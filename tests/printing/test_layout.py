@@ -80,8 +80,7 @@ def test_every_object_is_on_one_page_a_board_and_can_be_told_apart(
     path.write_text(target_text(target))
     facts = check_object(load_target(path))  # refuses shared ids and places
     assert not facts.ambiguous
-    assert facts.boards_needed in (1, None)
-    assert (facts.turned_away, facts.crossing) == ((), ())
+    assert facts.crossing == ()
     assert facts.named_by == ("geometry" if board_type == "checkerboard" else "markers")
     assert [page.board for page in pages] == list(target.boards)
     areas = []

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import pytest
 
+from cubicfish_cli.diagnosis.counts import Count
 from cubicfish_cli.diagnosis.evidence import GridEvidence
-from cubicfish_cli.diagnosis.more_corners import Count
 from cubicfish_cli.identification.identified import Identified
-from cubicfish_cli.photos import Picture
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.finding import Finding
 
@@ -21,7 +20,6 @@ def no_photo(_: int) -> None:
 def grid_evidence(
     identified: Identified,
     target: Target,
-    picture: Callable[[int], Picture | None] = no_photo,
     counts: Sequence[Count] | None = None,
     photos: int = 0,
     lost: Sequence[Finding] = (),
@@ -32,7 +30,7 @@ def grid_evidence(
         photos=photos,
         names=[str(number) for number in range(photos)],
         digests=[""] * photos,
-        picture=picture,
+        picture=no_photo,
         target=target,
         with_boards=photos,
         lost=lost,

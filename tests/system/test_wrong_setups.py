@@ -177,7 +177,7 @@ def test_a_line_of_corners_too_many_or_too_few_in_the_drawing(
     columns, rows = drawn[1:-1].split(", ")
     assert re.search(
         "warning: photos show 9x6 inner corners of board floor "
-        rf"\(the target says {columns}x{rows}\) \([234] of 4 photos show where it ends",
+        rf"\(the target says {columns}x{rows}\) \([234] of 4 photos show it so",
         said,
     ), said
     assert record["verdict"]["level"] == "care"

@@ -27,7 +27,7 @@ NAMES = {
     "first_square": "light", "board": "wall", "doubted": "bent by 3 mm",
     "says": "floor 9x6", "problem": "c.png is empty", "first": "c.png is empty", "what": "it is",
     "both": ["floor", "wall"], "repeats": ["a.png = b.png"], "light": True, "in_order": True,
-    "counts": [{"form": "both", "board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10,
+    "counts": [{"form": "one", "board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10,
                 "drawn_rows": 6}],
 }  # fmt: skip
 NAMES |= {"rest": ["c.png", "d.png"], "against": "it is off", "mend": "look"}
