@@ -64,8 +64,7 @@ def source_of(
         return source
     if size is not None:
         raise UsageError(
-            "the camera says the size of its photos: --size goes with another tool's file, which "
-            "--lens names"
+            "the camera says the size of its photos: --size goes with --lens and another tool's file"
         )
     if isinstance(lens, Calibrated | CubicCamera):
         return _of_camera(lens.camera if isinstance(lens, Calibrated) else lens, {}, target)
