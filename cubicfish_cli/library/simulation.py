@@ -64,7 +64,8 @@ def source_of(
         return source
     if size is not None:
         raise UsageError(
-            "the camera says the size of its photos: --size goes with --lens and another tool's file"
+            "the camera says the size of its photos: --size goes with --lens and a file of "
+            "another tool"
         )
     if isinstance(lens, Calibrated | CubicCamera):
         return _of_camera(lens.camera if isinstance(lens, Calibrated) else lens, {}, target)
