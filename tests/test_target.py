@@ -267,7 +267,7 @@ REFUSED: list[tuple[list[object], str]] = [
         "'cloud', points: points 0 and 2 are in the same place",
     ),
     ([], "boards: must be a list of at least one board"),
-    ([FLOOR] * 300, "boards: 300 boards are more than the 256"),
+    ([{}] * 300, "boards: 300 boards are more than the 256"),
 ]
 
 

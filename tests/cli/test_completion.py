@@ -1,5 +1,6 @@
 """Shell completion through the program's own entry point: the right words, soon and in silence."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -9,65 +10,75 @@ from pathlib import Path
 import pytest
 
 from cubicfish_cli.cli.main import COMMANDS
+from cubicfish_cli.extension import extension_commands
 
 HEAVY = {"numpy", "cv2", "scipy", "yaml", "rich", "matplotlib"}
-
-
-def completed(line: str) -> list[str]:
-    """``kind,word`` for each way to complete a line that ends where the cursor is.
-
-    Nothing may be said on stderr, and no heavy library loaded.
-    """
-    done = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "cubicfish_cli"],
-        env={
-            **os.environ,
-            "_CUBICFISH_COMPLETE": "bash_complete",
-            "COMP_WORDS": line,
-            "COMP_CWORD": str(len(line.split()) - (not line.endswith(" "))),
-        },
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    imports = [row.split("|") for row in done.stderr.splitlines()]
-    assert all(len(row) == 3 and row[0].startswith("import time:") for row in imports), done.stderr
-    loaded = {row[2].strip().split(".")[0] for row in imports}
-    assert "click" in loaded
-    assert loaded & HEAVY == set()
-    return done.stdout.split()
+# Lines on stdin; on stdout, between zeros, how each is completed and at the end what was loaded.
+PROGRAM = """
+import json, os, sys
+from contextlib import suppress
+from cubicfish_cli.cli.start import main
+for line in json.load(sys.stdin):
+    os.environ["COMP_WORDS"] = line
+    os.environ["COMP_CWORD"] = str(len(line.split()) - (not line.endswith(" ")))
+    with suppress(SystemExit):
+        main()
+    print(end="\\0", flush=True)
+print(*(name.partition(".")[0] for name in sys.modules))
+"""
 
 
 def plain(*words: str) -> list[str]:
     return [f"plain,{word}" for word in words]
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("cubicfish ", plain(*COMMANDS)),
-        ("cubicfish un", plain("undistort", "unproject")),
-        ("cubicfish target p", plain("print")),
-        ("cubicfish undistort --vi", plain("--view")),
-        ("cubicfish export --to kalibr-o", plain("kalibr-omni")),
-        # What stands before is parsed: sizes and crops must not load the libraries that use them.
-        (
-            "cubicfish undistort a.png b.png --size 80x60 --view c",
-            plain("cylindrical", "cube"),
-        ),
-        ("cubicfish calibrate pho", ["file,pho"]),
-        ("cubicfish undistort pho", ["file,pho"]),
-        ("cubicfish undistort photos/ fl", ["file,fl"]),
-        ("cubicfish calibrate photos/ --target ta", ["file,ta"]),
-        ("cubicfish calibrate photos/ --output ca", ["dir,ca"]),
-        ("cubicfish detect photos/ --draw se", ["dir,se"]),
-        ("cubicfish nonsense ", plain(*COMMANDS)),
-        ("cubicfish nonsense --wo", []),
-    ],
-    ids=str,
-)
-def test_a_line_is_completed(line: str, expected: list[str]) -> None:
-    assert sorted(completed(line)) == sorted(expected)
+EXPECTED = {
+    "cubicfish ": plain(*COMMANDS, *extension_commands()),
+    "cubicfish un": plain("undistort", "unproject"),
+    "cubicfish target p": plain("print"),
+    "cubicfish undistort --vi": plain("--view"),
+    "cubicfish export --to kalibr-o": plain("kalibr-omni"),
+    # What stands before is parsed: sizes and crops must not load the libraries that use them.
+    "cubicfish undistort a.png b.png --size 80x60 --view c": plain("cylindrical", "cube"),
+    "cubicfish calibrate pho": ["file,pho"],
+    "cubicfish undistort pho": ["file,pho"],
+    "cubicfish undistort photos/ fl": ["file,fl"],
+    "cubicfish calibrate photos/ --target ta": ["file,ta"],
+    "cubicfish calibrate photos/ --output ca": ["dir,ca"],
+    "cubicfish detect photos/ --draw se": ["dir,se"],
+    "cubicfish nonsense ": plain(*COMMANDS, *extension_commands()),
+    "cubicfish nonsense --wo": [],
+}
+"""Lines that end where the cursor is, and ``kind,word`` for each way to complete them."""
+
+
+def test_lines_are_completed_in_silence_and_nothing_heavy_is_loaded() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env={**os.environ, "_CUBICFISH_COMPLETE": "bash_complete"},
+        input=json.dumps([*EXPECTED]),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    *found, loaded = (part.split() for part in done.stdout.split("\0"))
+    for (line, expected), words in zip(EXPECTED.items(), found, strict=True):
+        assert sorted(words) == sorted(expected), line
+    assert "click" in loaded
+    assert set(loaded) & HEAVY == set()
+
+
+def test_the_program_completes_a_line() -> None:
+    line = {"COMP_WORDS": "cubicfish un", "COMP_CWORD": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "cubicfish_cli"],
+        env={**os.environ, **line, "_CUBICFISH_COMPLETE": "bash_complete"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (done.stdout.split(), done.stderr) == (EXPECTED["cubicfish un"], "")
 
 
 @pytest.fixture

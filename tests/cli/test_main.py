@@ -274,11 +274,11 @@ def test_a_signal_ends_it_whatever_comes_of_the_exception(
     program = tmp_path / "program.py"
     program.write_text(
         "import signal, time\n"
+        "import click\n"
         "from cubicfish_cli.cli.start import main\n"
-        "from cubicfish_cli.formats import camera_yaml\n"
         f"number = signal.{name}\n"
-        f"def load(path):{way}\n"
-        "camera_yaml.load_any_camera = load\n"
+        f"def work(self, context):{way}\n"
+        "click.Group.invoke = work\n"
         "main()\n"
     )
     done = subprocess.run(
