@@ -123,30 +123,28 @@ def find_photos(
         for path in _expand(argument, missed):
             if not _is_plain(path.name):
                 if str(path) == argument:
-                    raise PhotoError(
-                        f"{quoted(path.name)}: a photo's name must be plain text: rename the file"
-                    )
+                    raise _not_plain(path.name, "file")
                 missed.append(path)
                 continue
             paths.setdefault(_identity(path), path)
     if not paths:
-        raise PhotoError(
-            f"{quoted(missed[0].name)}: a photo's name must be plain text: rename the file"
-        )
+        raise _not_plain(missed[0].name, "file")
     if remarks is not None:
         remarks += _missed(missed)
     ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
     names = _names(ordered)
     for name in names:
         if not _is_plain(name):  # a folder's name is part of it
-            raise PhotoError(
-                f"{quoted(name)}: a photo's name must be plain text: rename the folder"
-            )
+            raise _not_plain(name, "folder")
     return [Photo(name=name, path=path) for name, path in zip(names, ordered, strict=True)]
 
 
 def _is_plain(name: str) -> bool:
     return name.isprintable() and name == name.strip()
+
+
+def _not_plain(name: str, what: str) -> PhotoError:
+    return PhotoError(f"{quoted(name)}: a photo's name must be plain text: rename the {what}")
 
 
 def _missed(paths: Iterable[Path]) -> list[str]:
