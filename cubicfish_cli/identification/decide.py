@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -263,8 +263,6 @@ def decide_alone(grid: Grid, sides: Placement, reach: Reach, ends: Ends | None) 
     """
     photo = _Photo(grids=[grid], sides=sides)
     side, offset = reach.places()
-    if not len(side):
-        return _alone(Decided.TOO_LARGE, -1, np.zeros(2, np.intp))
     places = _without_pose(side, offset)
     # Which of several boards it is cannot rest on what is not seen; nor can anything when most
     # of the board is hidden, since what hides a board looks like its end.
@@ -275,7 +273,8 @@ def decide_alone(grid: Grid, sides: Placement, reach: Reach, ends: Ends | None) 
     same, settled = _up_to_symmetry(photo, places, list(range(len(side))), missing)
     chosen = photo.most_upright(places, same)
     verdict = Decided.NAMED if settled else _unsettled(photo, places[np.array(same)])
-    return _alone(verdict, int(side[chosen]), offset[chosen])
+    row = slice(chosen, chosen + 1)
+    return replace(unnamed(1), verdict=(verdict,), side=side[row], offset=offset[row])
 
 
 def rim_in_doubt(grid: Grid, sides: Placement, board: int, ends: Ends | None) -> bool:
@@ -311,13 +310,14 @@ def _unsettled(photo: _Photo, left: Labelings) -> Decided:
     return Decided.SLIDE
 
 
-def _alone(verdict: Decided, side: int, offset: IntArray) -> Decision:
+def unnamed(count: int) -> Decision:
+    """Of so many grids that fit nowhere."""
     return Decision(
-        verdict=(verdict,),
-        side=np.array([side]),
-        offset=offset[None],
-        ratio=np.array([np.inf]),
-        rms_px=np.array([np.nan]),
+        verdict=(Decided.NO_FIT,) * count,
+        side=np.full(count, -1, np.intp),
+        offset=np.zeros((count, 2), np.intp),
+        ratio=np.full(count, np.inf),
+        rms_px=np.full(count, np.nan),
         rotation=np.full((3, 3), np.nan),
         translation=np.full(3, np.nan),
     )

@@ -99,16 +99,14 @@ def _decided(scene: Scene) -> Decisions:
     """The names as the boards are drawn, under the best lens that they give."""
     reference = nameless_lens(scene)
     decisions: Decisions = []
-    before: list[tuple[object, ...]] = []
+    before: Sequence[object] = []
     for _ in range(_ROUNDS):
         scene.see_through(reference.camera if reference else None)
         scene.place_grids()
         decisions = scene.decide_all(scene.sides)
-        names = [_names(decision) for decision in decisions]
-        unsettled = any(
-            Decided.AMBIGUOUS in decision.verdict or Decided.NO_FIT in decision.verdict
-            for decision in decisions if decision is not None
-        )  # fmt: skip
+        names = [(one.verdict, one.side.tolist(), one.offset.tolist()) for one in decisions]
+        verdicts = {verdict for one in decisions for verdict in one.verdict}
+        unsettled = not verdicts.isdisjoint((Decided.AMBIGUOUS, Decided.NO_FIT))
         if reference is None or not unsettled or names == before:
             break
         if reference.focal_uncertainty < _GOOD_FOCAL:
@@ -128,8 +126,6 @@ def _cut_unnamed(
     """
     for photo, own in enumerate(scene.photos):
         before = decisions[photo]
-        if before is None:
-            continue
         cut = {
             index: part
             for n, index in enumerate(own)
@@ -145,7 +141,7 @@ def _cut_unnamed(
         for (index, part), pose in zip(cut.items(), poses, strict=True):
             scene.put(index, part, reach_of(part.cells, part.parity, scene.sides), pose)
         after = scene.decide(sides, own)
-        if after is not None and scene.named_corners(own, after) > scene.named_corners(own, before):
+        if scene.named_corners(own, after) > scene.named_corners(own, before):
             decisions[photo] = after
             continue
         for index, whole in kept.items():
@@ -158,16 +154,16 @@ def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> De
     A grid that is no board of the target may fit a place by chance, within the width of the
     first gate, which must allow for targets that are not as drawn.
     """
-    rms = np.concatenate([np.empty(0), *(d.rms_px for d in decisions if d is not None)])
+    rms = np.concatenate([np.empty(0), *(decision.rms_px for decision in decisions)])
     rms = rms[np.isfinite(rms)]
     if len(rms) < _LEAST_GRIDS_TO_COMPARE:
         return decisions
     limit = _MISFIT_RATIO * float(np.median(rms))
     checked = list(decisions)
     for photo, (own, decision) in enumerate(zip(scene.photos, decisions, strict=True)):
-        if decision is None or not (decision.rms_px > limit).any():
-            continue
         bad = np.flatnonzero(decision.rms_px > limit).tolist()
+        if not bad:
+            continue
         # One grid in a wrong place spoils the pose, and with it the fit of all others.
         trials = [[n] for n in bad] + ([bad] if len(bad) > 1 else [])
         again = [_decide_without(scene, sides, own, trial) for trial in trials]
@@ -183,7 +179,7 @@ def _with_doubts(scene: Scene, decisions: Decisions) -> Decisions:
     """
     checked = list(decisions)
     for photo, (own, decision) in enumerate(zip(scene.photos, decisions, strict=True)):
-        if decision is None or decision.verdict.count(Decided.NAMED) != 1:
+        if decision.verdict.count(Decided.NAMED) != 1:
             continue
         n = decision.verdict.index(Decided.NAMED)
         board = int(scene.sides.board[decision.side[n]])
@@ -201,12 +197,6 @@ def _decide_without(
     return spread(scene.decide(sides, [own[n] for n in good]), good, len(own))
 
 
-def _names(decision: Decision | None) -> tuple[object, ...]:
-    if decision is None:
-        return ()
-    return (decision.verdict, tuple(decision.side), tuple(decision.offset.ravel()))
-
-
 def _identified(
     scene: Scene,
     decisions: Decisions,
@@ -218,8 +208,6 @@ def _identified(
     for photo, (own, decision) in enumerate(zip(scene.photos, decisions, strict=True)):
         known: dict[int, GridReport] = {}
         for n, index in enumerate(own):
-            if decision is None:
-                continue
             grid = scene.grids[index]
             known[index] = report = _report(scene, grid, decision, n)
             if report.place is not None:
@@ -345,7 +333,7 @@ def _off_the_drawing(scene: Scene, decisions: Decisions) -> bool:
     for own, decision in zip(scene.photos, decisions, strict=True):
         for n in rigid(decision):
             pose = scene.poses[own[n]]
-            if pose is not None and decision is not None:
+            if pose is not None:
                 ratio.append(decision.rms_px[n] / max(pose.rms_px, 1e-3))
                 share.append(decision.rms_px[n] / scene.grids[own[n]].step)
     return bool(ratio) and bool(np.median(ratio) > _OFF_RATIO and np.median(share) > _OFF_STEPS)
@@ -355,7 +343,7 @@ def _extent(scene: Scene, decisions: Decisions, photo: int) -> tuple[int, int]:
     """Boards and corners that a photo shows together."""
     decision = decisions[photo]
     named = rigid(decision)
-    if decision is None or not named:
+    if not named:
         return 0, 0
     boards = len(np.unique(scene.sides.board[decision.side[named]]))
     return boards, sum(len(scene.grids[scene.photos[photo][n]]) for n in named)
@@ -366,7 +354,7 @@ def _sightings(scene: Scene, decisions: Decisions, photo: int) -> list[Sighting]
     for n in rigid(decision):
         index = scene.photos[photo][n]
         pose, cells = scene.poses[index], scene.grids[index].cells
-        if pose is None or decision is None:
+        if pose is None:
             continue
         side, middle = decision.side[n], cells.mean(axis=0)
         square, back = sides.square[side], np.eye(3)
@@ -390,7 +378,7 @@ def _merit(scene: Scene, decisions: Decisions, photos: Sequence[int]) -> tuple[i
     for photo in photos:
         decision = decisions[photo]
         for n, index in enumerate(scene.photos[photo]):
-            if decision is not None and decision.verdict[n] is Decided.NAMED:
+            if decision.verdict[n] is Decided.NAMED:
                 corners += len(scene.grids[index])
                 square += len(scene.grids[index]) * np.nan_to_num(decision.rms_px[n]) ** 2
     return corners, -float(square)

@@ -22,7 +22,7 @@ from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference, fit_radial, refit_radial
 from cubicfish_cli.fitting.robust import wide_px
-from cubicfish_cli.identification.decide import Decision, decide, decide_alone
+from cubicfish_cli.identification.decide import Decision, decide, decide_alone, unnamed
 from cubicfish_cli.identification.ends import Ends, ends_of, farthest_radius, without_strays
 from cubicfish_cli.identification.identified import Decided
 from cubicfish_cli.identification.search import GridView, grid_moments, search
@@ -32,8 +32,8 @@ from cubicfish_cli.placement import Placement, Reach, placement_of, reach_of
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
 
-Decisions = list[Decision | None]
-"""One for each photo; None for photos without grids."""
+Decisions = list[Decision]
+"""One for each photo, of as many grids as it has."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -111,13 +111,11 @@ class Scene:
         self.grids[index], self.reach[index], self.poses[index] = grid, reach, pose
         self._farthest = None
 
-    def decide(self, sides: Placement, own: Sequence[int]) -> Decision | None:
-        """What becomes of one photo's grids, in the order of ``own``; None without grids.
+    def decide(self, sides: Placement, own: Sequence[int]) -> Decision:
+        """What becomes of one photo's grids, in the order of ``own``.
 
         ``sides`` are the boards where they are, ``self.sides`` as they are drawn.
         """
-        if not own:
-            return None
         camera = self.camera
         usable = [
             n for n, index in enumerate(own)
@@ -202,9 +200,9 @@ class Scene:
         return len(counts) > 1 and 2 * counts[1] > counts[0]
 
 
-def rigid(decision: Decision | None) -> list[int]:
+def rigid(decision: Decision) -> list[int]:
     """The named grids of a photo that are posed together: none or at least two."""
-    if decision is None or np.isnan(decision.rotation).any():
+    if np.isnan(decision.rotation).any():
         return []
     named = [n for n, verdict in enumerate(decision.verdict) if verdict is Decided.NAMED]
     return named if len(named) > 1 else []
@@ -212,22 +210,17 @@ def rigid(decision: Decision | None) -> list[int]:
 
 def spread(found: Decision | None, part: Sequence[int], count: int) -> Decision:
     """A decision on some grids as one on ``count`` grids, of which the others fit nowhere."""
-    verdict = np.full(count, Decided.NO_FIT, object)
-    side, offset = np.full(count, -1, np.intp), np.zeros((count, 2), np.intp)
-    ratio, rms = np.full(count, np.inf), np.full(count, np.nan)
-    if found is not None:
-        part = list(part)
-        verdict[part] = found.verdict
-        side[part], offset[part] = found.side, found.offset
-        ratio[part], rms[part] = found.ratio, found.rms_px
-    return Decision(
-        verdict=tuple(verdict),
-        side=side,
-        offset=offset,
-        ratio=ratio,
-        rms_px=rms,
-        rotation=found.rotation if found else np.full((3, 3), np.nan),
-        translation=found.translation if found else np.full(3, np.nan),
+    whole = unnamed(count)
+    if found is None:
+        return whole
+    own = dict(zip(part, found.verdict, strict=True))
+    for name in ("side", "offset", "ratio", "rms_px"):
+        getattr(whole, name)[list(part)] = getattr(found, name)
+    return replace(
+        whole,
+        verdict=tuple(own.get(n, Decided.NO_FIT) for n in range(count)),
+        rotation=found.rotation,
+        translation=found.translation,
     )
 
 
@@ -272,7 +265,7 @@ def named_lens(
     rotation, translation = [], []
     for own, decision in zip(scene.photos, decisions, strict=True):
         together = rigid(decision)
-        if decision is not None and together:
+        if together:
             world.append(np.concatenate([_world(scene, own[n], decision, n) for n in together]))
             pixel.append(np.concatenate([scene.grids[own[n]].pixel for n in together]))
             rotation.append(decision.rotation)
