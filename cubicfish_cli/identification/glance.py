@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +27,7 @@ from cubicfish_cli.executors.pool import Work
 from cubicfish_cli.identification.identified import Identified, marked_corners
 from cubicfish_cli.identification.name_grids import name_grids
 from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Picture
+from cubicfish_cli.photos import Photo
 from cubicfish_cli.target import Target
 
 # Photos are reduced to fewer pixels than these: squares show at 6 px, modules of markers at 1.6.
@@ -77,24 +76,11 @@ def _zoom(image: npt.NDArray[np.generic], most: int) -> int:
     return max(1, math.ceil(math.sqrt(image.size / most)))
 
 
-class Looked(Protocol):
-    """A picture that can be looked at, here or in another process."""
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        ...
-
-    def read_grey(self) -> Picture:
-        """Its brightness (H, W)."""
-        ...
-
-
-def glance(pictures: Sequence[Looked], target: Target | None, work: Work) -> list[Glimpse | None]:
-    """What each picture shows: corners named by markers, or grids of checkerboards.
+def glance(photos: Sequence[Photo], target: Target | None, work: Work) -> list[Glimpse | None]:
+    """What each photo shows: corners named by markers, or grids of checkerboards.
 
     Args:
-        pictures: photos, or whatever else is looked at.
+        photos: the photos.
         target: the calibration target; None looks for any checkerboard.
         work: who does it.
 
@@ -103,7 +89,7 @@ def glance(pictures: Sequence[Looked], target: Target | None, work: Work) -> lis
 
     """
     look = partial(_look, marked=target if target is not None and target.has_markers else None)
-    return work.done(look, pictures)
+    return work.done(look, photos)
 
 
 def named_at_a_glance(
@@ -136,9 +122,9 @@ def named_at_a_glance(
     return best.corners, best
 
 
-def _look(picture: Looked, *, marked: Target | None) -> Glimpse | None:
+def _look(photo: Photo, *, marked: Target | None) -> Glimpse | None:
     try:
-        grey = picture.read_grey()
+        grey = photo.read_grey()
     except PhotoError:
         return None
     return glance_at_grids(grey) if marked is None else glance_at_markers(grey, marked)
