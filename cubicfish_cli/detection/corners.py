@@ -5,13 +5,13 @@ The ring test asks whether the brightness around a point alternates dark, bright
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.detection.grids import Float32Array
+from cubicfish_cli.detection.grids import Float32Array, Rows
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid, bilinear
 from cubicfish_cli.detection.saddle import fit_saddles
@@ -50,12 +50,9 @@ MOST_CORNERS = 8_000
 _MOST_SADDLES = 100_000
 _MOST_RINGED, _MOST_FITTED = 3 * MOST_CORNERS, 2 * MOST_CORNERS
 
-# Positions, arm angles, radii, contrasts.
-_Part = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rings:
+class Rings(Rows):
     """Result of :func:`check_rings`, one row per point.
 
     Attributes:
@@ -98,12 +95,7 @@ def check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) -
         _check_rings(image, pixel[start : start + _BLOCK], least_contrast)
         for start in range(0, max(len(pixel), 1), _BLOCK)
     ]
-    return Rings(
-        ok=np.concatenate([rings.ok for rings in blocks]),
-        angle=np.concatenate([rings.angle for rings in blocks]),
-        radius=np.concatenate([rings.radius for rings in blocks]),
-        contrast=np.concatenate([rings.contrast for rings in blocks]),
-    )
+    return Rings.joined(blocks)
 
 
 def _check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) -> Rings:
@@ -161,17 +153,14 @@ def _ring(
     image: Float32Array, pixel: FloatArray, radius: float, least_contrast: float
 ) -> tuple[BoolArray, FloatArray, FloatArray]:
     raw = _samples(image, pixel, radius, _SAMPLES)
-    wide = np.concatenate([raw[:, -1:], raw, raw[:, :1]], axis=1)
-    ring = wide[:, 1:-1] + wide[:, :-2]
-    ring += wide[:, 2:]
+    ring = raw + np.roll(raw, 1, axis=1)
+    ring += np.roll(raw, -1, axis=1)
     ring /= 3
     high, low = ring.max(1), ring.min(1)
     ring -= (0.5 * (high + low))[:, None]
     spread = (high - low).astype(float)
     bright = ring > 0
-    change = np.empty_like(bright)
-    np.not_equal(bright[:, :-1], bright[:, 1:], out=change[:, :-1])
-    np.not_equal(bright[:, -1], bright[:, 0], out=change[:, -1])
+    change = bright != np.roll(bright, -1, axis=1)
     good = (np.count_nonzero(change, axis=1) == 4) & (spread > least_contrast)
     arms = np.zeros((len(pixel), 4))
     rows = np.nonzero(good)[0]
@@ -192,20 +181,6 @@ def _ring(
     good[rows] = sound & (_symmetry(ring) > _SYMMETRY)
     arms[rows] = crossing
     return good, arms, spread
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Saddles:
-    """Saddle points of one image at one scale.
-
-    Attributes:
-        pixel: (N, 2) position, one Newton step from the strongest response.
-        response: (N,) contrast-invariant strength, 0.41 for a sharp perpendicular corner.
-
-    """
-
-    pixel: FloatArray
-    response: FloatArray
 
 
 def saddle_response(image: Float32Array, scale: float, noise: float) -> tuple[Float32Array, ...]:
@@ -231,8 +206,14 @@ def saddle_response(image: Float32Array, scale: float, noise: float) -> tuple[Fl
     return tuple(np.asarray(part, np.float32) for part in (response, xx, xy, yy, smooth))
 
 
-def find_saddles(image: Float32Array, scale: float, noise: float) -> Saddles:
-    """Find local maxima of the saddle response; ``scale`` and the result are in pixels."""
+def find_saddles(image: Float32Array, scale: float, noise: float) -> tuple[FloatArray, FloatArray]:
+    """Find local maxima of the saddle response of one image at one scale, in pixels.
+
+    Returns:
+        (N, 2) positions, one Newton step from the strongest response, and (N,) contrast-invariant
+        strength, 0.41 for a sharp perpendicular corner.
+
+    """
     height, width = image.shape
     # Every filter's reach together: smoothing, second derivatives or variance, local maximum.
     halo = int(np.ceil(3 * scale)) + 1 + round(1.2 * scale)
@@ -246,8 +227,8 @@ def find_saddles(image: Float32Array, scale: float, noise: float) -> Saddles:
         )
         part[:, 1] += first
         parts.append(part)
-    found = np.concatenate(parts) if parts else np.zeros((0, 3))
-    return Saddles(pixel=found[:, :2], response=found[:, 2])
+    found = np.concatenate(parts)
+    return found[:, :2], found[:, 2]
 
 
 def _find_in_rows(
@@ -274,7 +255,7 @@ def _find_in_rows(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class XCorners:
+class XCorners(Rows):
     """Points that look like X-corners, each on its own.
 
     Attributes:
@@ -293,64 +274,51 @@ class XCorners:
 
 def find_corners(pyramid: Pyramid) -> XCorners:
     """Search all levels of the pyramid from fine to coarse; a finer find hides a coarser one."""
-    parts: list[_Part] = []
+    parts: list[XCorners] = []
     for level, image in enumerate(pyramid.levels):
         zoom = 2**level
         noise = max(pyramid.noise / zoom, 0.5)
         for scale in SCALES:
-            taken = _near(parts, zoom, image.shape)
-            part = _at_scale(image, scale, noise, taken)
-            if part is not None:
-                pixel, angle, radius, contrast = part
-                parts.append((pixel * zoom, angle, radius * zoom, contrast))
-    if not parts:
-        none = np.zeros(0)
-        return XCorners(pixel=np.zeros((0, 2)), angle=np.zeros((0, 4)), radius=none, contrast=none)
-    pixel, angle, radius, contrast = (np.concatenate(part) for part in zip(*parts, strict=True))
-    best = _first(contrast * np.sqrt(radius), MOST_CORNERS)
-    pixel, angle, radius, contrast = pixel[best], angle[best], radius[best], contrast[best]
-    return XCorners(pixel=pixel, angle=angle, radius=radius, contrast=contrast)
+            part = _at_scale(image, scale, noise, _near(parts, zoom, image.shape))
+            parts.append(replace(part, pixel=part.pixel * zoom, radius=part.radius * zoom))
+    found = XCorners.joined(parts)
+    return found.select(_first(found.contrast * np.sqrt(found.radius), MOST_CORNERS))
 
 
-def _near(parts: list[_Part], zoom: int, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+def _near(parts: list[XCorners], zoom: int, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
     """Mask at a level of the pyramid of what lies within 2 px (of that level) of a found corner."""
     taken = np.zeros(shape, np.uint8)
-    for pixel, *_ in parts:
-        column, row = np.rint(pixel / zoom).astype(int).T
+    for part in parts:
+        column, row = np.rint(part.pixel / zoom).astype(int).T
         taken[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = 1
     return np.asarray(cv2.dilate(taken, np.ones((5, 5), np.uint8)))
 
 
 def _at_scale(
     image: Float32Array, scale: float, noise: float, taken: npt.NDArray[np.uint8]
-) -> _Part | None:
-    saddles = find_saddles(image, scale, noise)
-    if not len(saddles.pixel):
-        return None
+) -> XCorners:
+    """The corners of one level of the pyramid, in its own pixels, that are not ``taken``."""
+    pixel, response = find_saddles(image, scale, noise)
     height, width = image.shape
-    pixel = np.clip(saddles.pixel, 0, (width - 1, height - 1))
+    pixel = np.clip(pixel, 0, (width - 1, height - 1))
     column, row = np.rint(pixel).astype(int).T
-    free = taken[row, column] == 0
-    pixel, response = pixel[free], saddles.response[free]
-    strongest = _first(response, _MOST_SADDLES)
-    pixel, response = pixel[strongest], response[strongest]
-    likely = glance(image, pixel)
+    free = np.flatnonzero(taken[row, column] == 0)
+    free = free[_first(response[free], _MOST_SADDLES)]
+    likely = glance(image, pixel[free])
     candidates = np.flatnonzero(likely)
-    candidates = candidates[_first(likely[candidates], _MOST_RINGED)]
-    if not len(candidates):
-        return None
-    pixel, response = pixel[candidates], response[candidates]
-    rings = check_rings(image, pixel, _NOISE_CONTRAST * noise)
+    chosen = free[candidates[_first(likely[candidates], _MOST_RINGED)]]
+    rings = check_rings(image, pixel[chosen], _NOISE_CONTRAST * noise)
     good = np.flatnonzero(rings.ok)
     good = good[_first((rings.contrast * np.sqrt(rings.radius))[good], _MOST_FITTED)]
-    fit = fit_saddles(image, pixel[good], np.full(len(good), max(2.0, 1.6 * scale)))
-    radius, response = rings.radius[good][fit.ok], response[good][fit.ok]
-    keep = _strongest(fit.pixel[fit.ok], response * np.sqrt(radius), np.clip(0.6 * radius, 2, 5))
-    return (
-        fit.pixel[fit.ok][keep],
-        rings.angle[good][fit.ok][keep],
-        radius[keep],
-        rings.contrast[good][fit.ok][keep],
+    half = np.full(len(good), max(2.0, 1.6 * scale))
+    found, ok = fit_saddles(image, pixel[chosen][good], half)
+    good, found = good[ok], found[ok]
+    rings, response = rings.select(good), response[chosen][good]
+    reach = np.clip(0.6 * rings.radius, 2, 5)
+    keep = _strongest(found, response * np.sqrt(rings.radius), reach)
+    rings = rings.select(keep)
+    return XCorners(
+        pixel=found[keep], angle=rings.angle, radius=rings.radius, contrast=rings.contrast
     )
 
 

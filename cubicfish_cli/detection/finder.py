@@ -19,7 +19,7 @@ from cubicfish_cli.detection.corners import XCorners, find_corners
 from cubicfish_cli.detection.crossing import Crossings
 from cubicfish_cli.detection.grids import FoundGrids, Grid
 from cubicfish_cli.detection.growth import clean, grow, measure_contrast
-from cubicfish_cli.detection.lattice import Lattice
+from cubicfish_cli.detection.lattice import Lattice, window
 from cubicfish_cli.detection.links import Patch, find_patches
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import (
@@ -192,8 +192,7 @@ def _median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> Flo
     """Medians (N, K) over the known corners of the 5x5 cells around, of (N, K) values of cells."""
     every = np.full((*lattice.known.shape, values.shape[1]), np.inf)
     every[cells[:, 0], cells[:, 1]] = values
-    offset = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2, indexing="ij"), -1).reshape(-1, 2)
-    around = cells[:, None] + offset
+    around = cells[:, None] + window(2)
     inorder = np.sort(every[around[..., 0], around[..., 1]], axis=1)
     count = np.isfinite(inorder[..., :1]).sum(1, keepdims=True)
     low = np.take_along_axis(inorder, (count - 1) // 2, axis=1)

@@ -5,6 +5,7 @@ Also as they would be in a photo's mirror image, or in its negative.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
@@ -23,6 +24,12 @@ class Rows:
     def select(self, rows: BoolArray | IntArray | slice) -> Self:
         """Take some rows."""
         return replace(self, **{one.name: getattr(self, one.name)[rows] for one in fields(self)})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The rows of several records, at least one, as those of one."""
+        names = [one.name for one in fields(cls)]
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

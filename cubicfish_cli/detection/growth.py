@@ -193,8 +193,7 @@ def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArra
     cells, fit = cells[usable], fit.select(usable)
     if not len(cells):
         return False
-    pixel, found = _look(pyramid, fit, free)
-    found &= pyramid.inside(pixel, 2.0)
+    pixel, found = snap(pyramid, fit.pixel, fit, free, _SEARCH, fit.side, 0.3 * fit.side)
     found &= ~_crowded(lattice, pixel, fit)
     cells, pixel, fit = cells[found], pixel[found], fit.select(found)
     if not len(cells):
@@ -204,26 +203,34 @@ def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArra
     return bool(good.any())
 
 
-def _look(pyramid: Pyramid, fit: LocalFit, free: cKDTree) -> tuple[FloatArray, BoolArray]:
-    """Nearest free candidate, else a saddle at the prediction."""
-    pixel = fit.pixel.copy()
-    found = np.zeros(len(pixel), bool)
+def snap(
+    pyramid: Pyramid,
+    start: FloatArray,
+    fit: LocalFit,
+    free: cKDTree,
+    search: float,
+    near: FloatArray,
+    travel: FloatArray,
+) -> tuple[FloatArray, BoolArray]:
+    """Saddle points near (N, 2) starts, and which were found.
+
+    The nearest of the free candidates that is fewer than ``search`` cells away, else what the photo
+    shows within ``travel`` pixels (N,), where the next corners are ``near`` pixels (N,) away.
+    """
+    pixel, found = start.copy(), np.zeros(len(start), bool)
     if free.n:
-        _, index = nearest(pixel, free, 4)
+        _, index = nearest(start, free, 4)
         place = np.asarray(free.data)[index]
-        away = fit.cells_away(place)
-        best = away.argmin(1)
-        rows = np.arange(len(pixel))
-        found = away[rows, best] < _SEARCH
+        away = fit.cells_away(place - (start - fit.pixel)[:, None])
+        rows, best = np.arange(len(start)), away.argmin(1)
+        found = away[rows, best] < search
         pixel[found] = place[rows, best][found]
     rest = ~found
     if rest.any():
-        half = np.clip(0.2 * fit.side[rest], 2.0, 6.0)
-        saddle = fit_saddles(
-            pyramid.levels[0], pixel[rest], half, np.maximum(0.3 * fit.side[rest], 1.0)
-        )
-        pixel[rest], found[rest] = saddle.pixel, saddle.ok
-    return pixel, found
+        half = np.clip(0.2 * near[rest], 2.0, 6.0)
+        most = np.maximum(travel[rest], 1.0)
+        pixel[rest], found[rest] = fit_saddles(pyramid.levels[0], start[rest], half, most)
+    return pixel, found & pyramid.inside(pixel, 2.0)
 
 
 def _crowded(lattice: Lattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:

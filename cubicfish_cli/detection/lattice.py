@@ -11,24 +11,26 @@ import numpy as np
 from cubicfish_cli.detection.grids import Grid, Rows
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
+
+def window(reach: int) -> IntArray:
+    """(K, 2) the offsets of all cells within so many columns and rows of a cell, its own too."""
+    return np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
+
+
+def taylor_terms(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Taylor's terms up to the third order: (...) offsets -> (..., 10)."""
+    uu, vv = u * u, v * v
+    second = (uu / 2, u * v, vv / 2)
+    third = (uu * u / 6, uu * v / 2, u * vv / 2, vv * v / 6)
+    return np.stack([np.ones_like(u), u, v, *second, *third], axis=-1)
+
+
 # The local fit looks at the 7x7 cells around: three in a row are needed to see how the steps
 # change along it, which matters most where a grid is extended.
 _REACH = 3
-_WINDOW = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), -1).reshape(
-    -1, 2
-)
+_WINDOW = window(_REACH)
 _WEIGHT = 1.0 / (0.3 + (_WINDOW**2).sum(1)) ** 2
-_TERMS = np.stack(
-    [
-        np.ones(len(_WINDOW)),
-        _WINDOW[:, 0],
-        _WINDOW[:, 1],
-        0.5 * _WINDOW[:, 0] ** 2,
-        _WINDOW[:, 0] * _WINDOW[:, 1],
-        0.5 * _WINDOW[:, 1] ** 2,
-    ],
-    axis=-1,
-).astype(float)
+_TERMS = taylor_terms(*_WINDOW.T.astype(float))[:, :6].copy()
 _PRODUCTS = (_TERMS[:, :, None] * _TERMS[:, None, :]).reshape(len(_WINDOW), 36)
 # Second-order terms are damped until enough neighbours determine them.
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
@@ -60,6 +62,39 @@ class LocalFit(Rows):
     leverage: FloatArray
     side: FloatArray
     sound: BoolArray
+
+    @classmethod
+    def of_terms(
+        cls,
+        terms: FloatArray,
+        mean: FloatArray,
+        leverage: FloatArray,
+        known: BoolArray,
+        closest: float = 1.0,
+    ) -> LocalFit:
+        """Fits of which :func:`taylor_terms` have been found.
+
+        Args:
+            terms: (N, 2, 6 or more) factors of the terms, pixels.
+            mean: (N, 2) where pixels are counted from.
+            leverage: (N,).
+            known: (N, K) the corners that were fitted to.
+            closest: the shortest distance of neighbouring corners, cells.
+
+        """
+        step = terms[:, :, 1:3]
+        length = np.hypot(step[:, 0], step[:, 1])
+        area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
+        side = length.min(1)
+        return cls(
+            pixel=terms[:, :, 0] + mean,
+            step=step,
+            bend=terms[:, :, 3:6],
+            leverage=leverage,
+            side=side,
+            # Squares seen so flat that their angles fall under about 9 degrees cannot be measured.
+            sound=(known.sum(1) >= 3) & (side * closest > 2) & (area > 0.15 * length.prod(1)),
+        )
 
     def at(self, offset: FloatArray) -> FloatArray:
         """Positions at (N, K, 2) or (K, 2) offsets in cells -> (N, K, 2) pixels."""
@@ -282,17 +317,4 @@ class Lattice(CornerMap):
         right[:, 0, 2] = 1
         answer = np.linalg.solve(products.reshape(-1, 6, 6) + _RIDGE, right)
         solution = answer[..., :2].transpose(0, 2, 1)
-        step = solution[:, :, 1:3]
-        length = np.hypot(step[:, 0], step[:, 1])
-        area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
-        side = length.min(1)
-        # Squares seen so flat that their angles fall under about 9 degrees cannot be measured.
-        sound = (known.sum(1) >= 3) & (side > 2) & (area > 0.15 * length.prod(1))
-        return LocalFit(
-            pixel=solution[:, :, 0] + mean,
-            step=step,
-            bend=solution[:, :, 3:],
-            leverage=answer[:, 0, 2] * _WEIGHT[_CENTRE + 1],
-            side=side,
-            sound=sound,
-        )
+        return LocalFit.of_terms(solution, mean, answer[:, 0, 2] * _WEIGHT[_CENTRE + 1], known)

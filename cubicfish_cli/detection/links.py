@@ -37,31 +37,18 @@ EDGE_MEDIAN, EDGE_LEAST = 0.30, 0.10
 _DIRECTIONS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Links:
-    """Mutual links between corners.
-
-    Attributes:
-        corner: (N, 4) the corner that each arm leads to, or -1.
-        arm: (N, 4) the arm of that corner which leads back, or -1.
-
-    """
-
-    corner: IntArray
-    arm: IntArray
-
-
-def _find_links(pyramid: Pyramid, corners: XCorners) -> _Links:
+def _find_links(pyramid: Pyramid, corners: XCorners) -> IntArray:
     """Link corners whose arms point at each other along a visible edge.
+
+    An arm is called 4 * corner + its number there: (N, 4) says to which each leads, or -1.
 
     Brightness left and right of an edge swaps at every X-corner, so an arm with its bright
     side clockwise (even) must meet one with its bright side counter-clockwise (odd): a link
     cannot jump over a corner.
     """
     count = len(corners.pixel)
-    none = np.full((count, 4), -1)
     if count < 4:
-        return _Links(corner=none, arm=none.copy())
+        return np.full((count, 4), -1)
     p, q, length = _neighbours(corners)
     towards = corners.pixel[q] - corners.pixel[p]
     direction = azimuth(towards)
@@ -196,7 +183,7 @@ def _edge(
 
 def _mutual(
     count: int, p: IntArray, q: IntArray, arm_p: IntArray, arm_q: IntArray, cost: FloatArray
-) -> _Links:
+) -> IntArray:
     """Keep the cheapest link of each arm where it is the cheapest for the other end too."""
     order = np.lexsort((q, cost))
     start, end = (4 * p + arm_p)[order], (4 * q + arm_q)[order]
@@ -205,33 +192,24 @@ def _mutual(
     linked = best >= 0
     linked[linked] = best[best[linked]] == np.nonzero(linked)[0]
     best[~linked] = -1
-    corner = np.where(linked, best // 4, -1).reshape(count, 4)
-    arm = np.where(linked, best % 4, -1).reshape(count, 4)
-    return _Links(corner=corner, arm=arm)
+    return best.reshape(count, 4)
 
 
-def _keep_squares(links: _Links) -> _Links:
+def _keep_squares(links: IntArray) -> IntArray:
     """Keep the links that are a side of a closed square: texture rarely closes any."""
-    count = len(links.corner)
-    # One table with a sentinel row, so that broken walks end there.
-    corner = np.concatenate([links.corner, np.full((1, 4), -1)])
-    arm = np.concatenate([links.arm, np.full((1, 4), 0)])
-    start = np.repeat(np.arange(count), 4)
-    first = np.tile(np.arange(4), count)
-    at, leave = start, first
-    closed = np.ones(4 * count, bool)
+    # A row more, so that broken walks end there.
+    ends = np.concatenate([links, np.full((1, 4), -1)]).ravel()
+    start = np.arange(links.size)
+    at, closed = start, np.ones(links.size, bool)
     for _ in range(4):
-        following, arrive = corner[at, leave], arm[at, leave]
-        closed &= following >= 0
-        at, leave = following, (arrive - 1) % 4
-    closed &= (at == start) & (leave == first)
-    side = closed.reshape(count, 4)
+        arrive = ends[at]
+        closed &= arrive >= 0
+        at = arrive // 4 * 4 + (arrive - 1) % 4  # from there on by the arm to the left
+    closed &= at == start
     # A link is the side of two squares, one seen from either end.
-    back = np.zeros_like(side)
-    linked = links.corner >= 0
-    back[linked] = side[links.corner[linked], links.arm[linked]]
-    kept = side | back
-    return _Links(corner=np.where(kept, links.corner, -1), arm=np.where(kept, links.arm, -1))
+    back = (ends >= 0)[:-4]
+    back[back] = closed[ends[:-4][back]]
+    return np.where((closed | back).reshape(links.shape), links, -1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,11 +243,11 @@ def find_patches(pyramid: Pyramid, corners: XCorners) -> list[Patch]:
     """
     links = _keep_squares(_find_links(pyramid, corners))
     strength = corners.contrast * corners.radius
-    corner, arm = links.corner.tolist(), links.arm.tolist()
+    ends = links.tolist()
     steps = [tuple(step) for step in _DIRECTIONS.tolist()]
-    visited = [False] * len(corner)
+    visited = [False] * len(ends)
     patches = []
-    for first in np.nonzero((links.corner >= 0).any(1))[0].tolist():
+    for first in np.nonzero((links >= 0).any(1))[0].tolist():
         if visited[first]:
             continue
         # Arm a of a corner with rotation r points along _DIRECTIONS[(r + a) % 4].
@@ -281,7 +259,7 @@ def find_patches(pyramid: Pyramid, corners: XCorners) -> list[Patch]:
             here = queue.popleft()
             i, j, rotation = state[here]
             for a in range(4):
-                there = corner[here][a]
+                there, arrival = divmod(ends[here][a], 4)
                 if there < 0 or visited[there]:
                     continue
                 direction = (rotation + a) % 4
@@ -290,7 +268,7 @@ def find_patches(pyramid: Pyramid, corners: XCorners) -> list[Patch]:
                     continue
                 visited[there] = True
                 place[cell] = there
-                state[there] = (*cell, (direction + 2 - arm[here][a]) % 4)
+                state[there] = (*cell, (direction + 2 - arrival) % 4)
                 queue.append(there)
         members = np.fromiter(state, int, len(state))
         coordinates = np.array([state[member] for member in state])

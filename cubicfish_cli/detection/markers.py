@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.detection.grids import (
     FoundGrids,
@@ -23,8 +24,12 @@ from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, families
 from cubicfish_cli.detection.markers_lattice import BoardLattice
 from cubicfish_cli.detection.markers_measure import with_sides_seen
 from cubicfish_cli.detection.markers_pieces import Piece, agrees, blurred, piece_of, placed, settle
-from cubicfish_cli.detection.markers_read import read_together
-from cubicfish_cli.detection.markers_search import all_read, places_told, read_alone
+from cubicfish_cli.detection.markers_read import (
+    all_read,
+    places_told,
+    read_alone,
+    read_together,
+)
 from cubicfish_cli.detection.pyramid import CLOSE, Pyramid, build_pyramid, enlarged, reduced
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray, IntArray
@@ -146,8 +151,6 @@ def _both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
 def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
     """The same for dark markers in a photo that is not mirrored."""
     all_families = families(target)
-    if not all_families or min(image.shape) < 8:
-        return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
     alone = read_alone(pyramid, all_families)
     found = _named(pyramid, target, all_families, alone, grids)
@@ -166,7 +169,7 @@ def _named(
 ) -> MarkedCorners:
     """What markers that were read alone, and those in the squares of grids, name."""
     markers = all_read(pyramid, target, all_families, grids, alone)
-    free = np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)])
+    free = cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
     pieces: list[Piece] = []
     refuted = np.zeros(len(target.boards), np.intp)
     for index in np.unique(markers.board):
@@ -221,8 +224,6 @@ def _find_closely(
 def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
     """As :func:`_find`, of outlines alone."""
     all_families = families(target)
-    if not all_families or min(image.shape) < 8:
-        return _marked([], len(grids.grids), ())
     pyramid = build_pyramid(image)
     markers = read_alone(pyramid, all_families)
     pieces = []
@@ -235,7 +236,7 @@ def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids)
         place = max(agreeing, key=lambda one: agreeing[one])
         if agreeing[place] < _AGREEING:
             continue
-        lattice = placed(pyramid, target, index, own, label == place, np.zeros((0, 2)))
+        lattice = placed(pyramid, target, index, own, label == place, cKDTree(np.zeros((0, 2))))
         pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
     return _marked(pieces, len(grids.grids), ())
 

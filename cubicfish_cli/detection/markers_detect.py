@@ -49,13 +49,9 @@ class SeenMarkers(Rows):
         return self.select(self.board == board)
 
 
-def join(parts: list[SeenMarkers]) -> SeenMarkers:
-    """Several sets of markers as one."""
-    return SeenMarkers(
-        board=np.concatenate([np.zeros(0, np.intp), *(part.board for part in parts)]),
-        cell=np.concatenate([np.zeros((0, 2), np.intp), *(part.cell for part in parts)]),
-        pixel=np.concatenate([np.zeros((0, 4, 2)), *(part.pixel for part in parts)]),
-    )
+NO_MARKERS = SeenMarkers(
+    board=np.zeros(0, np.intp), cell=np.zeros((0, 2), np.intp), pixel=np.zeros((0, 4, 2))
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,16 +89,12 @@ def families(target: Target) -> list[Family]:
             for border in board.marker_borders:
                 key = board.markers.dictionary, border, board.per_cell == 2
                 keys.setdefault(key, []).append(index)
-    return [
-        _family(target, indices, name, border, tags=tags)
-        for (name, border, tags), indices in keys.items()
-    ]
-
-
-def _family(target: Target, indices: list[int], name: str, border: int, *, tags: bool) -> Family:
-    ids = np.concatenate([target.boards[index].marker_cells() for index in indices])
-    board = np.repeat(indices, [len(target.boards[i].marker_cells()) for i in indices])
-    return _family_of(name, border, ids, board, tags=tags)
+    found = []
+    for (name, border, tags), indices in keys.items():
+        cells = [target.boards[index].marker_cells() for index in indices]
+        of = np.repeat(indices, [len(own) for own in cells])
+        found.append(_family_of(name, border, np.concatenate(cells), of, tags=tags))
+    return found
 
 
 def every_family() -> tuple[list[str], list[Family]]:

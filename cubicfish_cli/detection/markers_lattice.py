@@ -10,20 +10,19 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.boards.board import Board
-from cubicfish_cli.detection.lattice import CornerMap, LocalFit
+from cubicfish_cli.detection.growth import snap
+from cubicfish_cli.detection.lattice import CornerMap, LocalFit, taylor_terms, window
 from cubicfish_cli.detection.nearby import nearest
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.refine import refine_corners
-from cubicfish_cli.detection.saddle import fit_saddles
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
 # A local fit looks this many corners to each side: three squares, or two tags.
 _REACH = 4
-_WINDOW = np.stack(np.meshgrid(*[np.arange(-_REACH, _REACH + 1)] * 2, indexing="ij"), -1).reshape(
-    -1, 2
-)
+_WINDOW = window(_REACH)
 _CENTRE = len(_WINDOW) // 2
 # Terms of second and third order are damped until enough neighbours determine them.
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, *[1e-4] * 3, *[1e-3] * 4])
@@ -116,24 +115,12 @@ class BoardLattice(CornerMap):
         total = np.maximum(weight.sum(axis=1), 1e-12)
         mean = (weight[..., None] * pixel).sum(axis=1) / total[:, None]
         pixel = np.where(known[..., None], pixel - mean[:, None], 0.0)
-        terms = _terms(u, v)
+        terms = taylor_terms(u, v)
         weighted = (terms * weight[..., None]).transpose(0, 2, 1)
         inverse = np.linalg.inv(weighted @ terms + _RIDGE)
         solution = (inverse @ (weighted @ pixel)).transpose(0, 2, 1)
-        step = solution[:, :, 1:3]
-        length = np.hypot(step[:, 0], step[:, 1])
-        area = step[:, 0, 0] * step[:, 1, 1] - step[:, 0, 1] * step[:, 1, 0]
-        side = length.min(axis=1)
-        return LocalFit(
-            pixel=solution[:, :, 0] + mean,
-            step=step,
-            bend=solution[:, :, 3:6],
-            leverage=np.asarray(inverse[:, 0, 0] * _WEIGHT_BESIDE, float),
-            side=side,
-            sound=(known.sum(axis=1) >= 3)
-            & (side * self.closest > 2)
-            & (area > 0.15 * length.prod(axis=1)),
-        )
+        leverage = np.asarray(inverse[:, 0, 0] * _WEIGHT_BESIDE, float)
+        return LocalFit.of_terms(solution, mean, leverage, known, self.closest)
 
     def inside_squares(self, corner: IntArray, place: FloatArray) -> FloatArray:
         """Pixels (N, K, 2) of places (K, 2) in the squares (tags) between known corners.
@@ -194,23 +181,15 @@ class BoardLattice(CornerMap):
         return shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
 
 
-def _terms(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Taylor's terms up to the third order: (...) offsets -> (..., 10)."""
-    uu, vv = u * u, v * v
-    second = (uu / 2, u * v, vv / 2)
-    third = (uu * u / 6, uu * v / 2, u * vv / 2, vv * v / 6)
-    return np.stack([np.ones_like(u), u, v, *second, *third], axis=-1)
-
-
-def grow(pyramid: Pyramid, lattice: BoardLattice, free: FloatArray) -> None:
-    """Add the corners beside the known ones until nothing changes; ``free`` (N, 2): candidates."""
+def grow(pyramid: Pyramid, lattice: BoardLattice, free: cKDTree) -> None:
+    """Add the corners beside the known ones until nothing changes; ``free``: candidates."""
     for _ in range(_MOST_ROUNDS):
         cells = lattice.frontier()
         if not len(cells) or not try_cells(pyramid, lattice, cells, free):
             return
 
 
-def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: FloatArray) -> bool:
+def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: cKDTree) -> bool:
     """Look for (N, 2) unknown cells where their neighbours say; whether any was found."""
     fit = lattice.fit(cells)
     usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
@@ -219,7 +198,7 @@ def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: Fl
         return False
     pixel, good = lattice.refined(pyramid, cells, fit.pixel, fit)
     # Where the prediction is too far off, the nearest saddle is the next best start.
-    start, found = snap(pyramid, lattice, fit.pixel, fit, free)
+    start, found = snap_named(pyramid, lattice, fit.pixel, fit, free)
     rows = np.nonzero(found & ~good)[0]
     pixel[rows], good[rows] = lattice.refined(pyramid, cells[rows], start[rows], fit.select(rows))
     good &= fit.cells_away(pixel) < lattice.search
@@ -228,29 +207,12 @@ def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: Fl
     return bool(good.any())
 
 
-def snap(
-    pyramid: Pyramid, lattice: BoardLattice, start: FloatArray, fit: LocalFit, free: FloatArray
+def snap_named(
+    pyramid: Pyramid, lattice: BoardLattice, start: FloatArray, fit: LocalFit, free: cKDTree
 ) -> tuple[FloatArray, BoolArray]:
     """Saddle points near (N, 2) starts: the nearest candidate, else what the photo shows there."""
-    pixel, found = start.copy(), np.zeros(len(start), bool)
-    if len(free):
-        _, index = nearest(start, free, 4)
-        moved = free[index] - start[:, None] + fit.pixel[:, None]
-        away = fit.cells_away(moved)
-        rows, best = np.arange(len(start)), away.argmin(axis=1)
-        found = away[rows, best] < lattice.search
-        pixel[found] = free[index[rows, best]][found]
-    rest = np.nonzero(~found)[0]
-    if len(rest):
-        near = fit.side[rest] * lattice.closest
-        saddle = fit_saddles(
-            pyramid.levels[0],
-            start[rest],
-            np.clip(0.2 * near, 2.0, 6.0),
-            np.maximum(lattice.search * fit.side[rest], 1.0),
-        )
-        pixel[rest], found[rest] = saddle.pixel, saddle.ok
-    return pixel, found & pyramid.inside(pixel, 2.0)
+    near, travel = fit.side * lattice.closest, lattice.search * fit.side
+    return snap(pyramid, start, fit, free, lattice.search, near, travel)
 
 
 def clean(lattice: BoardLattice) -> None:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import FoundGrids
-from cubicfish_cli.detection.markers_detect import SeenMarkers, every_family, families, join
-from cubicfish_cli.detection.markers_search import (
+from cubicfish_cli.detection.markers_detect import SeenMarkers, every_family, families
+from cubicfish_cli.detection.markers_read import (
     VOUCH_CELLS,
     all_read,
     middles_and_axes,
@@ -75,8 +75,6 @@ def agreeing_markers(
     """
     widest = drawings[0]
     all_families = families(widest)
-    if min(image.shape) < 8:
-        return np.zeros(len(drawings), np.intp)
     seen = all_read(build_pyramid(image), widest, all_families, grids).of(index)
     ids = _ids_by_cell(widest.boards[index])[tuple(seen.cell.T)]
     counts = []
@@ -94,7 +92,7 @@ def agreeing_markers(
 def markers_of_any_kind(image: npt.NDArray[np.generic]) -> dict[str, IntArray]:
     """Ids of all markers (N,) that are clearly read in a grey photo (H, W), by dictionary."""
     names, all_families = every_family()
-    seen = read_alone(build_pyramid(image), all_families) if min(image.shape) >= 8 else join([])
+    seen = read_alone(build_pyramid(image), all_families)
     return {name: np.unique(seen.of(index).cell[:, 0]) for index, name in enumerate(names)}
 
 
@@ -113,8 +111,6 @@ def tags_apart(
         (N,) distances of their middles, in their sides.
 
     """
-    if min(image.shape) < 8:
-        return np.zeros(0)
     seen = all_read(build_pyramid(image), target, families(target), grids).of(index)
     cell, first = np.unique(seen.cell, axis=0, return_index=True)
     middle, step = middles_and_axes(seen.pixel[first])

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.detection.grids import Grid
 from cubicfish_cli.detection.markers_detect import Family, SeenMarkers
-from cubicfish_cli.detection.markers_lattice import BoardLattice, clean, grow, snap, verify
+from cubicfish_cli.detection.markers_lattice import BoardLattice, clean, grow, snap_named, verify
 from cubicfish_cli.detection.markers_read import (
     NamedGrid,
     cell_corners,
@@ -79,7 +80,7 @@ def piece_of(
     markers: SeenMarkers,
     chosen: BoolArray,
     grids: tuple[Grid, ...],
-    free: FloatArray,
+    free: cKDTree,
 ) -> Piece | None:
     """The board as the chosen markers place it, grown as far as it can be seen."""
     lattice = placed(pyramid, target, index, markers, chosen, free)
@@ -98,7 +99,7 @@ def placed(
     index: int,
     markers: SeenMarkers,
     chosen: BoolArray,
-    free: FloatArray,
+    free: cKDTree,
 ) -> BoardLattice:
     """The corners around the chosen markers, each where a saddle is seen nearby."""
     board = target.boards[index]
@@ -107,13 +108,13 @@ def placed(
     lattice.put(cells, pixel)
     cells = lattice.cells()
     fit = lattice.fit(cells)
-    pixel, found = snap(pyramid, lattice, lattice.at(cells), fit, free)
+    pixel, found = snap_named(pyramid, lattice, lattice.at(cells), fit, free)
     lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
     clean(lattice)
     return lattice
 
 
-def _extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: FloatArray) -> None:
+def _extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
     """Add what else of the board can be seen, and drop what is no corner."""
     lattice = piece.lattice
     for _ in range(2):
@@ -130,7 +131,7 @@ def blurred(
     one: NamedGrid,
     number: int,
     grids: tuple[Grid, ...],
-    free: FloatArray,
+    free: cKDTree,
 ) -> Piece:
     """The board of a grid that is named by all of its markers together."""
     lattice = BoardLattice(board=target.boards[one.board])
@@ -211,11 +212,11 @@ def agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: 
         if not len(row):
             continue
         points = piece.lattice.inside_squares(corner, module_places(family, ratio))
-        modules = read_modules(pyramid, points, side_px, family)
-        wrong = wrong_modules(modules.white, family)[:, 0]
+        white, clear = read_modules(pyramid, points, side_px, family)
+        wrong = wrong_modules(white, family)[:, 0]
         wrong = wrong[np.arange(len(wrong)), row[whole]]
-        own |= modules.clear & (wrong <= family.corrected)
-        other |= modules.clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
+        own |= clear & (wrong <= family.corrected)
+        other |= clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
     least = 2 if piece.markers == 1 else 1
     # Those that place the piece were read in the same squares, or beyond the known corners.
     agreeing = max(int(own.sum()), piece.markers)

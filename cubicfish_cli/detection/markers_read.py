@@ -1,4 +1,6 @@
-"""Reading markers through corners that are known: no outline has to be found first.
+"""Markers that can be read in a photo, and which of them agree about where their board is.
+
+Through corners that are known no outline has to be found first.
 
 Where blur leaves none that can be read alone, all of a grid are read together: each of a board's
 few dozen markers still looks more like itself than like others. A grid's place on a board says
@@ -12,10 +14,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from cubicfish_cli.boards.board import AROUND_SQUARE, Board
-from cubicfish_cli.detection.grids import Grid
-from cubicfish_cli.detection.markers_detect import Family, SeenMarkers, join, straightened
+from cubicfish_cli.detection.grids import FoundGrids, Grid
+from cubicfish_cli.detection.markers_detect import (
+    NO_MARKERS,
+    Family,
+    SeenMarkers,
+    find_outlines,
+    straightened,
+)
 from cubicfish_cli.detection.markers_lattice import BoardLattice
 from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.target import Target
@@ -36,20 +45,11 @@ _SHARE = 0.8
 # Fewer markers are too few to tell, and more places than that are not looked through.
 _FEWEST, _MOST_PLACES = 4, 150
 _QUARTER = np.array([(0, 1), (-1, 0)])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Modules:
-    """What is inside N outlines.
-
-    Attributes:
-        white: (N, size, size) which modules are white.
-        clear: (N,) there is a black frame around, and the modules are large enough to be read.
-
-    """
-
-    white: BoolArray
-    clear: BoolArray
+# Markers vouch for each other up to this many cells apart, when each is where the shape of both
+# puts it, to this share of a cell: distortion takes a tenth or two, a wrong cell is 1 away.
+VOUCH_CELLS = 2
+_VOUCH_MISS = 0.4
+_SMALLEST_PHOTO_PX = 8
 
 
 def outlines(square: FloatArray, ratio: float) -> FloatArray:
@@ -115,10 +115,15 @@ def module_levels(
 
 def read_modules(
     pyramid: Pyramid, points: FloatArray, side_px: FloatArray, family: Family
-) -> Modules:
+) -> tuple[BoolArray, BoolArray]:
     """Read markers at the (N, K, 2) pixels of their :func:`module_places`.
 
     ``side_px`` (N,) is how long a marker's shortest side is.
+
+    Returns:
+        (N, size, size) which modules are white, and (N,) whether there is a black frame around, and
+        the modules are large enough to be read.
+
     """
     side = family.size + 2 * family.border
     level = module_levels(pyramid, points, side_px, family)
@@ -132,7 +137,7 @@ def read_modules(
     clear &= white - black > _LEAST_CONTRAST * pyramid.noise
     clear &= side_px > _SMALLEST_MODULE_PX * side
     clear &= pyramid.inside(points.reshape(-1, 2), 1.0).reshape(len(points), -1).all(axis=1)
-    return Modules(white=level[:, inner, inner] > between[:, None, None], clear=clear)
+    return level[:, inner, inner] > between[:, None, None], clear
 
 
 def wrong_modules(white: BoolArray, family: Family) -> IntArray:
@@ -164,7 +169,7 @@ def read_grid(
         for ratio in _ratios(target, family):
             allowed = [marker_ratio(target, int(board)) == ratio for board in family.board]
             found.append(_read(pyramid, chosen, family, ratio, np.array(allowed)))
-    return join(found)
+    return SeenMarkers.joined([NO_MARKERS, *found])
 
 
 def cell_corners(board: Board, cell: IntArray) -> IntArray:
@@ -204,22 +209,22 @@ def read_outlines(pyramid: Pyramid, all_families: list[Family], outline: FloatAr
         found.append(_read(pyramid, straight, family, 1.0, everything))
         rough = _read(pyramid, outline, family, 1.0, everything)
         found.append(replace(rough, pixel=straightened(pyramid, rough.pixel)))
-    return join(found)
+    return SeenMarkers.joined([NO_MARKERS, *found])
 
 
 def _read(
     pyramid: Pyramid, square: FloatArray, family: Family, ratio: float, allowed: BoolArray
 ) -> SeenMarkers:
     if not len(square):
-        return join([])
+        return NO_MARKERS
     points = through_square(square, module_places(family, ratio))
-    modules = read_modules(pyramid, points, ratio * shortest_side(square), family)
-    wrong = wrong_modules(modules.white, family)
+    white, clear = read_modules(pyramid, points, ratio * shortest_side(square), family)
+    wrong = wrong_modules(white, family)
     wrong[:, :, ~allowed] = family.size**2
     best = wrong.reshape(len(wrong), -1).argmin(axis=1)
     turn, code = np.divmod(best, len(family.codes))
     rows = np.arange(len(wrong))
-    good = modules.clear & (wrong[rows, turn, code] <= min(_MOST_WRONG, family.corrected // 2))
+    good = clear & (wrong[rows, turn, code] <= min(_MOST_WRONG, family.corrected // 2))
     order = (np.arange(4) + turn[:, None]) % 4
     upright = np.take_along_axis(outlines(square, ratio), order[..., None], axis=1)
     return SeenMarkers(
@@ -347,3 +352,44 @@ def _unit_length(patches: FloatArray) -> FloatArray:
     flat = patches.reshape(len(patches), -1)
     flat = flat - flat.mean(axis=1, keepdims=True)
     return np.asarray(flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9))
+
+
+def middles_and_axes(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Middles (N, 2) of quadrangles (N, 4, 2), and (N, 2, 2): columns to the right, and down."""
+    a, b, c, d = outline.transpose(1, 0, 2)
+    return outline.mean(axis=1), 0.5 * np.stack([b + c - a - d, c + d - a - b], axis=-1)
+
+
+def all_read(
+    pyramid: Pyramid,
+    target: Target,
+    all_families: list[Family],
+    grids: FoundGrids,
+    alone: SeenMarkers | None = None,
+) -> SeenMarkers:
+    """Markers that are read by their own outlines, as ``alone`` if given, or in grids' squares."""
+    alone = read_alone(pyramid, all_families) if alone is None else alone
+    in_grids = (read_grid(pyramid, target, all_families, grid) for grid in grids.grids)
+    return SeenMarkers.joined([alone, *in_grids])
+
+
+def read_alone(pyramid: Pyramid, all_families: list[Family]) -> SeenMarkers:
+    """Markers that are read by their own outlines; none in a photo too small for any."""
+    if not all_families or min(pyramid.size) < _SMALLEST_PHOTO_PX:
+        return NO_MARKERS
+    grey = np.clip(np.rint(pyramid.levels[0]), 0, 255).astype(np.uint8)
+    return read_outlines(pyramid, all_families, find_outlines(grey, all_families))
+
+
+def places_told(markers: SeenMarkers, target: Target, board: int) -> IntArray:
+    """Which markers of a board agree about where it is: (N,) the same number for those."""
+    pitch = 1 + target.boards[board].spacing if target.boards[board].kind == "aprilgrid" else 1.0
+    square = squares(markers.pixel, marker_ratio(target, board))
+    middle, step = middles_and_axes(square)
+    apart = markers.cell[None] - markers.cell[:, None]
+    step = 0.5 * pitch * (step[None] + step[:, None])
+    expected = (step @ apart[..., None])[..., 0]
+    miss = np.linalg.norm(middle[None] - middle[:, None] - expected, axis=-1)
+    length = np.linalg.norm(step, axis=-2).min(axis=-1)
+    agree = (np.abs(apart).max(axis=-1) <= VOUCH_CELLS) & (miss < _VOUCH_MISS * length)
+    return connected_components(agree, directed=False)[1].astype(np.intp)

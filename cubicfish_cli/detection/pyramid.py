@@ -79,20 +79,15 @@ def bilinear(image: Float32Array, points: FloatArray) -> Float32Array:
     """
     shape = points.shape[:-1]
     count = points.size // 2
-    columns = 64
+    if not count:
+        return np.zeros(shape, np.float32)
+    columns = max(64, -(-count // _MOST_ROWS))
     rows = -(-count // columns)
     x, y = np.zeros((2, rows * columns), np.float32)
     x[:count], y[:count] = points[..., 0].ravel(), points[..., 1].ravel()
     x, y = x.reshape(rows, columns), y.reshape(rows, columns)
-    blocks = [slice(i, i + _MOST_ROWS) for i in range(0, rows, _MOST_ROWS)]
-    pieces = [
-        cv2.remap(image, x[b], y[b], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for b in blocks
-    ]
-    if not pieces:
-        return np.zeros(shape, np.float32)
-    sampled = np.concatenate([np.asarray(piece, np.float32) for piece in pieces])
-    return sampled.reshape(-1)[:count].reshape(shape)
+    sampled = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(sampled, np.float32).reshape(-1)[:count].reshape(shape)
 
 
 def estimate_noise(image: Float32Array) -> float:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cubicfish_cli.detection.crossing import Crossings, Gaps, Quiet, fit_crossings
 from cubicfish_cli.detection.lattice import LocalFit
 from cubicfish_cli.detection.nearby import nearest
-from cubicfish_cli.detection.pyramid import Pyramid, build_pyramid
+from cubicfish_cli.detection.pyramid import Pyramid
 from cubicfish_cli.detection.saddle import fit_saddles
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
 
@@ -83,10 +83,10 @@ def refine_pixels(
     A saddle fit brings the start to within a fraction of a pixel, two crossing edges are then
     fitted to the pixels, as far as these are ``quiet``.
     """
-    saddle = fit_saddles(
+    saddle, ok = fit_saddles(
         pyramid.levels[0], pixel, np.clip(0.2 * fit.side, 2.0, 2.5), np.maximum(1.5, 0.1 * fit.side)
     )
-    start = np.where(saddle.ok[:, None], saddle.pixel, pixel)
+    start = np.where(ok[:, None], saddle, pixel)
     return _cross(pyramid.levels[0], start, fit, pyramid.noise, _LARGEST_HALF, quiet)
 
 
@@ -168,8 +168,8 @@ def _lean_on_saddles(image: npt.NDArray[np.generic], found: Crossings, half: Flo
     curved edges pull a saddle. On rendered photos with noise, blur and light that falls off to
     the rim the mean of both, so weighted, is nearer to the truth than either.
     """
-    saddle = fit_saddles(image, found.pixel, half, np.full(len(half), _SADDLE_TRAVEL))
-    found.pixel[saddle.ok] += _SADDLE_SHARE * (saddle.pixel - found.pixel)[saddle.ok]
+    saddle, ok = fit_saddles(image, found.pixel, half, np.full(len(half), _SADDLE_TRAVEL))
+    found.pixel[ok] += _SADDLE_SHARE * (saddle - found.pixel)[ok]
 
 
 def refine_at_full_size(
@@ -195,11 +195,11 @@ def refine_at_full_size(
 
 
 def refine_corners(
-    image: npt.NDArray[np.generic] | Pyramid,
+    pyramid: Pyramid,
     pixel: FloatArray,
     jacobians: FloatArray,
-    sign: IntArray | None = None,
-    bends: FloatArray | None = None,
+    sign: IntArray,
+    bends: FloatArray,
     quiet: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Move predicted corners to where the photo has them, and tell which are really there.
@@ -207,21 +207,18 @@ def refine_corners(
     The same sub-pixel method and the same tests as in :func:`~.finder.find_grids`.
 
     Args:
-        image: (H, W) grey photo, or the pyramid built from it.
+        pyramid: built from a grey photo.
         pixel: (N, 2) predictions, within about a tenth of a square.
         jacobians: (N, 2, 2) columns dp/di and dp/dj: pixels per step along the grid's i and j.
         sign: (N,) +1 where the square between the steps +i and +j is bright, -1 where it is
-            dark; None takes what the photo shows.
-        bends: (N, 2, 3) second derivatives d2p/di2, d2p/didj, d2p/dj2; None: straight edges.
+            dark.
+        bends: (N, 2, 3) second derivatives d2p/di2, d2p/didj, d2p/dj2.
         quiet: (N,) how far from both of its edges a bright square is clean, steps; None: wholly.
-            Only for corners whose ``sign`` is given.
 
     Returns:
         (N, 2) refined pixels (the prediction itself where not ok) and (N,) ok.
 
     """
-    pyramid = image if isinstance(image, Pyramid) else build_pyramid(image)
-    pixel = np.asarray(pixel, float).reshape(-1, 2)
     refined, good = pixel.copy(), np.zeros(len(pixel), bool)
     side = np.hypot(jacobians[:, 0], jacobians[:, 1]).min(1)
     area = np.abs(np.linalg.det(jacobians))
@@ -232,19 +229,14 @@ def refine_corners(
     fit = LocalFit(
         pixel=pixel[rows],
         step=jacobians[rows],
-        bend=np.zeros((len(rows), 2, 3)) if bends is None else bends[rows],
+        bend=bends[rows],
         leverage=np.zeros(len(rows)),
         side=side[rows],
         sound=np.ones(len(rows), bool),
     )
-    clean = None
-    if sign is not None and quiet is not None:
-        clean = Quiet(sign=np.asarray(sign)[rows], steps=quiet[rows])
+    seen = sign[rows]
+    clean = None if quiet is None else Quiet(sign=seen, steps=quiet[rows])
     found = refine_pixels(pyramid, pixel[rows], fit, clean)
-    if sign is None:
-        seen = np.where(found.contrast(np.ones(len(rows), int)) < 0, -1, 1)
-    else:
-        seen = np.asarray(sign)[rows]
     _, index = nearest(pixel[rows], pixel[rows], 12)
     ok = whole_corners(
         found,

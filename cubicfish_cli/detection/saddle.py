@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -13,26 +11,12 @@ _ITERATIONS = 8
 _CONVERGED = 0.02  # px: the crossing fit starts from here and does the rest
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SaddleFit:
-    """Result of :func:`fit_saddles`, one row per corner.
-
-    Attributes:
-        pixel: (N, 2) the saddle point.
-        ok: (N,) it converged on a saddle within the allowed travel.
-
-    """
-
-    pixel: FloatArray
-    ok: BoolArray
-
-
 def fit_saddles(
     image: npt.NDArray[np.generic],
     pixel: FloatArray,
     half: FloatArray,
     travel: FloatArray | None = None,
-) -> SaddleFit:
+) -> tuple[FloatArray, BoolArray]:
     """Move (N, 2) pixels to the saddle point of a quadratic fitted in a window around each.
 
     The weights (1 - u^2)(1 - v^2) follow the estimate with sub-pixel precision while the data
@@ -44,6 +28,9 @@ def fit_saddles(
         half: (N,) half-size of the window, pixels, at least 1.5.
         travel: (N,) how far the result may lie from the start; default max(1.5, half).
 
+    Returns:
+        (N, 2) the saddle points, and (N,) whether it converged on one within the allowed travel.
+
     """
     count = len(pixel)
     result = np.array(pixel, float).reshape(count, 2)
@@ -54,7 +41,7 @@ def fit_saddles(
     for radius in np.unique(reach):
         rows = np.nonzero(reach == radius)[0]
         result[rows], ok[rows] = _fit(image, result[rows], half[rows], limit[rows], int(radius))
-    return SaddleFit(pixel=result, ok=ok)
+    return result, ok
 
 
 def _fit(

@@ -15,12 +15,13 @@ hypothesis costs a few small matrix products however many corners the grid has.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from cubicfish_cli.detection.grids import Rows
+from cubicfish_cli.detection.lattice import window
 from cubicfish_cli.fitting.poses import rotation_from_vector
 from cubicfish_cli.geometry import nearest_rotation
 from cubicfish_cli.lenses.radial import RadialCamera, project_jacobian
@@ -170,11 +171,6 @@ class Labelings(Rows):
         return self.grid_cost.sum(axis=1)
 
 
-def _stacked(parts: Sequence[Labelings]) -> Labelings:
-    names = [one.name for one in fields(Labelings)]
-    return Labelings(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
-
-
 def search(views: Sequence[GridView], sides: Placement) -> Labelings:
     """Labelings of one photo with at least two grids named, best first.
 
@@ -202,19 +198,8 @@ def search(views: Sequence[GridView], sides: Placement) -> Labelings:
         ):
             break
     if not found:
-        return _nothing(len(views))
-    return _distinct(_stacked(found))[:_BEAM]
-
-
-def _nothing(grids: int) -> Labelings:
-    return Labelings(
-        side=np.empty((0, grids), np.intp),
-        offset=np.empty((0, grids, 2), np.intp),
-        rotation=np.empty((0, 3, 3)),
-        translation=np.empty((0, 3)),
-        pivot=np.empty((0, 3)),
-        grid_cost=np.empty((0, grids)),
-    )
+        return _alone(views, 0, sides)[:0]
+    return _distinct(Labelings.joined(found))[:_BEAM]
 
 
 def refined(
@@ -329,8 +314,8 @@ def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placeme
             shift = more.pivot - (turned @ pivot[:, :, None])[:, :, 0]
             more = replace(more, rotation=turned, translation=shift)
         world = _rotated_back(more.rotation, middle - more.translation)
-        window = _PAIR_WINDOW if alone else _GROW_WINDOW
-        pick, offset, misfit = _offsets_near(world, side, view, sides, window)
+        farthest = _PAIR_WINDOW if alone else _GROW_WINDOW
+        pick, offset, misfit = _offsets_near(world, side, view, sides, farthest)
         if len(pick) > _MAX_PAIRS:
             nearest = np.sort(np.argpartition(misfit, _MAX_PAIRS)[:_MAX_PAIRS])
             pick, offset = pick[nearest], offset[nearest]
@@ -338,11 +323,11 @@ def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placeme
         more.side[:, grid] = side[pick]
         more.offset[:, grid] = offset
         parts.append(_promised(more, views, sides, 2 * _BEAM))
-    return _distinct(refined(_stacked(parts), views, sides, rounds=2))[:_BEAM]
+    return _distinct(refined(Labelings.joined(parts), views, sides, rounds=2))[:_BEAM]
 
 
 def _offsets_near(
-    world: FloatArray, side: IntArray, view: GridView, sides: Placement, window: int
+    world: FloatArray, side: IntArray, view: GridView, sides: Placement, farthest: int
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Whole offsets near where a grid's middle was predicted.
 
@@ -351,7 +336,7 @@ def _offsets_near(
         side: (K,) the side it is tried on.
         view: the grid.
         sides: the target's boards.
-        window: largest distance from the prediction, squares.
+        farthest: largest distance from the prediction, squares.
 
     Returns:
         Indices into the K predictions (Q,), offsets (Q, 2), squared misfits in squares (Q,).
@@ -361,12 +346,11 @@ def _offsets_near(
     above = np.einsum("ki,ki->k", sides.frame[side][:, :, 2], arm)
     cell = np.einsum("kij,ki->kj", sides.axes[side], arm)
     wanted = cell - sides.matrix[side] @ view.middle[:2]
-    reach = np.arange(-window, window + 1)
-    shift = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
+    shift = window(farthest)
     near = np.flatnonzero(
         (np.abs(above) < _MAX_OFF_PLANE)
-        & (wanted > view.reach.low[side] - window - 1).all(axis=1)
-        & (wanted < view.reach.high[side] + window + 1).all(axis=1)
+        & (wanted > view.reach.low[side] - farthest - 1).all(axis=1)
+        & (wanted < view.reach.high[side] + farthest + 1).all(axis=1)
     )
     offset = (np.rint(wanted[near]).astype(np.intp)[:, None] + shift).reshape(-1, 2)
     pick = np.repeat(near, len(shift))

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.boards.board import Board
+from cubicfish_cli.detection.pyramid import build_pyramid
 from cubicfish_cli.detection.refine import refine_corners
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.executors.pool import Work, settled
@@ -197,10 +198,10 @@ def _of_board(
 
 def _look(prediction: _Prediction) -> Observations:
     """The unknown corners that the photo shows."""
-    picture, predicted = prediction.photo.read_grey(), prediction.corners.pixel
+    pyramid, predicted = build_pyramid(prediction.photo.read_grey()), prediction.corners.pixel
     # Known corners take part: a corner is judged by those around it.
     pixel, ok = refine_corners(
-        picture, predicted, prediction.step, prediction.sign, prediction.bend
+        pyramid, predicted, prediction.step, prediction.sign, prediction.bend
     )
     side = np.hypot(prediction.step[:, 0], prediction.step[:, 1]).min(axis=1)
     moved = np.hypot(*(pixel - predicted).T)

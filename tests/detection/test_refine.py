@@ -27,10 +27,19 @@ def steps(count):
     return np.tile(SIDE * np.eye(2), (count, 1, 1))
 
 
+def colours(cells):
+    return np.where(cells.sum(1) % 2 == 0, -1, 1)
+
+
+def refined(image, pixel, shapes, sign):
+    bends = np.zeros((len(pixel), 2, 3))
+    return refine_corners(build_pyramid(image), pixel, shapes, sign, bends)
+
+
 def test_predictions_a_pixel_off_come_to_their_corners(board):
     image, cells, truth = board
     start = truth + np.random.default_rng(0).uniform(-1, 1, truth.shape)
-    pixel, ok = refine_corners(image, start, steps(len(truth)))
+    pixel, ok = refined(image, start, steps(len(truth)), colours(cells))
     whole = (cells[:, 0] < 7) & (cells[:, 0] < 9)
     assert ok[whole].all()
     assert np.abs(pixel - truth)[whole].max() < 0.1
@@ -38,7 +47,7 @@ def test_predictions_a_pixel_off_come_to_their_corners(board):
 
 def test_hidden_corners_are_refused_and_left_where_they_were(board):
     image, cells, truth = board
-    pixel, ok = refine_corners(build_pyramid(image), truth, steps(len(truth)))
+    pixel, ok = refined(image, truth, steps(len(truth)), colours(cells))
     hidden = cells[:, 0] >= 7
     assert not ok[hidden].any()
     assert np.array_equal(pixel[hidden], truth[hidden])
@@ -46,10 +55,10 @@ def test_hidden_corners_are_refused_and_left_where_they_were(board):
 
 def test_the_known_colour_refuses_a_lattice_that_is_one_square_off(board):
     image, cells, truth = board
-    sign = np.where(cells.sum(1) % 2 == 0, -1, 1)
+    sign = colours(cells)
     inner = cells[:, 0] < 7
-    assert refine_corners(image, truth, steps(len(truth)), sign)[1][inner].all()
-    assert not refine_corners(image, truth, steps(len(truth)), -sign)[1].any()
+    assert refined(image, truth, steps(len(truth)), sign)[1][inner].all()
+    assert not refined(image, truth, steps(len(truth)), -sign)[1].any()
 
 
 def test_predictions_outside_or_without_shape_are_refused(board):
@@ -57,7 +66,8 @@ def test_predictions_outside_or_without_shape_are_refused(board):
     pixel = np.array([[-50.0, 30.0], [1e6, 5.0], [39.5, 39.5], [np.nan, 3.0]])
     shapes = steps(4)
     shapes[2] = 0
-    refined, ok = refine_corners(image, pixel, shapes)
+    found, ok = refined(image, pixel, shapes, np.ones(4, int))
     assert not ok.any()
-    assert np.array_equal(refined, pixel, equal_nan=True)
-    assert refine_corners(image, np.zeros((0, 2)), np.zeros((0, 2, 2)))[0].shape == (0, 2)
+    assert np.array_equal(found, pixel, equal_nan=True)
+    none = np.zeros(0, int)
+    assert refined(image, np.zeros((0, 2)), np.zeros((0, 2, 2)), none)[0].shape == (0, 2)
