@@ -18,7 +18,7 @@ from cubicfish_cli.boards.board import Board
 from cubicfish_cli.errors import CorrespondenceError
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.wording import Brief, did_you_mean, quoted
 
 MAX_SIDE = 100_000
 MAX_COORDINATE = 1e9
@@ -39,8 +39,8 @@ _UNSAID: FloatArray = np.empty(0)
 _ALL: BoolArray = np.ones(0, bool)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Observations:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Observations(Brief):
     """Corners of boards, or points, seen in photos: the paper's pairs M ↔ m.
 
     What looks for corners knows their names, and their world points once it is known of which

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 LONGEST_QUOTE = 60
+_LONGEST_LINE = 100
+_FEW = 3
 
 
 def quoted(value: object) -> str:
@@ -32,3 +36,23 @@ def either(words: Sequence[str]) -> str:
     """``a``, ``a or b``, ``a, b or c``."""
     *others, last = words
     return f"{', '.join(others)} or {last}" if others else last
+
+
+class Brief:
+    """A dataclass that shows itself in one short line, its arrays by their shapes alone."""
+
+    def __repr__(self) -> str:
+        """Its name and its fields, as far as there is room."""
+        record: Any = self
+        parts = (f"{one.name} {_in_short(getattr(self, one.name))}" for one in fields(record))
+        line = f"<{type(self).__name__}: {', '.join(parts)}>"
+        return line if len(line) <= _LONGEST_LINE else line[: _LONGEST_LINE - 2] + "…>"
+
+
+def _in_short(value: object) -> str:
+    if hasattr(value, "shape"):
+        return "x".join(map(str, value.shape)) or str(value)
+    if isinstance(value, tuple | list | Mapping):
+        plain = len(value) <= _FEW and all(isinstance(one, str | int | float) for one in value)
+        return repr(value) if plain else str(len(value))
+    return type(value).__name__ if is_dataclass(value) else repr(value)

@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.assess.fit_record import FitRecord
+from cubicfish_cli.assess.fit_record import FitRecord, origin_of
 from cubicfish_cli.assess.records import plain_record
 from cubicfish_cli.assess.verdict import Verdict, verdict
 from cubicfish_cli.frame_names import counted
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.point import PointCamera
 
+COVERED = "of the field covered by corners"
+"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
+and does not see itself, in squares of an eighth of the photo's shorter side."""
 _STEPS = 512  # pixels that are looked at between the axis and an edge
 
 
@@ -95,6 +98,41 @@ class CameraFacts:
         return counted(names if len(names) == images else [""] * images)
 
     @property
+    def lens(self) -> list[tuple[str, str]]:
+        """What the lens is, as far as it is known: a name and figures in words each."""
+        rows = []
+        for name, value, sigma, unit in (
+            ("focal length", self.focal_px, self.focal_sigma_px, "px per radian"),
+            ("principal point", self.principal_point, self.principal_point_sigma_px, "px"),
+        ):
+            if value is not None:
+                spread = ["", ""] if sigma is None else [f" ± {one:.2f}" for one in sigma]
+                words = f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]} {unit}"
+                rows.append((name, words))
+        if self.field is not None:
+            rows.append(("field of view", self.field.words))
+        if self.fit.pupil is not None:
+            pupil = self.fit.pupil
+            rows.append(("entrance pupil", f"{pupil.rim_px:.3f} px {pupil.meaning}"))
+        return rows
+
+    @property
+    def scope(self) -> list[tuple[str, str, str, str]]:
+        """How far to trust it, as far as that is known: name, value, unit and meaning each."""
+        rows = []
+        if self.max_angle_deg is not None:
+            reach = self.fit.covered_deg
+            meaning = "from the axis, where the camera may be trusted"
+            meaning += f"; corners reach {reach:.1f}°" if math.isfinite(reach) else ""
+            rows.append(("field", f"{self.max_angle_deg:.1f}", "°", meaning))
+        if math.isfinite(self.fit.coverage):
+            rows.append(("coverage", f"{100 * self.fit.coverage:.0f}", "%", COVERED))
+        certain = self.fit.uncertainty.field
+        if certain is not None:
+            rows.append(("uncertainty", f"{certain.median_px:.3f}", "px", certain.meaning))
+        return rows
+
+    @property
     def line(self) -> str:
         """All that matters in one line, behind the title."""
         return f"{self.title}: {self.figures}" if self.title else self.figures
@@ -167,9 +205,9 @@ def camera_facts(
         focal = (float(slope[0, 0]), float(slope[1, 1]))
         axis = (float(pixel[0]), float(pixel[1]))
         seen = field_seen(camera)
-    target = made_by.get("target")
+    origin = origin_of(made_by)
     return CameraFacts(
-        title=_text(made_by, "title") or "",
+        title=origin.title or "",
         image_size=camera.image_size,
         focal_px=focal,
         principal_point=axis,
@@ -179,10 +217,10 @@ def camera_facts(
         verdict=verdict(fit, camera.image_size, camera.outline())
         if math.isfinite(fit.rms_px)
         else None,
-        date=_text(made_by, "date"),
-        version=_text(made_by, "version"),
-        command=_text(made_by, "command"),
-        target=_text(target, "file") if isinstance(target, Mapping) else None,
+        date=origin.date,
+        version=origin.version,
+        command=origin.command,
+        target=None if origin.target is None else origin.target.file,
     )
 
 
@@ -210,8 +248,3 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
 
 def _two(values: tuple[float, ...]) -> tuple[float, ...] | None:
     return values if len(values) == 2 and all(map(math.isfinite, values)) else None
-
-
-def _text(record: Mapping[str, Any], key: str) -> str | None:
-    value = record.get(key)
-    return value if isinstance(value, str) and value else None

@@ -230,7 +230,46 @@ class FitRecord(ErrorStatistics):
 
     def __repr__(self) -> str:
         """Its figures in one line."""
+        if self.says_nothing:
+            return "<no fit on record>"
         return f"<fit of {self.corners} corners in {self.images} photos: {self.rms_px:.3f} px RMS>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRecord:
+    """A file that something was made from, as it was then."""
+
+    file: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a calibration comes from, as ``made_by`` of its file says.
+
+    Attributes:
+        title: what its owner calls the camera.
+        version: of the program that made it.
+        date: when, ISO 8601.
+        command: that made it.
+        options: its options.
+        target: the calibration target's file.
+        inputs: the files of the photos, films or tables.
+
+    """
+
+    title: str | None = None
+    version: str | None = None
+    date: str | None = None
+    command: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    target: FileRecord | None = None
+    inputs: tuple[FileRecord, ...] = ()
+
+
+def origin_of(made_by: Mapping[str, Any]) -> Origin:
+    """What plain data say of where a calibration comes from, whatever else they hold."""
+    return read_record(Origin, made_by) or Origin()
 
 
 def fit_record(value: object) -> FitRecord:

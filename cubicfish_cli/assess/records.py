@@ -122,7 +122,7 @@ def _count(value: object) -> int | None:
 
 
 def _text(value: object) -> str | None:
-    return str(value) if isinstance(value, str | int | float) else None
+    return value if isinstance(value, str) else None
 
 
 _SIMPLE: dict[Any, _Reader] = {
@@ -130,6 +130,7 @@ _SIMPLE: dict[Any, _Reader] = {
     int: _count,
     bool: lambda value: value if isinstance(value, bool) else None,
     str: _text,
+    Any: lambda value: value,
     Finding: lambda value: of_record(value) if isinstance(value, Mapping) else None,
 }
 

@@ -139,7 +139,7 @@ class PhotoRow:
         boards: corners used of each board in it.
         corners: corners used; None for a photo that takes no part.
         dropped: corners left out.
-        rms_px, median_px, p95_px, max_px: reprojection errors, where there are any.
+        errors: reprojection errors, where there are any.
 
     """
 
@@ -150,10 +150,12 @@ class PhotoRow:
     boards: Mapping[str, int] = field(default_factory=dict)
     corners: int | None = None
     dropped: int = 0
-    rms_px: float = math.nan
-    median_px: float = math.nan
-    p95_px: float = math.nan
-    max_px: float = math.nan
+    errors: ErrorStatistics | PhotoRecord | None = None
+
+    @property
+    def rms_px(self) -> float:
+        """RMS of its errors; NaN where there are none."""
+        return math.nan if self.errors is None else self.errors.rms_px
 
 
 def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
@@ -216,7 +218,7 @@ def fitted_rows(
             boards=by_board.get(one.image, {}),
             corners=one.corners,
             dropped=out[one.image],
-            **_errors_of(one),
+            errors=one,
         )
         for one, told in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
     ]
@@ -298,11 +300,24 @@ def _columns(
     if with_errors:
         columns += [
             (Column(title="rms px"), lambda row: px(row.rms_px)),
-            (Column(title="median", drop=8), lambda row: px(row.median_px)),
-            (Column(title="95 %", drop=7), lambda row: px(row.p95_px)),
-            (Column(title="largest", drop=2), lambda row: px(row.max_px)),
+            (
+                Column(title="median", drop=8),
+                lambda row: _px_of(row, lambda of: of.median_px),
+            ),
+            (
+                Column(title="95 %", drop=7),
+                lambda row: _px_of(row, lambda of: of.p95_px),
+            ),
+            (
+                Column(title="largest", drop=2),
+                lambda row: _px_of(row, lambda of: of.max_px),
+            ),
         ]
     return [*columns, (Column(title="verdict", least=14), lambda row: row.words)]
+
+
+def _px_of(row: PhotoRow, figure: Callable[[ErrorStatistics | PhotoRecord], float]) -> str:
+    return px(None if row.errors is None else figure(row.errors))
 
 
 def _of_board(row: PhotoRow, board: str) -> str:
@@ -324,9 +339,5 @@ def _together(
         },
         corners=sum(row.corners or 0 for row in rows),
         dropped=sum(row.dropped for row in rows),
-        **({} if total is None else _errors_of(total)),
+        errors=total,
     )
-
-
-def _errors_of(one: ErrorStatistics | PhotoRecord) -> dict[str, float]:
-    return {name: getattr(one, name) for name in ("rms_px", "median_px", "p95_px", "max_px")}

@@ -54,19 +54,10 @@ def command(given: Asked) -> None:
 
 def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     """(what, in words) of all that is known."""
-    fit, rows = facts.fit, [("size", "{} x {} px".format(*facts.image_size))]
-    if facts.focal_px is not None and facts.principal_point is not None:
-        rows += [
-            ("focal length", _two(facts.focal_px, facts.focal_sigma_px)),
-            ("principal point", _two(facts.principal_point, facts.principal_point_sigma_px)),
-        ]
-    if facts.field is not None:
-        rows.append(("field of view", facts.field.words))
+    fit, rows = facts.fit, [("size", "{} x {} px".format(*facts.image_size)), *facts.lens]
     if facts.max_angle_deg is not None:
         reach = f"; corners reach {fit.covered_deg:.1f}°" if fit.covered_deg > 0 else ""
         rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))
-    if fit.pupil is not None:
-        rows.append(("entrance pupil", f"{px(fit.pupil.rim_px)} px {fit.pupil.meaning}"))
     if math.isfinite(fit.rms_px):
         out = fit.held_out_rms_px
         left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""
@@ -81,12 +72,3 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     if facts.command is not None:
         rows.append(("command", facts.command))
     return rows
-
-
-def _two(value: tuple[float, float], sigma: tuple[float, ...] | None) -> str:
-    """``x 277.13 ± 0.02 px, y 277.20 ± 0.02 px``."""
-    spread = sigma or (None, None)
-    return ", ".join(
-        f"{axis} {number:.2f}" + (f" ± {one:.2f}" if one is not None else "") + " px"
-        for axis, number, one in zip("xy", value, spread, strict=True)
-    )

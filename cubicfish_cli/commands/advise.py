@@ -189,7 +189,7 @@ def command(given: AdviseOptions, how: How) -> None:
 
 
 def _print(advice: Advice, judged: Verdict) -> None:
-    from cubicfish_cli.fitting.findings import COVERED
+    from cubicfish_cli.assess.camera_facts import COVERED
 
     result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
     if advice.now is not None:

@@ -506,7 +506,6 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration) -> None:
-    from cubicfish_cli.fitting.findings import COVERED
     from cubicfish_cli.frame_names import counted
 
     fit = calibration.fit
@@ -523,13 +522,8 @@ def _print_figures(calibration: Calibration) -> None:
             ("  radial reference", fit.companion_held_out_rms_px, ""),
         ]
     print_errors(fit, more)
-    reach = f"corners reach {fit.covered_deg:.1f}°"
-    meaning = f"from the axis, where the camera may be trusted; {reach}"
-    print_figure("field", f"{calibration.camera.max_angle_deg:.1f}", "°", meaning)
-    print_figure("coverage", f"{100 * fit.coverage:.0f}", "%", COVERED)
-    uncertainty = fit.uncertainty.field
-    if uncertainty is not None:
-        print_figure("uncertainty", px(uncertainty.median_px), meaning=uncertainty.meaning)
+    for figure in calibration.facts.scope:
+        print_figure(*figure)
     if fit.pupil is not None:
         print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=fit.pupil.meaning)
 

@@ -16,6 +16,7 @@ from cubicfish_cli.fitting.alignment import aligned_to_pixels
 from cubicfish_cli.fitting.statistics import error_statistics, rms_px
 from cubicfish_cli.lenses.sphere import ray_at
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.wording import Brief
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
 _PIXELS = 40_000
@@ -38,8 +39,8 @@ class ComparedCamera(Protocol):
         """Pixels (..., 2) -> unit rays (..., 3), NaN outside the field."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Comparison(Brief):
     """Differences of a second camera to a first one, in the first one's pixels.
 
     Attributes:

@@ -21,10 +21,11 @@ from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import best_named
 from cubicfish_cli.threads import one_blas_thread
 from cubicfish_cli.types import FloatArray
+from cubicfish_cli.wording import Brief
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Evaluation:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Evaluation(Brief):
     """Reprojection errors of a known camera on pairs.
 
     Attributes:

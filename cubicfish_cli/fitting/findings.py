@@ -17,9 +17,6 @@ from cubicfish_cli.types import BoolArray, FloatArray
 from cubicfish_cli.words.codes import Code
 from cubicfish_cli.words.finding import Finding
 
-COVERED = "of the field covered by corners"
-"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
-and does not see itself, in squares of an eighth of the photo's shorter side."""
 # Cells along the photo's shorter side in which coverage is counted.
 _CELLS = 8
 # A camera beyond 90° sees itself where corners leave a middle so large and round: the farthest of

@@ -20,6 +20,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import BoolArray
+from cubicfish_cli.wording import Brief
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
 from cubicfish_cli.words.phrases import listed
@@ -235,8 +236,8 @@ class PhotoReport:
         return tuple(remark.line for remark in self.remarks)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Detection:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Detection(Brief):
     """The corners found in a set of photos.
 
     Attributes:

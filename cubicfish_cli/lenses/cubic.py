@@ -23,6 +23,7 @@ from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.units import times
+from cubicfish_cli.wording import Brief
 
 # Pixel -> ray is exact to this many pixels; what does not get there is NaN.
 UNPROJECT_TOLERANCE_PX = 1e-6
@@ -35,8 +36,8 @@ _CHECK_RAYS = 6000
 _HALVINGS = 30
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CubicCamera:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class CubicCamera(Brief):
     """A fisheye camera: pixels are ratios of cubics in the unit ray.
 
     Attributes:

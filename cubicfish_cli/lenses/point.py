@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.lenses.lift import SIZE, lift
 from cubicfish_cli.types import BoolArray, FloatArray
+from cubicfish_cli.wording import Brief
 
 Frame = Literal["world", "camera"]
 
@@ -26,8 +27,8 @@ Frame = Literal["world", "camera"]
 _ON_BOARD = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PointCamera:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PointCamera(Brief):
     """A ratio of cubics in the point.
 
     Attributes:

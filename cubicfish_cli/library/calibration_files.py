@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.assess.fit_record import FitRecord
+from cubicfish_cli.assess.fit_record import FitRecord, origin_of
 from cubicfish_cli.assess.records import plain_record
 from cubicfish_cli.assess.uncertainty import PixelUncertainty
 from cubicfish_cli.assess.verdict import Verdict, evaluation_verdict
@@ -103,8 +103,7 @@ def _with_this_target(file: CameraFile, target: Fingerprint | None) -> FitRecord
 
     Where the target was refined, its file as drawn leaves errors that are not the camera's.
     """
-    given, as_drawn = file.made_by.get("target"), file.fit.held_out_by_level.get("off")
-    drawn = target and isinstance(given, Mapping) and given.get("sha256") == target.sha256
-    if not drawn or as_drawn is None:
+    given, as_drawn = origin_of(file.made_by).target, file.fit.held_out_by_level.get("off")
+    if not (target and given and given.sha256 == target.sha256) or as_drawn is None:
         return file.fit
     return replace(file.fit, held_out_rms_px=as_drawn)

@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.assess.records import recorded_mappings
+from cubicfish_cli.assess.fit_record import FileRecord, Origin, origin_of
 from cubicfish_cli.corner_files.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.errors import PhotoError, ViewError
 from cubicfish_cli.files import sha256_of
@@ -243,21 +243,20 @@ def facts_of_files(
 
     """
     loaded = load_any_camera(camera_file)
+    origin = origin_of(loaded.made_by)
     folder = camera_file.parent
     absent: list[str] = []
     refined = loaded.fit.refine_target in REFINED
-    drawn = target or _recorded(loaded.made_by.get("target"), folder) or _beside(folder, _TARGET)
+    drawn = target or _recorded(origin.target, folder) or _beside(folder, _TARGET)
     if refined:
         drawn = _beside(folder, _REFINED) or target
     thing = None if drawn is None else load_target(drawn)
     size = loaded.camera.image_size
-    pairs = _pairs(corners or folder / _CORNERS, folder, loaded.made_by, thing, size)
-    lack = _lack(folder, loaded.made_by, thing, refined=refined) if pairs is None else None
-    inputs = recorded_mappings(loaded.made_by.get("inputs"))
+    pairs = _pairs(corners or folder / _CORNERS, folder, origin, thing, size)
+    lack = _lack(folder, origin, thing, refined=refined) if pairs is None else None
     names = [photo.image for photo in loaded.fit.per_image]
-    known = [Path(str(record.get("file"))) for record in inputs]
-    digests = {Path(str(r.get("file"))): str(r.get("sha256")) for r in inputs}
-    recorded = matched(names, known)
+    digests = {Path(one.file): one.sha256 for one in origin.inputs}
+    recorded = matched(names, [*digests])
     if photos:
         found = find_photos(photos)
         files = {photo.name: photo.path for photo in found}
@@ -300,38 +299,35 @@ def facts_of_fit(
 def _pairs(
     beside: Path,
     folder: Path,
-    made_by: Mapping[str, Any],
+    origin: Origin,
     target: Target | None,
     size: tuple[int, int],
 ) -> Observations | None:
     if target is not None and beside.is_file():
         return load_corners(beside, target, image_size=size).by_photo()
-    inputs = recorded_mappings(made_by.get("inputs"))
-    table = _recorded(inputs[0], folder) if len(inputs) == 1 else None
+    table = _recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
     if table is None or table.suffix.lower() != ".csv":
         return None
-    if made_by.get("target") is None:
+    if origin.target is None:
         return load_correspondences(table, image_size=size)
     return None if target is None else load_corners(table, target, image_size=size).by_photo()
 
 
-def _lack(
-    folder: Path, made_by: Mapping[str, Any], target: Target | None, *, refined: bool
-) -> Lack:
+def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> Lack:
     """What is missing of the corners, or of what they are of."""
-    on_record = made_by.get("target")
-    has_table = (folder / _CORNERS).is_file() or bool(recorded_mappings(made_by.get("inputs")))
-    if target is None and has_table and (on_record is not None or (folder / _CORNERS).is_file()):
+    has_corners = (folder / _CORNERS).is_file()
+    has_table = has_corners or origin.inputs
+    if target is None and has_table and (origin.target is not None or has_corners):
         if refined:
             why = f"the target was fitted too, and {_REFINED} is not beside the camera"
-        elif isinstance(on_record, Mapping):
-            name = quoted(str(on_record.get("file")))
+        elif origin.target is not None:
+            name = quoted(origin.target.file)
             why = f"the target is not where it was, or has changed ({name})"
         else:
             why = f"the target is not on record, and no {_TARGET} is beside the camera"
         return Lack(why=why, name_it="--target")
     why = f"there is no {_CORNERS} beside the camera, and "
-    if recorded_mappings(made_by.get("inputs")):
+    if origin.inputs:
         why += "the table that it was calibrated from is not where it was, or has changed"
     else:
         why += "what it was calibrated from is not on record"
@@ -343,13 +339,13 @@ def _beside(folder: Path, name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def _recorded(record: object, folder: Path) -> Path | None:
+def _recorded(record: FileRecord | None, folder: Path) -> Path | None:
     """The file that a record names, if it is there and still the same."""
-    if not isinstance(record, Mapping):
+    if record is None:
         return None
-    path = _place(Path(str(record.get("file"))), folder)
+    path = _place(Path(record.file), folder)
     try:
-        return path if path and sha256_of(path) == record.get("sha256") else None
+        return path if path and sha256_of(path) == record.sha256 else None
     except OSError:
         return None
 

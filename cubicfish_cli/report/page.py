@@ -12,11 +12,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish_cli.assess.camera_facts import CameraFacts
-from cubicfish_cli.assess.fit_record import DroppedCorner, FitRecord
-from cubicfish_cli.assess.records import recorded_mappings
+from cubicfish_cli.assess.fit_record import DroppedCorner, FitRecord, origin_of
 from cubicfish_cli.assess.verdict import WORDS
-from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.report.facts import Facts
 from cubicfish_cli.report.figures import all_figures, arrow_zoom
@@ -49,7 +46,7 @@ def report_html(facts: Facts) -> str:
     return template(_TEMPLATES / "report.html").render(
         facts=facts,
         known=facts.known.facts,
-        lens=_lens(facts.known.facts),
+        lens=[(name.capitalize(), words) for name, words in facts.known.facts.lens],
         fit=facts.fit,
         verdict=facts.known.verdict,
         words=WORDS,
@@ -76,7 +73,7 @@ def report_html(facts: Facts) -> str:
 
 def day_of(made_by: Mapping[str, Any]) -> str | None:
     """When it was made, for people."""
-    date = _text(made_by.get("date"))
+    date = origin_of(made_by).date
     return date.replace("T", " ").replace("+00:00", " UTC") if date else None
 
 
@@ -131,36 +128,11 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
         )
         if math.isfinite(value)
     ]
-    if isinstance(facts.camera, CubicCamera):
-        reach = f"; corners reach {fit.covered_deg:.1f}°" if math.isfinite(fit.covered_deg) else ""
-        trusted = f"{facts.camera.max_angle_deg:.1f}°"
-        tiles.append(("Field", trusted, f"from the axis, where it may be trusted{reach}"))
-    elif fit.rank:
+    for name, value, unit, meaning in facts.known.facts.scope:
+        tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
+    if fit.rank and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))
-    if math.isfinite(fit.coverage):
-        tiles.append(("Coverage", f"{100 * fit.coverage:.0f} %", COVERED))
-    uncertainty = fit.uncertainty.field
-    if uncertainty is not None:
-        tiles.append(("Uncertainty", f"{uncertainty.median_px:.3f} px", uncertainty.meaning))
     return tiles
-
-
-def _lens(known: CameraFacts) -> list[tuple[str, str]]:
-    """Focal length, principal point and field of view in figures, as far as they are known."""
-    rows = []
-    for name, value, sigma in (
-        ("Focal length, px per radian", known.focal_px, known.focal_sigma_px),
-        ("Principal point, px", known.principal_point, known.principal_point_sigma_px),
-    ):
-        if value is not None:
-            spread = [f" ± {one:.2f}" for one in sigma] if sigma is not None else ["", ""]
-            rows.append((name, f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]}"))
-    if known.field is not None:
-        rows.append(("Field of view", known.field.words))
-    pupil = known.fit.pupil
-    if pupil is not None:
-        rows.append(("Entrance pupil", f"{pupil.rim_px:.3f} px {pupil.meaning}"))
-    return rows
 
 
 def _boards(facts: Facts) -> dict[str, str]:
@@ -209,34 +181,24 @@ def _least_off(corner: DroppedCorner) -> float:
 
 def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
     """How the calibration was made, as text."""
-    options = made_by.get("options")
-    target = made_by.get("target")
-    inputs = recorded_mappings(made_by.get("inputs"))
+    origin = origin_of(made_by)
     return {
-        "version": _text(made_by.get("version")),
-        "date": _text(made_by.get("date")),
-        "command": _text(made_by.get("command")),
+        "version": origin.version,
+        "date": origin.date,
+        "command": origin.command,
         "options": [
             (name, "yes" if value is True else "no" if value is False else str(value))
-            for name, value in (options.items() if isinstance(options, Mapping) else ())
+            for name, value in origin.options.items()
         ],
-        "target": (str(target.get("file")), str(target.get("sha256")))
-        if isinstance(target, Mapping)
-        else None,
-        "inputs": [(str(record.get("file")), str(record.get("sha256"))) for record in inputs],
+        "target": origin.target and (origin.target.file, origin.target.sha256),
+        "inputs": [(one.file, one.sha256) for one in origin.inputs],
     }
 
 
 def _without_corners(facts: Facts) -> list[str]:
     """Photos that went in and of which no corner took part, besides those left out by name."""
     known = {photo.image for photo in facts.photos} | facts.fit.unfit_images.keys()
-    files = [
-        str(record.get("file")) for record in recorded_mappings(facts.known.made_by.get("inputs"))
-    ]
+    files = [one.file for one in origin_of(facts.known.made_by).inputs]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]
     taken = set(matched(sorted(known), paths).values())
     return [path.name for path in paths if path not in taken]
-
-
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)

@@ -24,6 +24,7 @@ from cubicfish_cli.types import BoolArray
 from cubicfish_cli.undistortion.cubic_grid import grid_of
 from cubicfish_cli.undistortion.plane import PlaneView, PointProjector, seen_near
 from cubicfish_cli.undistortion.view import MAX_SIDE, View
+from cubicfish_cli.wording import Brief
 
 FORMAT = "cubicfish undistort_map 1"
 REDISTORT_FORMAT = "cubicfish redistort_map 1"
@@ -34,8 +35,8 @@ _PIXELS_FOR_THREADS = 250_000
 _THREADS = 2
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class UndistortMap:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class UndistortMap(Brief):
     """Where each pixel of a view comes from in the photo.
 
     ``cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR)`` renders the view.

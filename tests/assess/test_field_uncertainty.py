@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
+from cubicfish_cli.assess.camera_facts import COVERED
 from cubicfish_cli.assess.fit_record import FitRecord, fit_record
 from cubicfish_cli.assess.uncertainty import FieldUncertainty, summed
-from cubicfish_cli.fitting.findings import COVERED
 from cubicfish_cli.formats.camera_yaml import load_camera
 
 

@@ -89,7 +89,7 @@ def test_a_terminal_shows_the_worst_twelve(monkeypatch: pytest.MonkeyPatch, colu
     monkeypatch.setattr(figures, "verbosity", lambda: 0)
     rows = [
         PhotoRow(name=f"p{n:02}.jpg", words="good", level="good", boards={"board": 40}, corners=40,
-                 rms_px=n / 100, median_px=n / 120, p95_px=n / 60, max_px=n / 40)
+                 errors=ErrorStatistics(rms_px=n / 100, median_px=n / 120, p95_px=n / 60))
         for n in range(1, 41)
     ]  # fmt: skip
     total = ErrorStatistics(rms_px=0.2, median_px=0.1, p95_px=0.4, max_px=1.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish_cli.assess.fit_record import DroppedCorner, PhotoRecord
+from cubicfish_cli.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
 from cubicfish_cli.cli import streams
 from cubicfish_cli.cli.figures import PhotoRow, fitted_rows, print_photo_table
 from cubicfish_cli.cli.streams import safe, wrapped
@@ -50,10 +50,7 @@ def photo(name: str, rms: float, **more: object) -> PhotoRow:
         level="good" if words == "good" else "care",
         boards={"floor": 54, "left": 40, "right": 30},
         corners=124,
-        rms_px=rms,
-        median_px=rms / 2,
-        p95_px=rms * 2,
-        max_px=rms * 3,
+        errors=ErrorStatistics(rms_px=rms, median_px=rms / 2, p95_px=rms * 2, max_px=rms * 3),
     )
 
 
