@@ -25,7 +25,9 @@ from cubicfish_cli import PlaneOptions as PlaneOptions
 from cubicfish_cli import PrintOptions as PrintOptions
 from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import RigCalibration as RigCalibration
+from cubicfish_cli import RigEvaluateOptions as RigEvaluateOptions
 from cubicfish_cli import RigFile as RigFile
+from cubicfish_cli import RigOptions as RigOptions
 from cubicfish_cli import Run as Run
 from cubicfish_cli import ShotOptions as ShotOptions
 from cubicfish_cli import SimulateOptions as SimulateOptions

@@ -23,6 +23,8 @@ from cubicfish_cli.commands.target import print_target_files as print_target_fil
 from cubicfish_cli.corner_files.observations_csv import load_corners as load_corners
 from cubicfish_cli.corner_files.observations_csv import save_corners as save_corners
 from cubicfish_cli.errors import CubicfishError as CubicfishError
+from cubicfish_cli.extensions.rigs.calibrate import RigOptions as RigOptions
+from cubicfish_cli.extensions.rigs.evaluate import RigEvaluateOptions as RigEvaluateOptions
 from cubicfish_cli.fitting.calibrate import Calibration as Calibration
 from cubicfish_cli.fitting.comparison import Comparison as Comparison
 from cubicfish_cli.fitting.comparison import compare as compare

@@ -20,7 +20,7 @@ from cubicfish_cli.cli.figures import (
     why_lost,
 )
 from cubicfish_cli.cli.options import as_command, record, target_options
-from cubicfish_cli.cli.progress import call, say_found, say_left_out
+from cubicfish_cli.cli.progress import running, say_found, say_left_out
 from cubicfish_cli.cli.terminal import print_json, result, say
 from cubicfish_cli.library.asked import check_inputs
 
@@ -62,7 +62,10 @@ def command(given: Asked) -> None:
     from cubicfish_cli.library.calibration_files import evaluate_files
 
     model = options.model_path(given.model)
-    made = call(evaluate_files, given, camera=model)
+    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
+        made = evaluate_files(
+            model, given.inputs, given.target, image_size=given.image_size, run=run
+        )
     evaluation = made.evaluation
     if evaluation.outside:
         say(

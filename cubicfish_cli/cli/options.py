@@ -306,15 +306,6 @@ def record(kind: type[Kind]) -> type[Kind]:
     return dataclass(frozen=True, kw_only=True)(kind)
 
 
-def fields_of(given: Any) -> dict[str, Any]:
-    """Name -> value of all fields of a record and of the records in it."""
-    values = dict(vars(given))
-    for value in vars(given).values():
-        if hasattr(value, _OPTIONS):
-            values |= fields_of(value)
-    return values
-
-
 def bundle(kind: Callable[..., Any], *options: Any) -> Any:
     """Options that come together as one field of a record.
 

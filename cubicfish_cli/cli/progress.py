@@ -12,7 +12,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from inspect import signature
 from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,7 +23,6 @@ from cubicfish_cli.cli.figures import count
 from cubicfish_cli.cli.options import (
     bundle,
     command_line,
-    fields_of,
     option,
     record,
     verbosity,
@@ -43,7 +41,6 @@ if TYPE_CHECKING:
 
 Made = TypeVar("Made")
 
-_HOW = ("jobs", "no_cache", "overwrite", "scheduler")
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
 # What is said with --verbose only.
@@ -214,25 +211,6 @@ class How:
         if self.as_json:
             print_json(made.as_record())
         return self.as_json
-
-
-def call(function: Callable[..., Made], given: Any, **more: Any) -> Made:
-    """What a function of the library makes of what is asked, with what it tells shown.
-
-    Args:
-        function: each field of the record, and of the records in it, is its parameter of that
-            name; those that say how work is done are its ``run``.
-        given: the record of a command.
-        more: other parameters, and other values than the fields have.
-
-    """
-    asked, names = {**fields_of(given), **more}, signature(function).parameters
-    if "report" in names:
-        keep_fonts(not asked.get("no_cache"))
-    if "command" in names:
-        asked["command"] = command_line()
-    with running(**{name: asked[name] for name in _HOW if name in asked}) as run:
-        return function(**{name: asked[name] for name in names if name in asked}, run=run)
 
 
 @contextmanager

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.figures import print_verdict
-from cubicfish_cli.cli.options import as_command, bundle, option, record
+from cubicfish_cli.cli.options import as_command, option, record
 from cubicfish_cli.cli.progress import keep_fonts, running
 from cubicfish_cli.cli.terminal import print_json, result, say
 
@@ -75,21 +74,6 @@ report_option = option(
     "the extra 'report').",
     default=True,
 )
-
-
-@record
-class FitOptions:
-    """What is asked of every fit: how it is done, and what comes of it."""
-
-    report: bool = report_option
-    max_rms: float | None = options.max_rms_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
-    jobs: int | None = options.jobs_option
-    no_cache: bool = options.no_cache_option
-
-
-fit_options: Any = bundle(FitOptions)
 
 
 def say_if_no_page(outputs: Mapping[str, Path], *, wanted: bool) -> None:

@@ -17,6 +17,7 @@ from cubicfish_cli import (
     Event,
     MapOptions,
     PlaneOptions,
+    RigOptions,
     Run,
     ShotOptions,
     Target,
@@ -91,10 +92,15 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
             DetectOptions(photos=SAMPLE / "photos", target=None, table=tmp_path / "corners.csv")
         )
     with pytest.raises(UsageError, match="two cameras or more"):
-        calibrate_rig_files([CORNERS], TARGET, tmp_path)
+        calibrate_rig_files(RigOptions(cameras=[CORNERS], target=TARGET, folder=tmp_path))
     with pytest.raises(UsageError, match=r"'right=a\.yaml' names no camera"):
         calibrate_rig_files(
-            ["left.csv", "rear.csv"], TARGET, tmp_path, lenses={"right": Path("a.yaml")}
+            RigOptions(
+                cameras=["left.csv", "rear.csv"],
+                target=TARGET,
+                folder=tmp_path,
+                lenses={"right": Path("a.yaml")},
+            )
         )
     assert list(tmp_path.iterdir()) == []
 

@@ -13,14 +13,13 @@ from cubicfish_cli.cli.options import (
     FILE,
     IntRange,
     Seconds,
-    command_line,
     option,
     record,
     target_options,
 )
-from cubicfish_cli.cli.progress import keep_fonts, running
-from cubicfish_cli.cli.report import PAGE, FitOptions, fit_options
-from cubicfish_cli.cli.terminal import apart, print_json, print_wrote, result, say
+from cubicfish_cli.cli.progress import How
+from cubicfish_cli.cli.report import PAGE, report_option
+from cubicfish_cli.cli.terminal import apart, print_wrote, result, say
 from cubicfish_cli.errors import UsageError
 from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_rig
@@ -49,33 +48,50 @@ if TYPE_CHECKING:
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig calibrate``."""
+class RigOptions:
+    """What a rig is calibrated from, how, and what is written.
 
-    cameras: tuple[Path, ...] = options.argument(
+    Attributes:
+        cameras: of each camera, by name or not, a folder of photos, a film, a corners.csv, or the
+            folder of its calibration, whose lens stays as it is.
+        target: the calibration target, or its file.
+        folder: where rig.yaml goes, and each camera's camera.yaml in a folder of its name.
+        names: of cameras without; by default those of their folders or files.
+        lenses: by name, or as ``name=file``, cameras that are calibrated already, or their files.
+        shots: a table that says which photos are of one shot, or when each was taken.
+        tolerance: how far apart photos of a shot may be, seconds; by default 5 ms, and half a frame
+            of films.
+        most: how many moments of films are chosen at most; by default 60.
+        hold_lenses: leaves the lenses as each camera alone has them.
+        refine_target: as in :func:`calibrate`.
+        report: also writes report.html, where the extra ``report`` is installed.
+
+    """
+
+    cameras: Mapping[str, StrPath] | Sequence[StrPath] = options.argument(
         "For each camera a folder of photos, a film, a corners.csv, or the folder that calibrate "
         "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame "
         "is the rig's.",
         nargs=-1,
         metavar="CAMERA CAMERA...",
     )
-    target: TargetSource = target_options
-    folder: Path = options.output_option(
+    target: TargetSource | Target | StrPath | None = target_options
+    folder: StrPath = options.output_option(
         "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
         default="rig",
         folder=True,
     )
-    names: str | None = option(
+    names: Sequence[str] | str | None = option(
         "--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]"
     )
-    lenses: tuple[Path, ...] = option(
+    lenses: Mapping[str, CameraFile | StrPath] | Sequence[Path] = option(
         "--lens NAME=FILE",
         "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
         "it is. Once for each such camera.",
         FILE,
         multiple=True,
     )
-    shots: Path | None = option(
+    shots: StrPath | None = option(
         "--shots FILE",
         "Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
         "camera,image,time (seconds) for photos of one time. [default: photos of the same name]",
@@ -99,62 +115,7 @@ class Asked:
     refine_target: RefineTarget = options.refine_target_option(
         "Fit the target too, as 'cubicfish calibrate' does."
     )
-    fit: FitOptions = fit_options
-
-
-@as_rig_command(
-    "calibrate",
-    "Photos of several cameras on one body to where each camera stands.",
-    "cubicfish rig calibrate left/ right/ --target target.yaml",
-    "cubicfish rig calibrate left.csv right.csv rear.csv --target target.yaml -o rig",
-    "cubicfish rig calibrate left/ right/ --lens left=left_calibration",
-    "cubicfish rig calibrate cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
-    "cubicfish rig calibrate run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names a,b",
-)
-def command(given: Asked) -> None:
-    """Calibrate several cameras on one body: their lenses, and where each stands.
-
-    Move the rig about the target, or the target about the rig. Photos of one shot have the same
-    name in each camera's folder. Of films, moments are chosen at which several cameras see the
-    target sharply, and how far their clocks differ is fitted. The cameras' fields need not overlap:
-    two cameras are connected where each sees some board of the target in the same shot.
-    """
-    fit = given.fit
-    keep_fonts(not fit.no_cache)
-    with running(jobs=fit.jobs, no_cache=fit.no_cache, overwrite=fit.overwrite) as run:
-        made = calibrate_rig_files(
-            given.cameras,
-            given.target,
-            given.folder,
-            names=None if given.names is None else given.names.split(","),
-            lenses=dict(map(_parse_lens, given.lenses)),
-            shots=given.shots,
-            tolerance=given.tolerance,
-            most=given.most,
-            hold_lenses=given.hold_lenses,
-            refine_target=given.refine_target,
-            report=fit.report,
-            command=command_line(),
-            run=run,
-        )
-    if fit.as_json:
-        print_json(made.as_record())
-    for finding in made.rig.findings:
-        say(f"{mark_of(finding)}: {finding.line}")
-    if not fit.as_json:
-        apart()
-        print_rig(made.record)
-        result()
-        print_verdict(made.verdict)
-        result()
-        print_wrote(made.files)
-    hold_gate(made.rig.errors.rms_px, fit.max_rms)
-
-
-def _parse_lens(text: Path) -> tuple[str, Path | str]:
-    """``left=left_calibration`` -> its parts."""
-    name, separator, path = str(text).partition("=")
-    return (name, Path(path)) if separator else (str(text), "")
+    report: bool = report_option
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,41 +144,8 @@ class RigFiles:
         }
 
 
-def calibrate_rig_files(
-    cameras: Mapping[str, StrPath] | Sequence[StrPath],
-    target: TargetSource | Target | StrPath | None = None,
-    folder: StrPath = "rig",
-    *,
-    names: Sequence[str] | None = None,
-    lenses: Mapping[str, CameraFile | StrPath] | None = None,
-    shots: StrPath | None = None,
-    tolerance: float | None = None,
-    most: int | None = None,
-    hold_lenses: bool = False,
-    refine_target: RefineTarget = "auto",
-    report: bool = True,
-    command: str | None = None,
-    run: Run = RUN,
-) -> RigFiles:
-    """Calibrate several cameras on one body from files into a folder, as ``cubicfish rig
-    calibrate`` does.
-
-    Args:
-        cameras: of each camera, by name or not, a folder of photos, a film, a corners.csv, or the
-            folder of its calibration, whose lens stays as it is.
-        target: the calibration target, or its file.
-        folder: where rig.yaml goes, and each camera's camera.yaml in a folder of its name.
-        names: of cameras without; by default those of their folders or files.
-        lenses: by name, cameras that are calibrated already, or their files.
-        shots: a table that says which photos are of one shot, or when each was taken.
-        tolerance: how far apart photos of a shot may be, seconds; by default 5 ms, and half a frame
-            of films.
-        most: how many moments of films are chosen at most; by default 60.
-        hold_lenses: leaves the lenses as each camera alone has them.
-        refine_target: as in :func:`calibrate`.
-        report: also writes report.html, where the extra ``report`` is installed.
-        command: what is run, for the record.
-        run: how the work is done.
+def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
+    """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
 
     Raises:
         UsageError: what is asked does not go together.
@@ -234,7 +162,8 @@ def calibrate_rig_files(
     from cubicfish_cli.library.inputs import films_among
     from cubicfish_cli.printing import extra
 
-    source = TargetSource.of(target)
+    source = TargetSource.of(asked.target)
+    cameras, names = asked.cameras, asked.names
     if isinstance(cameras, Mapping):
         names, cameras = list(cameras), list(cameras.values())
     inputs = paths_of(cameras)
@@ -243,7 +172,7 @@ def calibrate_rig_files(
     source.check()
     called = _name_cameras(inputs, names)
     films = films_among(inputs)
-    if films and (len(films) < len(inputs) or shots is not None):
+    if films and (len(films) < len(inputs) or asked.shots is not None):
         raise UsageError(
             f"{quoted(str(films[0]))} is a film: films are matched by time, and with films alone"
             " (without --shots); of some calibrated cameras say --lens"
@@ -251,14 +180,14 @@ def calibrate_rig_files(
             else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
             "each camera, or take its frames with 'cubicfish frames'"
         )
-    if most is not None and not films:
+    if asked.most is not None and not films:
         raise UsageError("--most goes with films: photos are all taken")
     made_at()  # said before the work if it cannot be
-    place, listener = Path(folder), run.listener
-    pages = [place / PAGE] if report and not extra.missing(extra.REPORT) else []
+    place, listener = Path(asked.folder), run.listener
+    pages = [place / PAGE] if asked.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
     refuse_existing(place / "rig.yaml", *pages, *own_files, overwrite=run.overwrite)
-    known = _load_known(lenses or {}, called)
+    known = _load_known(asked.lenses, called)
     frames, loaded, moving = None, {}, None
     with room_for_frames(place / "frames") as room:
         if films:
@@ -268,8 +197,8 @@ def calibrate_rig_files(
                 room,
                 source.load(),
                 run,
-                most=MOST if most is None else most,
-                tolerance=tolerance,
+                most=MOST if asked.most is None else asked.most,
+                tolerance=asked.tolerance,
             )
         for name, path in zip(called, inputs, strict=True):
             listener.tell(Event.CAMERA, name=name, path=path)
@@ -281,7 +210,7 @@ def calibrate_rig_files(
             moving = {
                 name: frames.moving(name, own.pairs, listener) for name, own in loaded.items()
             }
-    matched, by = _match_shots(shots, tolerance, frames)
+    matched, by = _match_shots(asked, frames)
     first = loaded[called[0]]
     rig = calibrate_rig(
         {name: own.given for name, own in loaded.items()},
@@ -289,13 +218,13 @@ def calibrate_rig_files(
         **matched,
         moving=moving,
         known=known,
-        hold_lenses=hold_lenses,
-        refine_target=refine_target,
+        hold_lenses=asked.hold_lenses,
+        refine_target=asked.refine_target,
         listener=listener,
     )
     files = [file for own in loaded.values() for file in own.files]
-    asked = {"hold_lenses": hold_lenses, "refine_target": refine_target, "shots": by}
-    made_by = made_by_record(command, asked, first.target_file, files)
+    held = {"hold_lenses": asked.hold_lenses, "refine_target": asked.refine_target, "shots": by}
+    made_by = made_by_record(run.command, held, first.target_file, files)
     listener.progress("Writing")
     written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
     if frames is not None:
@@ -307,11 +236,13 @@ def calibrate_rig_files(
 
 
 def _load_known(
-    lenses: Mapping[str, CameraFile | StrPath], called: Sequence[str]
+    lenses: Mapping[str, CameraFile | StrPath] | Sequence[Path], called: Sequence[str]
 ) -> dict[str, CameraFile]:
     """Cameras that are calibrated already, by name."""
     from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
 
+    if not isinstance(lenses, Mapping):
+        lenses = dict(map(_parse_lens, lenses))
     known = {}
     for name, one in lenses.items():
         if name not in called:
@@ -323,12 +254,13 @@ def _load_known(
     return known
 
 
-def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | None) -> list[str]:
+def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | str | None) -> list[str]:
     """What the cameras are called."""
     from cubicfish_cli.extensions.rigs.inputs import named_by
 
     if given is not None:
-        names = [name.strip() for name in given]
+        separate = given.split(",") if isinstance(given, str) else given
+        names = [name.strip() for name in separate]
         if len(names) != len(inputs):
             raise UsageError(f"--names has {len(names)} names for {len(inputs)} cameras")
     else:
@@ -345,12 +277,11 @@ def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | None) -> list[s
     return names
 
 
-def _match_shots(
-    shots: StrPath | None, tolerance: float | None, frames: RigFrames | None
-) -> tuple[dict[str, Any], str]:
+def _match_shots(asked: RigOptions, frames: RigFrames | None) -> tuple[dict[str, Any], str]:
     """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
     from cubicfish_cli.extensions.rigs.rigs import TOLERANCE, load_shots
 
+    shots, tolerance = asked.shots, asked.tolerance
     wanted: dict[str, Any] = {"tolerance": TOLERANCE if tolerance is None else tolerance}
     if frames is not None:
         return {**wanted, "shots": frames.shots}, "films"
@@ -361,3 +292,41 @@ def _match_shots(
     if rows is not None and tolerance is not None:
         raise UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
     return {**wanted, "shots": "time" if rows is None else rows, "times": times}, str(shots)
+
+
+def _parse_lens(text: Path) -> tuple[str, Path | str]:
+    """``left=left_calibration`` -> its parts."""
+    name, separator, path = str(text).partition("=")
+    return (name, Path(path)) if separator else (str(text), "")
+
+
+@as_rig_command(
+    "calibrate",
+    "Photos of several cameras on one body to where each camera stands.",
+    "cubicfish rig calibrate left/ right/ --target target.yaml",
+    "cubicfish rig calibrate left.csv right.csv rear.csv --target target.yaml -o rig",
+    "cubicfish rig calibrate left/ right/ --lens left=left_calibration",
+    "cubicfish rig calibrate cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
+    "cubicfish rig calibrate run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names a,b",
+    how=("max_rms", "overwrite", "as_json", "jobs", "no_cache"),
+)
+def command(given: RigOptions, how: How) -> None:
+    """Calibrate several cameras on one body: their lenses, and where each stands.
+
+    Move the rig about the target, or the target about the rig. Photos of one shot have the same
+    name in each camera's folder. Of films, moments are chosen at which several cameras see the
+    target sharply, and how far their clocks differ is fitted. The cameras' fields need not overlap:
+    two cameras are connected where each sees some board of the target in the same shot.
+    """
+    made = how.do(calibrate_rig_files, given)
+    printed = how.print(made)
+    for finding in made.rig.findings:
+        say(f"{mark_of(finding)}: {finding.line}")
+    if not printed:
+        apart()
+        print_rig(made.record)
+        result()
+        print_verdict(made.verdict)
+        result()
+        print_wrote(made.files)
+    hold_gate(made.rig.errors.rms_px, how.max_rms)

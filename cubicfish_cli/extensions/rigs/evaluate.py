@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.cli import options
 from cubicfish_cli.cli.evaluate import say_unplaced
 from cubicfish_cli.cli.figures import count, hold_gate
 from cubicfish_cli.cli.options import record, target_options
-from cubicfish_cli.cli.progress import running
+from cubicfish_cli.cli.progress import How
 from cubicfish_cli.cli.terminal import print_json, say
 from cubicfish_cli.errors import UsageError
 from cubicfish_cli.extensions.rigs.options import as_rig_command
@@ -23,67 +22,33 @@ if TYPE_CHECKING:
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig evaluate``."""
+class RigEvaluateOptions:
+    """What a rig is measured on.
 
-    rig: Path = options.argument(
+    Attributes:
+        rig: its rig.yaml, or the folder of that.
+        cameras: photos or a corners.csv of each camera, in the rig's order or called as they are.
+        target: the calibration target, or its file.
+
+    """
+
+    rig: StrPath = options.argument(
         "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml.",
         metavar="RIG",
         missing="name the rig, and new photos of its cameras: 'cubicfish rig evaluate rig left/ "
         "right/'",
     )
-    cameras: tuple[Path, ...] = options.argument(
+    cameras: Sequence[StrPath] = options.argument(
         "Photos (a folder or a glob) or a corners.csv of each camera: called as the cameras are, "
         "or in the rig's order.",
         nargs=-1,
         metavar="CAMERA CAMERA...",
     )
-    target: TargetSource = target_options
-    max_rms: float | None = options.max_rms_option
-    as_json: bool = options.json_option
-    jobs: int | None = options.jobs_option
-    no_cache: bool = options.no_cache_option
+    target: TargetSource | Target | StrPath | None = target_options
 
 
-@as_rig_command(
-    "evaluate",
-    "Measure a rig on other shots: only where it was is fitted.",
-    "cubicfish rig evaluate rig left/ right/ --target target.yaml",
-    "cubicfish rig evaluate rig/rig.yaml left.csv right.csv --target target.yaml --max-rms 0.5",
-)
-def command(given: Asked) -> None:
-    """Measure the reprojection error of RIG on photos or corners of each of its cameras.
-
-    The rig stays as it is; only where it was in each shot is fitted. No corner is dropped.
-    """
-    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
-        evaluation = evaluate_rig_files(given.rig, given.cameras, given.target, run=run)
-    for one in evaluation.cameras:
-        if one.outside:
-            say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
-        say_unplaced(one.unplaced, f"camera {one.name}: ")
-    found = evaluation.as_record()
-    if given.as_json:
-        print_json({"model": str(given.rig), **found})
-    else:
-        print_evaluation(evaluation)
-    hold_gate(found["rms_px"], given.max_rms)
-
-
-def evaluate_rig_files(
-    rig: StrPath,
-    cameras: Sequence[StrPath],
-    target: TargetSource | Target | StrPath | None = None,
-    *,
-    run: Run = RUN,
-) -> RigEvaluation:
+def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvaluation:
     """Measure a rig on files of its cameras, as ``cubicfish rig evaluate`` does.
-
-    Args:
-        rig: its rig.yaml, or the folder of that.
-        cameras: photos or a corners.csv of each camera, in the rig's order or called as they are.
-        target: the calibration target, or its file.
-        run: how the work is done.
 
     Raises:
         UsageError: it is not known which camera an input is of.
@@ -94,7 +59,7 @@ def evaluate_rig_files(
     from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
     from cubicfish_cli.extensions.rigs.rigs import evaluate_rig
 
-    known, inputs = load_rig(Path(rig)), paths_of(cameras)
+    known, inputs = load_rig(asked.rig), paths_of(asked.cameras)
     names = [one.name for one in known.cameras]
     own = [named_by(one.absolute()) for one in inputs]
     if not set(own) <= set(names):
@@ -108,7 +73,7 @@ def evaluate_rig_files(
         raise UsageError(
             f"name photos or a corners.csv of two or more of the cameras {', '.join(names)}"
         )
-    source = TargetSource.of(target)
+    source = TargetSource.of(asked.target)
     loaded = {
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
@@ -116,3 +81,28 @@ def evaluate_rig_files(
     run.listener.progress("Placing shots")
     pairs = {name: one.given for name, one in loaded.items()}
     return evaluate_rig(known, pairs, loaded[own[0]].pairs.target)
+
+
+@as_rig_command(
+    "evaluate",
+    "Measure a rig on other shots: only where it was is fitted.",
+    "cubicfish rig evaluate rig left/ right/ --target target.yaml",
+    "cubicfish rig evaluate rig/rig.yaml left.csv right.csv --target target.yaml --max-rms 0.5",
+    how=("max_rms", "as_json", "jobs", "no_cache"),
+)
+def command(given: RigEvaluateOptions, how: How) -> None:
+    """Measure the reprojection error of RIG on photos or corners of each of its cameras.
+
+    The rig stays as it is; only where it was in each shot is fitted. No corner is dropped.
+    """
+    evaluation = how.do(evaluate_rig_files, given)
+    for one in evaluation.cameras:
+        if one.outside:
+            say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
+        say_unplaced(one.unplaced, f"camera {one.name}: ")
+    found = evaluation.as_record()
+    if how.as_json:
+        print_json({"model": str(given.rig), **found})
+    else:
+        print_evaluation(evaluation)
+    hold_gate(found["rms_px"], how.max_rms)

@@ -15,6 +15,8 @@ from simulated_rig import simulated_rig
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import (
+    RigEvaluateOptions,
+    RigOptions,
     calibrate_rig_files,
     evaluate_rig_files,
     load_rig,
@@ -101,10 +103,12 @@ def test_a_program_makes_the_same_rig(
     folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     by_call = calibrate_rig_files(
-        {"left": folder / "left.csv", "right": folder / "right.csv"},
-        folder / "target.yaml",
-        tmp_path,
-        refine_target="off",
+        RigOptions(
+            cameras={"left": folder / "left.csv", "right": folder / "right.csv"},
+            target=folder / "target.yaml",
+            folder=tmp_path,
+            refine_target="off",
+        )
     )
     assert same_records(by_call.record["cameras"], made[1]["cameras"])
     assert [path.relative_to(tmp_path) for path in by_call.files] == [
@@ -245,7 +249,9 @@ def test_a_rig_is_evaluated_on_shots(
     assert found["pairs"][0]["rms_px"] == pytest.approx(found["rms_px"], rel=1e-6)
     said = run("rig", "evaluate", rig, *args).stdout
     assert "8 shots" in said
-    by_call = evaluate_rig_files(rig, args[:2], folder / "target.yaml")
+    by_call = evaluate_rig_files(
+        RigEvaluateOptions(rig=rig, cameras=args[:2], target=folder / "target.yaml")
+    )
     assert same_records(by_call.as_record()["rms_px"], found["rms_px"])
     # A rig that stands 5 mm elsewhere explains them worse, and each camera alone as before.
     held = yaml.safe_load((rig / "rig.yaml").read_text())
