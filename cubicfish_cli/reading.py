@@ -11,7 +11,7 @@ camera.yaml                            67 MB, 500,000 values       500 MB    10
 OpenCV, ROS, Kalibr, OCamCalib's text  1 to 4 MB                   300 MB    10
 JSON of nerfstudio                     64 MB, 2 million values     500 MB    10
 COLMAP's cameras                       16 MB                       200 MB    10
-.cameramodel                           64 MB, 400,000 values       1 GB      15
+.cameramodel                           64 MB, 500,000 values       1 GB      15
 tables: corners, pairs, poses          100 MB, 16 million values   1.5 GB    20
 corners.vnl                            200 MB, 16 million values   2 GB      20
 points, pixels                         100 MB                      1 GB      60

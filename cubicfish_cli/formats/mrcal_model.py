@@ -13,7 +13,6 @@ zeros, LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 as OpenCV's lens.
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,17 +22,23 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, LensRig, numbers, read_bounded, size
+from cubicfish_cli.formats.camera_format import (
+    CameraFormat,
+    LensRig,
+    mapping,
+    numbers,
+    read_bounded,
+    size,
+)
 from cubicfish_cli.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.lenses.pinhole import PinholeLens
+from cubicfish_cli.plain_yaml import parse_plain_yaml
 from cubicfish_cli.types import FloatArray
 from cubicfish_cli.wording import did_you_mean, quoted
 
 # optimization_inputs holds all corners of a calibration, packed; it is skipped.
 MAX_BYTES = 64_000_000
 MAX_PLAIN_BYTES = 4_000_000
-MAX_VALUES = 400_000
-MAX_DEPTH = 4
 MAX_CONTROL_POINTS = 40_000
 MAX_REGION = 100_000
 # A stereographic lens sees everything but the direction straight behind it.
@@ -50,11 +55,10 @@ _OPENCV_SIZES = {
     "LENSMODEL_OPENCV12": 12,
 }
 _KNOWN = (*_OPENCV_SIZES, "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_SPLINED_STEREOGRAPHIC_...")
-# Remarks, packed bytes and text: what may hold any character.
-_TOKEN = re.compile(r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"")
-# A sign that stands before no number, or behind one.
-_SUM_OR_SIGN = re.compile(r"[-+](?![0-9.])|[0-9.\])}]\s*[-+]")
-_PLAIN = re.compile(r"(?:[\s{}\[\](),:0-9eE.+\-]|\"\"|None)*", re.ASCII)
+# Remarks, packed bytes, text, which may hold any character, and what YAML writes otherwise.
+_TOKEN = re.compile(
+    r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"|[()]|\bNone\b"
+)
 
 
 def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
@@ -192,13 +196,13 @@ def _region(path: Path, data: dict[str, Any]) -> FloatArray:
     if data.get("valid_intrinsics_region") is None:
         return np.zeros((0, 2))
     rows = data["valid_intrinsics_region"]
-    if not isinstance(rows, list | tuple) or len(rows) > MAX_REGION:
+    if not isinstance(rows, list) or len(rows) > MAX_REGION:
         raise CameraFileError(f"{path}: valid_intrinsics_region must be a list of pixels")
     if not rows:
         raise CameraFileError(
             f"{path}: valid_intrinsics_region is empty: by this file the lens is valid nowhere"
         )
-    region = np.array([_vector(path, row, "valid_intrinsics_region", 2) for row in rows])
+    region = np.array([numbers(path, row, "valid_intrinsics_region", (2,)) for row in rows])
     if len(region) < 4:  # as mrcal does with an outline that is none
         return np.zeros((0, 2))
     closed = np.abs(region[0] - region[-1]).max() < 1e-6
@@ -208,60 +212,26 @@ def _region(path: Path, data: dict[str, Any]) -> FloatArray:
 def _numbers(path: Path, data: dict[str, Any], key: str, count: int) -> FloatArray:
     if key not in data:
         raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
-    return _vector(path, data[key], key, count)
-
-
-def _vector(path: Path, value: Any, key: str, count: int) -> FloatArray:
-    return numbers(path, list(value) if isinstance(value, tuple) else value, key, (count,))
+    return numbers(path, data[key], key, (count,))
 
 
 def _dictionary(path: Path, text: str) -> dict[str, Any]:
     """The dictionary, without what is packed in it.
 
-    Python's own parser reads it, which evaluates nothing. What is deep, or more than numbers,
-    text and brackets, is refused before, since that parser may run out of stack on it.
+    Beside remarks, packed bytes and tuples it is YAML in braces, whose reader evaluates nothing
+    and has bounds.
     """
-    plain = _TOKEN.sub(_without_packed, text)
+    plain = _TOKEN.sub(_as_yaml, text)
     if len(plain) > MAX_PLAIN_BYTES:
         raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
-    skeleton = _TOKEN.sub('""', plain)
-    if skeleton.count(",") + skeleton.count(":") > MAX_VALUES:
-        raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
-    end = _PLAIN.match(skeleton)
-    where = end.end() if end else 0
-    if where < len(skeleton):
-        line = skeleton.count("\n", 0, where) + 1
-        raise CameraFileError(
-            f"{path}, line {line}: {quoted(skeleton[where : where + 10])} is not expected: "
-            "is it a .cameramodel of mrcal?"
-        )
-    marks = np.frombuffer(skeleton.encode("ascii"), np.uint8)
-    depth = np.cumsum(np.isin(marks, list(b"[({")).astype(int) - np.isin(marks, list(b"])}")))
-    if (depth > MAX_DEPTH).any():
-        line = skeleton.count("\n", 0, int(np.argmax(depth > MAX_DEPTH))) + 1
-        raise CameraFileError(f"{path}, line {line}: nested too deeply to be a .cameramodel")
-    sum_or_sign = _SUM_OR_SIGN.search(skeleton)
-    if sum_or_sign:
-        line = skeleton.count("\n", 0, sum_or_sign.start()) + 1
-        raise CameraFileError(f"{path}, line {line}: a number with more than one sign, or a sum")
-    try:
-        data = ast.literal_eval(plain.strip())
-    except SyntaxError as problem:
-        raise CameraFileError(
-            f"{path}, line {problem.lineno}: not a Python dictionary: {problem.msg}"
-        ) from problem
-    except (ValueError, TypeError, MemoryError, RecursionError) as problem:
-        raise CameraFileError(f"{path}: not a Python dictionary of numbers and text") from problem
-    if not isinstance(data, dict):
-        raise CameraFileError(f"{path}: not a Python dictionary: is it a .cameramodel of mrcal?")
-    return data
+    return mapping(path, parse_plain_yaml(path, plain, error=CameraFileError), "a .cameramodel")
 
 
-def _without_packed(match: re.Match[str]) -> str:
+def _as_yaml(match: re.Match[str]) -> str:
     token = match[0]
-    if token.startswith("#"):
-        return ""
-    return "None" if token[0] in "bB" else token
+    if token in "()":
+        return "[" if token == "(" else "]"
+    return {"#": "", "b": "null", "B": "null", "N": "null"}.get(token[0], token)
 
 
 FORMAT = CameraFormat(

@@ -71,6 +71,16 @@ def test_what_is_written_reads_back_exactly(tmp_path: Path) -> None:
         assert np.array_equal(getattr(again, one.name), getattr(lens, one.name)), one.name
 
 
+def test_tuples_none_and_numbers_as_python_has_them_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.cameramodel"
+    path.write_text(
+        "{'lensmodel': 'LENSMODEL_PINHOLE', 'imagersize': (9, 8,), 'optimization_inputs': None,\n"
+        "'intrinsics': ( 1., +.5e1,\t2e0, 3 ), 'valid_intrinsics_region': None}"
+    )
+    lens = read_mrcal(path)
+    assert (lens.image_size, lens.fx, lens.fy, lens.cx, lens.cy) == ((9, 8), 1, 5, 2, 3)
+
+
 def test_an_outline_that_is_open_is_closed(tmp_path: Path) -> None:
     path = tmp_path / "a.cameramodel"
     path.write_text(MRCAL.replace("[ 959, 719 ],", "[ 959, 719 ], [0, 719],"))
@@ -79,17 +89,19 @@ def test_an_outline_that_is_open_is_closed(tmp_path: Path) -> None:
 
 
 BAD = {
-    "empty": ("", "not a Python dictionary"),
-    "list": ("[1, 2]", "not a Python dictionary: is it"),
+    "empty": ("", "is empty"),
+    "list": ("[1, 2]", "a .cameramodel must hold keys and values"),
     "other": ("{'a': 1}", "it has no key lensmodel"),
-    "code": ("{'lensmodel': __import__('os')}", "line 1: '__import__' is not expected"),
-    "call": ("{'lensmodel': open}", "line 1: 'open}' is not expected"),
-    "cut": (MRCAL[:400], "not a Python dictionary"),
-    "deep": ("[" * 100_000, "nested too deeply"),
-    "signs": ("-" * 100_000 + "1", "more than one sign"),
-    "sums": ("{'a': " + "1+" * 50_000 + "1}", "or a sum"),
-    "digits": ("{'a': " + "9" * 5000 + "}", "not a Python dictionary"),
-    "unhashable": ("{[1]: 2}", "not a Python dictionary"),
+    "code": ("{'lensmodel': __import__('os')}", "line 1: not valid YAML"),
+    "call": ("{'lensmodel': open, 'imagersize': [9, 9]}", "lensmodel 'open' cannot be read"),
+    "cut": (MRCAL[:400], "line 8: not valid YAML"),
+    "deep": ("[" * 100_000, "nest"),
+    "tuples": ("(" * 20 + ")" * 20, "nested more than"),
+    "signs": ("-" * 100_000 + "1", "must hold keys and values"),
+    "sums": ("{'a': " + "1+" * 50_000 + "1}", "it has no key lensmodel"),
+    "digits": ("{'a': " + "9" * 5000 + "}", "too many digits"),
+    "unhashable": ("{[1]: 2}", "a key must be text"),
+    "twice": ("{'a': 2, 'a': 2}", "is there twice"),
     "lens": (MRCAL.replace(SPLINED, "LENSMODEL_CAHVOR"), "lensmodel 'LENSMODEL_CAHVOR' cannot"),
     "order": (MRCAL.replace("order=3", "order=4"), "order must be 2 or 3"),
     "points": (MRCAL.replace("Nx=5_Ny=4", "Nx=999_Ny=99"), "together at most 40000 points"),
@@ -106,7 +118,7 @@ BAD = {
         "valid nowhere",
     ),
     "region": (MRCAL.replace("[ 0, 0 ]", "[ 0 ]"), "valid_intrinsics_region must hold 2 finite"),
-    "null": (MRCAL.replace("960", "9\x006"), "line 17: '\\x00"),
+    "null": (MRCAL.replace("960", "9\x006"), "characters that are not text"),
 }
 
 

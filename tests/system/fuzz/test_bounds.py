@@ -12,7 +12,7 @@ from fuzz_readers import READERS
 from cubicfish_cli import plain_yaml, tables
 from cubicfish_cli.corner_files import vnlog
 from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.formats import camera_format, mrcal_model
+from cubicfish_cli.formats import camera_format
 from cubicfish_cli.formats.foreign import read_foreign
 from cubicfish_cli.formats.nerfstudio_json import read_nerfstudio
 
@@ -31,7 +31,7 @@ _TOO_MUCH = r"more than [15],000|too much in it"
         (vnlog, "MAX_LINES", foreign.read_corners, ".vnl", "# filename x y" + "\r" * (MOST + 1)),
         (camera_format, "MAX_VALUES", read_nerfstudio, ".json",
          '{{"a": [{}1]}}'.format("[]," * MOST)),
-        (mrcal_model, "MAX_VALUES", foreign.look_through_mrcal, ".cameramodel",
+        (plain_yaml, "MAX_VALUES", foreign.look_through_mrcal, ".cameramodel",
          "{{'a': [{}]}}".format("1," * (MOST + 1))),
     ],
 )  # fmt: skip
