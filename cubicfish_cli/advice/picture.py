@@ -16,10 +16,9 @@ from matplotlib.patches import Patch
 from cubicfish_cli.advice.advise import Advice
 from cubicfish_cli.advice.field import reach_of
 from cubicfish_cli.advice.proposals import Proposal
-from cubicfish_cli.boards.board import Board
 from cubicfish_cli.printing.extra import drawing
+from cubicfish_cli.printing.object_drawing import draw_board
 from cubicfish_cli.rendering.truth import camera_points
-from cubicfish_cli.rendering.views import WholeLens
 from cubicfish_cli.types import FloatArray
 
 _STYLE: dict[Any, Any] = {
@@ -33,10 +32,9 @@ _STYLE: dict[Any, Any] = {
 # Uncertainty over the goal, and what a place with at most so much is filled with.
 _LEVELS, _COLOURS = (0, 0.5, 1, 2, 1e9), ("#c3e9cf", "#eef0b4", "#fad192", "#f1958c")
 _PANEL, _TEXT, _LETTERS = 4.8, 0.9, 58
-_MOST_DOTS, _MOST_SQUARES = 6000, 3000
+_MOST_DOTS = 6000
 # Boards are drawn this far beyond the field, plates in so many pieces along a side.
 _BEYOND_DEG, _PIECES = 8.0, 12
-_SQUARE_STEPS = 3
 
 
 def advice_picture(advice: Advice, suffix: str) -> bytes:
@@ -129,38 +127,9 @@ def _draw_photo(axes: Axes, advice: Advice, proposal: Proposal, title: str) -> N
     shown = np.unique(seen.board[seen.visible]).tolist()
     lens = reach_of(advice.camera, _BEYOND_DEG)
     boards = advice.target.with_flat_boards().boards
+
+    def project(world: FloatArray) -> FloatArray:
+        return lens.project(camera_points(proposal.view.pose, world))
+
     for index in sorted(shown, key=lambda one: -float(away[seen.board == one].mean())):
-        for polygons, colour in _printed(boards[index]):
-            world = boards[index].origin + polygons @ boards[index].axes[:2]
-            _add_seen(axes, proposal, lens, world, colour)
-
-
-def _printed(board: Board) -> list[tuple[FloatArray, str]]:
-    """The paper and the dark squares of a board: polygons (N, K, 2) of its plane."""
-    end = board.plane_points(board.columns - 1, board.rows - 1) + board.rim
-    share = np.linspace(0, 1, _PIECES + 1)[:-1]
-    step = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) / _PIECES
-    low = np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 1, 2)
-    paper = -board.rim + (low + step) * (end + board.rim)
-    squares = board.dark_squares()
-    return [(paper, "white")] + [(_bent(squares), "#3d434d")] * (len(squares) <= _MOST_SQUARES)
-
-
-def _bent(polygons: FloatArray) -> FloatArray:
-    """(N, K, 2) -> (N, K steps, 2), with points between: edges are bent in the picture."""
-    share = np.arange(_SQUARE_STEPS)[:, None] / _SQUARE_STEPS
-    start, end = polygons[:, :, None], np.roll(polygons, -1, 1)[:, :, None]
-    return (start + share * (end - start)).reshape(len(polygons), -1, 2)
-
-
-def _add_seen(
-    axes: Axes, proposal: Proposal, lens: WholeLens, world: FloatArray, colour: str
-) -> None:
-    """Draw polygons (N, K, 3) as far as the lens sees them whole."""
-    pixel = lens.project(camera_points(proposal.view.pose, world))
-    whole = pixel[np.isfinite(pixel).all(axis=(1, 2))]
-    axes.add_collection(
-        PolyCollection(
-            list(whole), facecolor=colour, edgecolor=colour, linewidth=0.5, rasterized=True
-        )
-    )
+        draw_board(axes, boards[index], project, _PIECES)

@@ -29,7 +29,7 @@ from cubicfish_cli.cli.terminal import (
     say,
 )
 from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files, write_text
+from cubicfish_cli.files import Content, refuse_existing, write_files
 from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
 from cubicfish_cli.printing import extra
 from cubicfish_cli.words.codes import Event
@@ -60,7 +60,9 @@ class CheckOptions:
         missing="name the target: 'cubicfish target check target.yaml'",
     )
     drawing: StrPath | None = option(
-        "--draw FILE.svg", "Also draw the target: does it look like yours?", options.FILE
+        "--draw FILE.svg",
+        "Also draw the target: does it look like yours? Needs pip install 'cubicfish[report]'.",
+        options.FILE,
     )
 
 
@@ -74,7 +76,6 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
 
     """
     from cubicfish_cli.library.target_files import check_target
-    from cubicfish_cli.rendering.object_drawing import object_svg
     from cubicfish_cli.target import load_target
 
     path = path_or_none(asked.drawing)
@@ -83,12 +84,16 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     if path is not None:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
+        if extra.missing(extra.PRINTING):
+            raise CubicfishError(f"a drawing needs matplotlib: {extra.INSTALL}")
         refuse_existing(path, overwrite=run.overwrite)
     loaded = load_target(Path(asked.target)).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)
     if path is not None:
-        write_text(path, object_svg(loaded), overwrite=run.overwrite)
+        with extra.quiet():
+            from cubicfish_cli.printing.object_drawing import object_svg
+        write_files({path: object_svg(loaded)}, overwrite=run.overwrite)
     return replace(checked, drawing=path)
 
 

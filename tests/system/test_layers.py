@@ -95,7 +95,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "undistortion": {"files", "picture_headers", "photos", "films", "executors", "lenses"},
     "rendering": {"tables", "boards", "target", "lenses"},
-    "printing": {"boards", "target"},
+    "printing": {"boards", "target", "lenses"},
     "advice": {
         "words",
         "boards",
