@@ -90,7 +90,6 @@ class Recording:
         self._reader = self._opened()
         try:
             self._connections = self._of_topic(topic)
-            self._from = 0
             first = next(self.frames(), None)
         except BaseException:
             self.close()
@@ -110,10 +109,6 @@ class Recording:
         """Close the file."""
         self._reader.close()
 
-    def seek(self, pts: int, **_: object) -> None:
-        """Go to the frame at ``pts``, or to one shortly before it."""
-        self._from = pts
-
     def frames(self) -> Iterator[Any]:
         """The topic's images in the order of their recording, as PyAV's frames.
 
@@ -123,15 +118,11 @@ class Recording:
         """
         import av
 
-        count = 0
         last: int | None = None
-        for stamp, message in self._messages():
-            count += 1
+        for count, (stamp, message) in enumerate(self._messages(), start=1):
             # A clock that was set back would put frames on top of each other.
             pts = stamp if last is None else max(stamp, last + 1)
             last = pts
-            if pts < self._from:
-                continue
             picture = self._picture(message, count)
             if picture.shape[0] * picture.shape[1] > MAX_PIXELS:
                 raise PhotoError(f"{shown(self._path)}: image {count} is too large to be read")
