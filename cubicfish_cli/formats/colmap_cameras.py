@@ -192,36 +192,42 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     """
     data = read_bounded_bytes(path, max_bytes=MAX_BYTES)
     if looks_like_cameras_bin(data):
-        return _read_binary(path, data, camera)
-    return _read_text(path, read_bounded(path, max_bytes=MAX_BYTES), camera)
-
-
-def _read_text(path: Path, text: str, camera: str | None) -> Lens:
-    lines: dict[str, tuple[int, list[str]]] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        cells = line.split()
-        if not cells or cells[0].startswith("#"):
-            continue
-        if cells[0] in lines:
-            raise CameraFileError(
-                f"{path}, line {number}: camera {quoted(cells[0])} is there twice"
-            )
-        lines[cells[0]] = number, cells
-    number, cells = lines[chosen_camera(path, list(lines), camera)]
-    where = Path(f"{path}, line {number}")
-    name = cells[1] if len(cells) > 1 else "nothing"
+        cameras = _of_binary(path, data)
+    else:
+        cameras = _of_text(path, read_bounded(path, max_bytes=MAX_BYTES))
+    there: dict[str, tuple[Path, str, Sequence[Any]]] = {}
+    for number, *found in cameras:
+        if number in there:
+            raise CameraFileError(f"{found[0]}: camera {quoted(number)} is there twice")
+        there[number] = found[0], found[1], found[2]
+    where, name, values = there[chosen_camera(path, list(there), camera)]
     if name not in MODELS:
         raise CameraFileError(
             f"{where}: {quoted(name)} is no camera model that is known here: {_known(name)}"
         )
     try:
-        given = [float(cell) for cell in cells[2:]]
+        width, height, *parameters = map(float, values)
     except ValueError as problem:
-        raise CameraFileError(f"{where}: what follows the model must be numbers") from problem
-    if len(given) < 2:
-        raise CameraFileError(f"{where}: WIDTH and HEIGHT must follow the model")
-    image_size = size(where, given[0], given[1], "WIDTH and HEIGHT")
-    return lens_of(where, name, given[2:], image_size)
+        raise CameraFileError(
+            f"{where}: WIDTH, HEIGHT and numbers must follow the model"
+        ) from problem
+    return lens_of(where, name, parameters, size(where, width, height, "WIDTH and HEIGHT"))
+
+
+Found = Iterator[tuple[str, Path, str, Sequence[Any]]]
+"""CAMERA_ID, where it is, model, and WIDTH, HEIGHT and PARAMS of each camera."""
+
+
+def _of_text(path: Path, text: str) -> Found:
+    for number, line in enumerate(text.splitlines(), start=1):
+        camera, *cells = line.split() or ["#"]
+        if not camera.startswith("#"):
+            yield (
+                camera,
+                Path(f"{path}, line {number}"),
+                cells[0] if cells else "nothing",
+                cells[1:],
+            )
 
 
 def _known(name: str) -> str:
@@ -229,42 +235,24 @@ def _known(name: str) -> str:
     return near if near.startswith("did") else "known: " + ", ".join(MODELS)
 
 
-def _read_binary(path: Path, data: bytes, camera: str | None) -> Lens:
-    cameras = {}
-    for number, name, image_size, given in _cameras(path, data):
-        if number in cameras:
-            raise CameraFileError(f"{path}: camera {number} is there twice")
-        cameras[number] = name, image_size, given
-    name, (width, height), given = cameras[chosen_camera(path, list(cameras), camera)]
-    return lens_of(path, name, given, size(path, width, height, "width and height"))
-
-
-def _cameras(
-    path: Path, data: bytes
-) -> Iterator[tuple[str, str, tuple[int, int], tuple[float, ...]]]:
-    """CAMERA_ID, model, size and parameters of each camera."""
-    (count,) = _HEAD.unpack_from(data)
-    at = _HEAD.size
-    for index in range(count):
-        if at + _CAMERA.size > len(data):
-            raise CameraFileError(
-                f"{path} ends within camera {index + 1} of {count}: was it copied whole?"
-            )
-        camera, model, width, height = _CAMERA.unpack_from(data, at)
-        at += _CAMERA.size
-        if model not in _BY_NUMBER:
-            raise CameraFileError(
-                f"{path}: camera {camera} is of model number {model}, which is not known here: "
-                + _known("")
-            )
-        name = _BY_NUMBER[model]
-        parameters = struct.Struct(f"<{len(MODELS[name].parameters)}d")
-        if at + parameters.size > len(data):
-            raise CameraFileError(
-                f"{path} ends within camera {index + 1} of {count}: was it copied whole?"
-            )
-        yield str(camera), name, (width, height), parameters.unpack_from(data, at)
-        at += parameters.size
+def _of_binary(path: Path, data: bytes) -> Found:
+    (count,), at = _HEAD.unpack_from(data), _HEAD.size
+    try:
+        for _ in range(count):
+            camera, model, *values = _CAMERA.unpack_from(data, at)
+            if model not in _BY_NUMBER:
+                raise CameraFileError(
+                    f"{path}: camera {camera} is of model number {model}, which is not known "
+                    f"here: {_known('')}"
+                )
+            name, at = _BY_NUMBER[model], at + _CAMERA.size
+            parameters = struct.Struct(f"<{len(MODELS[name].parameters)}d")
+            yield str(camera), path, name, [*values, *parameters.unpack_from(data, at)]
+            at += parameters.size
+    except struct.error as problem:
+        raise CameraFileError(
+            f"{path} ends before all of its {count} cameras: was it copied whole?"
+        ) from problem
     if at != len(data):
         raise CameraFileError(f"{path}: there is more behind its {count} cameras: is it damaged?")
 

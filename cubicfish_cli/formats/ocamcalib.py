@@ -12,7 +12,6 @@ readers skip white space, others take the values from lines 3, 7, 11, 15 and 19.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -20,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.errors import CameraFileError
-from cubicfish_cli.formats.camera_format import CameraFormat, read_bounded, size
+from cubicfish_cli.formats.camera_format import CameraFormat, numbers, read_bounded, size
 from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.types import FloatArray
-from cubicfish_cli.wording import quoted
 
 MAX_BYTES = 1_000_000
 # The toolbox's own C reader holds no more coefficients.
@@ -120,18 +118,11 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
 
 
 def _line(path: Path, number: int, cells: list[str], part: str) -> FloatArray:
-    values = []
-    for cell in cells:
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not abs(value) < 1e100:  # NaN and infinities fail this too
-            raise CameraFileError(
-                f"{path}, line {number}: {quoted(cell)} in {part} is not a finite number"
-            )
-        values.append(value)
-    return np.array(values)
+    where = Path(f"{path}, line {number}")
+    try:
+        return numbers(where, list(map(float, cells)), part, (len(cells),))
+    except ValueError as problem:
+        raise CameraFileError(f"{where}: {part} must hold finite numbers") from problem
 
 
 def _counted(path: Path, number: int, values: FloatArray, part: str) -> FloatArray:

@@ -146,10 +146,10 @@ PINHOLE = [200.0, 200.0, 320.0, 240.0]
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (binary((1, 1, PINHOLE))[:-3], "ends within camera 1 of 1"),
-        (binary((1, 1, PINHOLE), (2, 1, PINHOLE))[:-40], "ends within camera 2 of 2"),
+        (binary((1, 1, PINHOLE))[:-3], "ends before all of its 1 cameras"),
+        (binary((1, 1, PINHOLE), (2, 1, PINHOLE))[:-40], "ends before all of its 2 cameras"),
         (binary((1, 1, PINHOLE)) + b"x", "more behind its 1 cameras"),
-        (binary((1, 1, PINHOLE), (1, 1, PINHOLE)), "camera 1 is there twice"),
+        (binary((1, 1, PINHOLE), (1, 1, PINHOLE)), "camera '1' is there twice"),
         (binary((1, 1, PINHOLE), (7, 1, PINHOLE)), "--camera: 1, 7"),
         (binary((1, 99, PINHOLE)), "model number 99, which is not known here: known: SIMPLE_PIN"),
         (
@@ -161,7 +161,7 @@ PINHOLE = [200.0, 200.0, 320.0, 240.0]
         (b"1 PINHOLE 640 480 1 1 1 1\n1 PINHOLE 640 480 1 1 1 1\n", "line 2: camera '1' is there"),
         (b"1 OPENCV_FISH 640 480 1 1 1 1\n", "did you mean 'OPENCV_FISHEYE'?"),
         (b"1 METASHAPE 640 480 1 1 1 1\n", "known: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL"),
-        (b"1 PINHOLE 640\n", "WIDTH and HEIGHT must follow"),
+        (b"1 PINHOLE 640\n", "WIDTH, HEIGHT and numbers must follow"),
         (b"# only remarks\n", "--camera: none"),
     ],
 )
