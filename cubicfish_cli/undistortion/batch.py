@@ -7,11 +7,10 @@ some wait for it the others go on.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from os.path import abspath, commonpath
 from pathlib import Path
 from threading import BoundedSemaphore
@@ -156,22 +155,17 @@ Answers = Generator[tuple[int, CubicfishError | None], None, None]
 def _by_threads(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
-    """Do the work here, never more than twice as many jobs begun as there are workers."""
+    """Do the work here."""
     if workers == 1 or len(jobs) == 1:
         yield from enumerate(map(work, jobs))
         return
-    numbers = iter(range(len(jobs)))
     with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
         try:
-            doing = {threads.submit(work, jobs[n]): n for n in islice(numbers, 2 * workers)}
-            while doing:
-                done, _ = wait(doing, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield doing.pop(future), future.result()
-                doing |= {threads.submit(work, jobs[n]): n for n in islice(numbers, len(done))}
-        except BaseException:
-            threads.shutdown(wait=True, cancel_futures=True)
-            raise
+            numbers = {threads.submit(work, job): number for number, job in enumerate(jobs)}
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+        finally:
+            threads.shutdown(cancel_futures=True)
 
 
 def _by_executor(
