@@ -9,7 +9,6 @@ in it, which would show the old picture, does not.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -52,10 +51,6 @@ _HOLDS = {
 
 
 _TIFF_LZW = 5
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_GREY_WITH_ALPHA = 4
-_PNG_UP = 2  # each row less the one above it, which suits photos
-_PNG_LEVEL = 4
 
 
 def remap_picture(
@@ -176,8 +171,6 @@ def encode_picture(
         options = [cv2.IMWRITE_WEBP_QUALITY, quality]
     elif depth == 32:  # else some versions of OpenCV take LogLuv, which loses
         options = [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_LZW]
-    elif suffix == ".png" and channel_count == 4 and is_grey_with_alpha(like):
-        return encode_grey_with_alpha(picture)
     try:
         with quiet_stderr():
             done, data = cv2.imencode(suffix, picture, options)
@@ -186,39 +179,6 @@ def encode_picture(
     if not done:
         raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
     return with_segments(data.tobytes(), segments)
-
-
-def is_grey_with_alpha(data: bytes) -> bool:
-    """Whether a file is a PNG of grey and transparency."""
-    return data.startswith(_PNG_SIGNATURE) and data[25:26] == bytes([_GREY_WITH_ALPHA])
-
-
-def encode_grey_with_alpha(picture: Picture) -> bytes:
-    """A picture (H, W, 4) of uint8 or uint16 whose colours are grey -> a PNG of two channels.
-
-    OpenCV reads such files as four channels and cannot write them.
-    The format is that of the PNG specification, sections 9 to 11 (filters, compression, chunks).
-    """
-    height, width = picture.shape[:2]
-    bits = 8 * picture.dtype.itemsize
-    two = np.ascontiguousarray(picture[:, :, [0, 3]]).astype(f">u{bits // 8}")
-    rows = two.reshape(height, -1).view(np.uint8)
-    filtered = np.empty((height, rows.shape[1] + 1), np.uint8)
-    filtered[:, 0] = _PNG_UP
-    filtered[0, 1:] = rows[0]
-    filtered[1:, 1:] = rows[1:] - rows[:-1]  # in bytes, modulo 256
-    header = struct.pack(">IIBBBBB", width, height, bits, _GREY_WITH_ALPHA, 0, 0, 0)
-    chunks = (
-        (b"IHDR", header),
-        (b"IDAT", zlib.compress(filtered.tobytes(), _PNG_LEVEL)),
-        (b"IEND", b""),
-    )
-    return _PNG_SIGNATURE + b"".join(_chunk(kind, content) for kind, content in chunks)
-
-
-def _chunk(kind: bytes, content: bytes) -> bytes:
-    check = zlib.crc32(kind + content)
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", check)
 
 
 DEFAULT_QUALITY = 95

@@ -9,9 +9,7 @@ from cubicfish_cli.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.photos import decode_picture, read_picture
 from cubicfish_cli.undistortion.batch import Job, write_one
 from cubicfish_cli.undistortion.images import (
-    encode_grey_with_alpha,
     encode_picture,
-    is_grey_with_alpha,
     jpeg_nature,
     remap_picture,
     with_segments,
@@ -214,18 +212,3 @@ def test_a_jpegs_nature_goes_from_the_photo_to_the_picture(tmp_path):
     assert cv2.imread(str(out)).shape[:2] == (70, 50)
     undistort_picture_file(source, out, MAP, 30, overwrite=True)
     assert jpeg_nature(out.read_bytes()).quality == 30
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_grey_with_transparency_stays_so(tmp_path, dtype):
-    values = picture(dtype, 4)
-    values[..., 1] = values[..., 2] = values[..., 0]
-    source, out = tmp_path / "in.png", tmp_path / "out.png"
-    source.write_bytes(encode_grey_with_alpha(values))
-    np.testing.assert_array_equal(cv2.imread(str(source), cv2.IMREAD_UNCHANGED), values)
-    undistort_picture_file(source, out, MAP, overwrite=False)
-    assert is_grey_with_alpha(out.read_bytes())
-    made = cv2.imread(str(out), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(made, cv2.remap(values, MAP.map_x, MAP.map_y, 1))
-    undistort_picture_file(source, tmp_path / "out.tif", MAP, overwrite=False)
-    assert cv2.imread(str(tmp_path / "out.tif"), cv2.IMREAD_UNCHANGED).shape == (50, 70, 4)
