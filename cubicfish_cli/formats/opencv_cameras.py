@@ -181,7 +181,7 @@ def read_opencv(
     entry = keys.find(("xi",))
     if entry is None and not _is_fisheye(keys, len(d)):
         return PinholeLens(**core, d=d)
-    xi = None if entry is None else float(numbers(path, entry.row, entry.name, (1,))[0])
+    xi = None if entry is None else float(keys.numbers(entry, (1,))[0])
     if len(d) != 4:
         raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
     if xi is None:
@@ -189,54 +189,41 @@ def read_opencv(
     return UnifiedLens(**core, skew=skew, xi=xi, d=d)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Entry:
-    """A key of the file and its value."""
-
-    path: Path
-    name: str
-    value: Any
-
-    @property
-    def row(self) -> Any:
-        """The numbers of a matrix, or of lists in lists, row by row; of a number a list."""
-        value = self.value
-        if isinstance(value, dict):
-            return self._data(value)
+def _row(path: Path, name: str, value: Any) -> Any:
+    """The numbers of a matrix, or of lists in lists, row by row; of a number a list."""
+    if not isinstance(value, dict):
         if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
             return [one for row in value for one in row]
         return [value] if isinstance(value, int | float) else value
-
-    def _data(self, matrix: dict[str, Any]) -> Any:
-        data = matrix.get("data")
-        if isinstance(data, str) and data.startswith("$base64$"):
-            raise CameraFileError(
-                f"{self.path}: {quoted(self.name)} is packed in base 64: write the file without "
-                "WRITE_BASE64"
-            )
-        if isinstance(data, int | float) or data is None:
-            data = [] if data is None else [data]  # as XML has lists of one and of none
-        rows, columns = matrix.get("rows"), matrix.get("cols")
-        if (
-            isinstance(data, list)
-            and isinstance(rows, int)
-            and isinstance(columns, int)
-            and rows * columns != len(data)
-        ):
-            raise CameraFileError(
-                f"{self.path}: {quoted(self.name)} holds {len(data)} numbers, not rows times cols"
-            )
-        return data
+    data = value.get("data")
+    if isinstance(data, str) and data.startswith("$base64$"):
+        raise CameraFileError(
+            f"{path}: {quoted(name)} is packed in base 64: write the file without WRITE_BASE64"
+        )
+    if isinstance(data, int | float) or data is None:
+        data = [] if data is None else [data]  # as XML has lists of one and of none
+    sides = [value.get(side) for side in ("rows", "cols")]
+    if (
+        isinstance(data, list)
+        and all(isinstance(side, int) for side in sides)
+        and sides[0] * sides[1] != len(data)
+    ):
+        raise CameraFileError(
+            f"{path}: {quoted(name)} holds {len(data)} numbers, not rows times cols"
+        )
+    return data
 
 
+@dataclass(frozen=True, eq=False)
 class _Keys:
     """The keys of a file, whatever their spelling, those of one camera where one is named."""
 
-    def __init__(self, path: Path, record: Mapping[str, Any], camera: str | None) -> None:
-        self.path, self.record, self.camera = path, record, camera
+    path: Path
+    record: Mapping[str, Any]
+    camera: str | None
 
-    def find(self, names: Sequence[str], *, arrays: bool = False) -> _Entry | None:
-        """The entry that has one of the names, the camera's own or one for all.
+    def find(self, names: Sequence[str], *, arrays: bool = False) -> tuple[str, Any] | None:
+        """The name and value of the key that has one of the names, the camera's own or one for all.
 
         With ``arrays`` it must be the camera's own, and no single number or word: a file may hold
         the number k1 beside the matrix K1.
@@ -245,29 +232,27 @@ class _Keys:
             CameraFileError: several have, and hold different values.
 
         """
-        if self.camera is not None:
-            one = _plain(self.camera)
-            own = [*(name + one for name in names), *(one + name for name in names)]
-            entry = self._one(own, arrays=arrays)
-            if entry is not None or arrays:
-                return entry
-        return self._one(names, arrays=arrays)
+        one = "" if self.camera is None else _plain(self.camera)
+        own = [*(name + one for name in names), *(one + name for name in names)]
+        for spellings in (own,) if arrays or self.camera is None else (own, names):
+            found = [
+                (key, value)
+                for key, value in self.record.items()
+                if _plain(key) in spellings and (not arrays or isinstance(value, dict | list))
+            ]
+            for other, value in found[1:]:
+                if value != found[0][1]:
+                    raise CameraFileError(
+                        f"{self.path}: {quoted(found[0][0])} and {quoted(other)} are not the same: "
+                        "leave one of them"
+                    )
+            if found:
+                return found[0]
+        return None
 
-    def _one(self, names: Sequence[str], *, arrays: bool) -> _Entry | None:
-        found = [
-            key
-            for key, value in self.record.items()
-            if _plain(key) in names and (not arrays or isinstance(value, dict | list))
-        ]
-        if not found:
-            return None
-        for other in found[1:]:
-            if self.record[other] != self.record[found[0]]:
-                raise CameraFileError(
-                    f"{self.path}: {quoted(found[0])} and {quoted(other)} are not the same: leave "
-                    "one of them"
-                )
-        return _Entry(path=self.path, name=found[0], value=self.record[found[0]])
+    def numbers(self, entry: tuple[str, Any], counts: tuple[int, ...]) -> FloatArray:
+        """The numbers of a key that was found, as many as one of ``counts``."""
+        return numbers(self.path, _row(self.path, *entry), entry[0], counts)
 
     def candidates(self) -> list[str]:
         """Keys that look like the matrices of several cameras, or like such cameras."""
@@ -275,12 +260,11 @@ class _Keys:
             key
             for key, value in self.record.items()
             if isinstance(value, dict)
-            and (_looks_like_matrix(value) or any(_plain(inner) in _MATRIX for inner in value))
+            and (
+                value.get("rows") == value.get("cols") == 3
+                or any(_plain(inner) in _MATRIX for inner in value)
+            )
         ]
-
-
-def _looks_like_matrix(value: Mapping[str, Any]) -> bool:
-    return value.get("rows") == value.get("cols") == 3
 
 
 def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
@@ -294,15 +278,15 @@ def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
             else f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and "
             "data"
         )
-    matrix = numbers(keys.path, entry.row, entry.name, (9,))
+    matrix = keys.numbers(entry, (9,))
     fx, _, _, below, fy, _, left, middle, one = matrix.tolist()
-    focal(keys.path, np.array([fx, fy]), entry.name)
+    focal(keys.path, np.array([fx, fy]), entry[0])
     if (below, left, middle, one) != (0, 0, 0, 1):
         raise CameraFileError(
-            f"{keys.path}: {quoted(entry.name)} is not of the form fx, skew, cx, 0, fy, cy, 0, 0, "
+            f"{keys.path}: {quoted(entry[0])} is not of the form fx, skew, cx, 0, fy, cy, 0, 0, "
             "1: was it written column by column?"
         )
-    return entry.name, matrix
+    return entry[0], matrix
 
 
 def _coefficients(keys: _Keys, matrix: str) -> FloatArray:
@@ -312,32 +296,31 @@ def _coefficients(keys: _Keys, matrix: str) -> FloatArray:
             f"{keys.path} has no distortion coefficients that go with {quoted(matrix)}: name them "
             "distortion_coefficients, or D"
         )
-    return numbers(keys.path, entry.row, entry.name, _COUNTS)
+    return keys.numbers(entry, _COUNTS)
 
 
 def _size(keys: _Keys) -> tuple[int, int] | None:
     width, height = keys.find(_WIDTH), keys.find(_HEIGHT)
     if width is not None and height is not None:
-        return size(keys.path, width.value, height.value, f"{width.name} and {height.name}")
+        return size(keys.path, width[1], height[1], f"{width[0]} and {height[0]}")
     entry = keys.find(_SIZE)
     if entry is None:
         return None
-    width_px, height_px = numbers(keys.path, entry.row, entry.name, (2,)).tolist()
-    return size(keys.path, width_px, height_px, entry.name)
+    return size(keys.path, *keys.numbers(entry, (2,)).tolist(), entry[0])
 
 
 def _is_fisheye(keys: _Keys, count: int) -> bool:
     flag, model = keys.find(_FLAG), keys.find(_MODEL)
     if flag is not None:
-        if not isinstance(flag.value, int) or flag.value not in (0, 1):  # true and false are
-            raise CameraFileError(f"{keys.path}: {quoted(flag.name)} must be 0 or 1")
-        return bool(flag.value)
+        if not isinstance(flag[1], int) or flag[1] not in (0, 1):  # true and false are
+            raise CameraFileError(f"{keys.path}: {quoted(flag[0])} must be 0 or 1")
+        return bool(flag[1])
     if model is not None:
-        kind = str(model.value).strip().lower().replace("-", "_")
+        kind = str(model[1]).strip().lower().replace("-", "_")
         if kind in _FISHEYE or kind in _PINHOLE:
             return kind in _FISHEYE
         raise CameraFileError(
-            f"{keys.path}: {quoted(model.name)} {quoted(str(model.value))} is not known: "
+            f"{keys.path}: {quoted(model[0])} {quoted(str(model[1]))} is not known: "
             f"{', '.join((*_FISHEYE, *_PINHOLE))}"
         )
     if count == 4:
