@@ -19,7 +19,6 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import TargetError
 from cubicfish_cli.rendering.options import LookOptions
 from cubicfish_cli.rendering.truth import (
-    MARGIN_SQUARES,
     Plate,
     Pose,
     nearest,
@@ -246,7 +245,6 @@ def render(
     exposure: float = 1.0,
     light_from: npt.ArrayLike = _LIGHT,
     background: Background = room_background,
-    margin: float = MARGIN_SQUARES,
     edges_only: bool = False,
     seed: int | Sequence[int] = 0,
     ray_starts: Starts | None = None,
@@ -270,7 +268,6 @@ def render(
             into dark squares, see :func:`cubicfish_cli.rendering.simulate.bloomed`.
         light_from: (3,) unit world direction in which the lamp is; shadows are not cast.
         background: world directions (N, 3) -> brightness (N,) where no board is.
-        margin: white paper around each print, squares.
         edges_only: sub-sample only the pixels beside which something else is seen, several times
             faster. Elsewhere a pixel is one ray, so that seams of the background stay hard.
         seed: of the noise; the same arguments give the same photo.
@@ -281,7 +278,7 @@ def render(
         TargetError: a board of a kind that cannot be drawn.
 
     """
-    seen = plates(target, camera_from_world, margin=margin)
+    seen = plates(target, camera_from_world)
     lamp = np.asarray(light_from, float)
     world_from_camera = rotation_matrix(camera_from_world[0]).T
 

@@ -141,7 +141,7 @@ class Plate:
         return np.where(met, distance, np.inf), plane
 
 
-def plates(target: Target, camera_from_world: Pose, *, margin: float) -> list[Plate]:
+def plates(target: Target, camera_from_world: Pose) -> list[Plate]:
     """The boards of a target as the camera at ``camera_from_world`` sees them.
 
     Raises:
@@ -154,7 +154,7 @@ def plates(target: Target, camera_from_world: Pose, *, margin: float) -> list[Pl
     for board in target.boards:
         seen.append(
             Plate(
-                face=board.face(margin=margin),
+                face=board.face(margin=MARGIN_SQUARES),
                 board_from_camera=board.axes @ rotation.T,
                 eye=board.axes @ (eye - board.origin),
             )
@@ -222,7 +222,6 @@ def project_corners(
     image_size: tuple[int, int],
     *,
     neighbourhood: float = 0.5,
-    margin: float = MARGIN_SQUARES,
 ) -> TrueCorners:
     """Exact pixels of all corners and whether each is visible.
 
@@ -244,7 +243,7 @@ def project_corners(
         step[:, :1] * x_axis[:, None] + step[:, 1:] * y_axis[:, None]
     )
     around = camera_points(camera_from_world, around)
-    seen = plates(target, camera_from_world, margin=margin)
+    seen = plates(target, camera_from_world)
     _, distance, _ = nearest(seen, around.reshape(-1, 3))
     # A ray is as long as the way to its point: a hit well short of 1 is another board.
     in_front = (distance > 1 - 1e-6).reshape(around.shape[:2])
