@@ -196,10 +196,10 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     else:
         cameras = _of_text(path, read_bounded(path, max_bytes=MAX_BYTES))
     there: dict[str, tuple[Path, str, Sequence[Any]]] = {}
-    for number, *found in cameras:
+    for number, where, name, values in cameras:
         if number in there:
-            raise CameraFileError(f"{found[0]}: camera {quoted(number)} is there twice")
-        there[number] = found[0], found[1], found[2]
+            raise CameraFileError(f"{where}: camera {quoted(number)} is there twice")
+        there[number] = where, name, values
     where, name, values = there[chosen_camera(path, list(there), camera)]
     if name not in MODELS:
         raise CameraFileError(

@@ -202,11 +202,12 @@ def _row(path: Path, name: str, value: Any) -> Any:
         )
     if isinstance(data, int | float) or data is None:
         data = [] if data is None else [data]  # as XML has lists of one and of none
-    sides = [value.get(side) for side in ("rows", "cols")]
+    rows, columns = value.get("rows"), value.get("cols")
     if (
         isinstance(data, list)
-        and all(isinstance(side, int) for side in sides)
-        and sides[0] * sides[1] != len(data)
+        and isinstance(rows, int)
+        and isinstance(columns, int)
+        and rows * columns != len(data)
     ):
         raise CameraFileError(
             f"{path}: {quoted(name)} holds {len(data)} numbers, not rows times cols"
@@ -306,7 +307,8 @@ def _size(keys: _Keys) -> tuple[int, int] | None:
     entry = keys.find(_SIZE)
     if entry is None:
         return None
-    return size(keys.path, *keys.numbers(entry, (2,)).tolist(), entry[0])
+    across, down = keys.numbers(entry, (2,)).tolist()
+    return size(keys.path, across, down, entry[0])
 
 
 def _is_fisheye(keys: _Keys, count: int) -> bool:
