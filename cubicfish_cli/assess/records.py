@@ -133,15 +133,3 @@ _SIMPLE: dict[Any, _Reader] = {
     Any: lambda value: value,
     Finding: lambda value: of_record(value) if isinstance(value, Mapping) else None,
 }
-
-
-class Numbers:
-    """The finite numbers of what may be a record, by their names; NaN for what is not known."""
-
-    def __init__(self, record: object) -> None:
-        """Look into a mapping; anything else holds none."""
-        self._record = record if isinstance(record, Mapping) else {}
-
-    def __getattr__(self, name: str) -> float:
-        number = recorded_number(self._record.get(name))
-        return math.nan if number is None else number

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.records import Numbers, recorded_mappings, recorded_number
+from cubicfish_cli.assess.records import read_record
 from cubicfish_cli.assess.verdict import Verdict, ratio_above
 from cubicfish_cli.words.codes import Code, Severity
-from cubicfish_cli.words.finding import Finding, RigFinding, level_of, of_record
+from cubicfish_cli.words.finding import Finding, RigFinding, level_of
 
 # A camera's error in the rig over that of its photos alone, and the error from which that matters.
 _STRAINED = ((1.5, 0.25), (3.0, 0.5))
@@ -24,6 +25,48 @@ _SHIFT_SHARE = (0.02, 0.2)
 _ORDER = (Severity.BAD, Severity.CARE, Severity.NOTE)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Errors:
+    rms_px: float = math.nan
+    alone_rms_px: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Camera:
+    name: str = ""
+    position: tuple[float, ...] = ()
+    covariance: Any = None
+    turn_sigma_deg: float = math.nan
+    shift_sigma: float = math.nan
+    fit: _Errors = field(default_factory=_Errors)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pose:
+    translation: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shot:
+    rig_from_world: _Pose = field(default_factory=_Pose)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    rms_px: float = math.nan
+    held_out_rms_px: float = math.nan
+    findings: tuple[Finding, ...] = ()
+    per_shot: tuple[_Shot, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rig:
+    """What of rig.yaml is judged; the keys are its own."""
+
+    cameras: tuple[_Camera, ...] = ()
+    fit: _Fit = field(default_factory=_Fit)
+
+
 def rig_verdict(record: Mapping[str, Any]) -> Verdict:
     """Judge a rig.
 
@@ -31,43 +74,37 @@ def rig_verdict(record: Mapping[str, Any]) -> Verdict:
         record: as rig.yaml has it; what is not what a rig's fit writes is passed over.
 
     """
-    fit = record.get("fit")
-    fit = fit if isinstance(fit, Mapping) else {}
-    found = [of_record(one) for one in recorded_mappings(fit.get("findings"))]
-    reasons = [one for one in found if one is not None and one.severity is not Severity.NOTE]
-    reasons += [*_strained(record), *_uncertain(record)]
+    rig = read_record(_Rig, record) or _Rig()
+    reasons = [one for one in rig.fit.findings if one.severity is not Severity.NOTE]
+    reasons += [*_strained(rig), *_uncertain(rig)]
     reasons.sort(key=lambda one: _ORDER.index(one.severity))
-    return Verdict(level=level_of(reasons), figures=_rig_figures(fit), reasons=tuple(reasons))
+    return Verdict(level=level_of(reasons), figures=_rig_figures(rig.fit), reasons=tuple(reasons))
 
 
-def _strained(record: Mapping[str, Any]) -> Iterator[Finding]:
+def _strained(rig: _Rig) -> Iterator[Finding]:
     """Cameras whose photos fit well alone, and not on the body."""
     found = []
-    for camera in recorded_mappings(record.get("cameras")):
-        errors = Numbers(camera.get("fit"))
-        rms, alone = errors.rms_px, errors.alone_rms_px
+    for camera in rig.cameras:
+        rms, alone = camera.fit.rms_px, camera.fit.alone_rms_px
         severity = ratio_above(rms, alone, _STRAINED, 1.0)
         if severity is not None:
             figures = {"rms_px": rms, "alone_px": alone}
-            found.append((str(camera.get("name")), severity, figures))
+            found.append((camera.name, severity, figures))
     yield from _together(Code.RIG_STRAINED, found, "rms_px")
 
 
-def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
-    cameras = [
-        one for one in recorded_mappings(record.get("cameras")) if one.get("covariance") is not None
-    ]
-    places = [one["position"] for one in cameras if isinstance(one.get("position"), list)]
+def _uncertain(rig: _Rig) -> Iterator[Finding]:
+    cameras = [one for one in rig.cameras if one.covariance is not None]
+    places = [one.position for one in cameras if len(one.position) == 3]
     size = max(
         (float(np.linalg.norm(np.subtract(a, b))) for a, b in pairwise([*places, *places[:1]])),
         default=0.0,
     )
-    near = np.tan(np.deg2rad(_TURN_DEG)) * _distance(record)
+    near = np.tan(np.deg2rad(_TURN_DEG)) * _distance(rig.fit)
     limits = near if size < near[0] else np.multiply(_SHIFT_SHARE, size or np.inf)
     found = []
     for camera in cameras:
-        of = Numbers(camera)
-        turn, shift = of.turn_sigma_deg, of.shift_sigma
+        turn, shift = camera.turn_sigma_deg, camera.shift_sigma
         passed = [
             turn > turn_limit or shift > shift_limit
             for turn_limit, shift_limit in zip(_TURN_DEG, limits, strict=True)
@@ -78,22 +115,14 @@ def _uncertain(record: Mapping[str, Any]) -> Iterator[Finding]:
                 "turn_deg": float(np.nan_to_num(turn)),
                 "shift": float(np.nan_to_num(shift)),
             }
-            found.append((str(camera.get("name")), severity, figures))
+            found.append((camera.name, severity, figures))
     yield from _together(Code.PLACE_UNCERTAIN, found, "turn_deg")
 
 
-def _distance(record: Mapping[str, Any]) -> float:
+def _distance(fit: _Fit) -> float:
     """How far the target's origin is from the rig's, in the usual shot; 0 where nothing says it."""
-    fit = record.get("fit")
-    shots = recorded_mappings(fit.get("per_shot")) if isinstance(fit, Mapping) else ()
-    poses = [shot.get("rig_from_world") for shot in shots]
-    places = [pose.get("translation") for pose in poses if isinstance(pose, Mapping)]
-    known = [
-        math.hypot(*at)
-        for at in places
-        if isinstance(at, list) and None not in map(recorded_number, at)
-    ]
-    return float(np.median(known or [0.0]))
+    away = [math.hypot(*shot.rig_from_world.translation) for shot in fit.per_shot]
+    return float(np.median([one for one in away if one > 0] or [0.0]))
 
 
 def _together(
@@ -106,8 +135,7 @@ def _together(
         yield RigFinding(code=code, severity=severity, cameras=cameras, figures=own[0][2])
 
 
-def _rig_figures(fit: Mapping[str, Any]) -> str:
-    of = Numbers(fit)
+def _rig_figures(of: _Fit) -> str:
     said = [f"error {of.rms_px:.3f} px RMS over all cameras"] * math.isfinite(of.rms_px)
     if math.isfinite(of.held_out_rms_px):
         said.append(f"{of.held_out_rms_px:.3f} px on shots left out")
