@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.assess.camera_facts import CameraFacts
     from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.fitting.calibration import Calibration
-    from cubicfish_cli.fitting.climb import RefineTarget
+    from cubicfish_cli.fitting.model_selection import RefineTarget
     from cubicfish_cli.fitting.point_fit import PointCalibration
     from cubicfish_cli.lenses.cubic import CubicCamera
     from cubicfish_cli.library.inputs import Inputs

@@ -13,7 +13,6 @@ from cubicfish_cli.assess.fit_record import Departure, DroppedCorner, FitRecord
 from cubicfish_cli.assess.pupil import pupil_effect
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.climb import Climbed, RefineTarget, climb
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.deformation import departures
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
@@ -21,6 +20,7 @@ from cubicfish_cli.fitting.findings import blind_angle, dropped_groups, field_ce
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.local_noise import within_noise
+from cubicfish_cli.fitting.model_selection import RefineTarget, SelectedModel, select_model
 from cubicfish_cli.fitting.photo_spread import photo_spread
 from cubicfish_cli.fitting.radial_reference import (
     CHECK_ALL,
@@ -142,14 +142,14 @@ class _Fitted:
 
     Attributes:
         drawn: the fit to the target as drawn.
-        climbed: the fit.
+        selected: the model that was selected.
         dropped: corners that were left out.
         scale: the target's units in one unit of the fit.
 
     """
 
     drawn: TargetFit
-    climbed: Climbed
+    selected: SelectedModel
     dropped: tuple[DroppedCorner, ...]
     scale: float
 
@@ -170,19 +170,19 @@ def _fitted(
     _refuse_undetermined(rough.reference)
     drawing = Drawing(target=target, pairs=rough.reference.pairs, scale=scale)
     drawn = as_drawn(rough, drawing)
-    climbed = climb(drawn, drawing, refine_target, hold_out, stages)
-    seen, residual = climbed.fit.reference.pairs, climbed.fit.cubic.residual
+    selected = select_model(drawn, drawing, refine_target, hold_out, stages)
+    seen, residual = selected.fit.reference.pairs, selected.fit.cubic.residual
     astray = strays(seen, residual)
     if astray.any():
-        climbed = climbed.without(astray)
+        selected = selected.without(astray)
     if target is not None:
-        gross = renamed(gross, target, climbed.drawing.renamed)
+        gross = renamed(gross, target, selected.drawing.renamed)
     dropped = dropped_corners(gross, gross_error)
     dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
-    fit = to_the_bottom(climbed.fit)
+    fit = to_the_bottom(selected.fit)
     return _Fitted(
         drawn=fit if fit.level == "off" else drawn,
-        climbed=replace(climbed, fit=fit),
+        selected=replace(selected, fit=fit),
         dropped=dropped,
         scale=scale,
     )
@@ -191,8 +191,8 @@ def _fitted(
 def _assessed(
     fitted: _Fitted, pairs: Observations, target: Target | None, diagnose: Diagnose | None
 ) -> Calibration:
-    climbed, scale = fitted.climbed, fitted.scale
-    fit, drawing, held_out = climbed.fit, climbed.drawing, climbed.held_out
+    selected, scale = fitted.selected, fitted.scale
+    fit, drawing, held_out = selected.fit, selected.drawing, selected.held_out
     cubic, reference = fit.cubic, fit.reference
     used = drawing.pairs_at(fit.level).with_world(reference.pairs.world * scale)
     refined = fit.refined_target(drawing)
@@ -205,7 +205,7 @@ def _assessed(
         units=None if target is None else target.units,
     )
     places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
-    spread = photo_spread(cubic, reference, places, climbed.in_doubt)
+    spread = photo_spread(cubic, reference, places, selected.in_doubt)
     points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
     effect = pupil_effect(camera, points * scale, reference.covered)
     points = from_pupil(points, cubic.lens.travel)

@@ -15,8 +15,8 @@ from cubicfish_cli.files import write_text
 from cubicfish_cli.fitting import calibrate as fitting
 from cubicfish_cli.fitting import evaluate as evaluation
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.evaluate import Evaluation
+from cubicfish_cli.fitting.model_selection import RefineTarget
 from cubicfish_cli.formats.calibrated import Calibrated
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.identification.identified import Detection

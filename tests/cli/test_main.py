@@ -67,7 +67,7 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
     loaded = {*done.stdout.splitlines()[-1].split()}
     needless = ("detection.finder", "films.source", "extensions.rigs.fit.start",
                 "identification.scene", "lenses.registry", "rendering.views")  # fmt: skip
-    assert "cubicfish_cli.fitting.climb" in loaded
+    assert "cubicfish_cli.fitting.model_selection" in loaded
     assert not loaded & {f"cubicfish_cli.{name}" for name in needless}
 
 

@@ -10,9 +10,9 @@ from symmetric_board import drawn, misnamed, photos
 
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.climb import better_named
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.held_out import HeldOut
+from cubicfish_cli.fitting.model_selection import better_named
 from cubicfish_cli.fitting.refinement import Drawing
 from cubicfish_cli.placement import symmetries
 

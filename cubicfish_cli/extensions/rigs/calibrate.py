@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.assess.verdict import Verdict
     from cubicfish_cli.extensions.rigs.films import RigFrames
     from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
-    from cubicfish_cli.fitting.climb import RefineTarget
+    from cubicfish_cli.fitting.model_selection import RefineTarget
     from cubicfish_cli.formats.camera_yaml import CameraFile
     from cubicfish_cli.target import Target
 

@@ -29,7 +29,7 @@ from cubicfish_cli.extensions.rigs.fit.shots import (
 )
 from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera, rig_text
 from cubicfish_cli.files import Content, write_files
-from cubicfish_cli.fitting.climb import RefineTarget
+from cubicfish_cli.fitting.model_selection import RefineTarget
 from cubicfish_cli.formats.calibrated import camera_text
 from cubicfish_cli.formats.camera_yaml import CameraFile
 from cubicfish_cli.frame_names import time_of

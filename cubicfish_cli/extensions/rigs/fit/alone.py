@@ -13,12 +13,12 @@ from cubicfish_cli.extensions.rigs.fit.clocks import Moving
 from cubicfish_cli.extensions.rigs.fit.gather import Placed, unplaced
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
 from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.known_lens import fit_poses
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
+from cubicfish_cli.fitting.model_selection import RefineTarget
 from cubicfish_cli.fitting.radial_reference import radial_near
 from cubicfish_cli.fitting.refinement import Level
 from cubicfish_cli.fitting.subset import with_mean_weight_one

@@ -30,12 +30,12 @@ from cubicfish_cli.extensions.rigs.fit.shots import Shots
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
 from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged, start_rig
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.climb import RefineTarget
 from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
+from cubicfish_cli.fitting.model_selection import RefineTarget
 from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import (

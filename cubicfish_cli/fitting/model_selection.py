@@ -29,7 +29,7 @@ Judged = tuple[TargetFit, HeldOut | None, Drawing]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Climbed:
+class SelectedModel:
     """A fit at the level of the target that was asked for, or that photos left out speak for.
 
     Attributes:
@@ -45,7 +45,7 @@ class Climbed:
     held_out: Mapping[Level, HeldOut | None]
     refused: tuple[TargetFit, ...] = ()
 
-    def without(self, wrong: BoolArray) -> Climbed:
+    def without(self, wrong: BoolArray) -> SelectedModel:
         """The same without some of the pairs: ``wrong`` (N,)."""
         held_out = {level: error and error.of(~wrong) for level, error in self.held_out.items()}
         drawing = self.drawing.of(self.drawing.pairs.select(~wrong))
@@ -66,9 +66,9 @@ class Climbed:
         return sorted(found, key=lambda one: one[1])[-1:]
 
 
-def climb(
+def select_model(
     fit: TargetFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
-) -> Climbed:
+) -> SelectedModel:
     """Refine the target up to the level asked for, or as far as held-out photos gain by it.
 
     Args:
@@ -89,7 +89,7 @@ def climb(
     if hold_out and (auto or refine_target == "off"):
         fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
     if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
-        return Climbed(fit=fit, drawing=drawing, held_out=measured)
+        return SelectedModel(fit=fit, drawing=drawing, held_out=measured)
     groups = folds_of(fit.reference)
     reached, named = fit, drawing
     refused: list[TargetFit] = []
@@ -97,7 +97,7 @@ def climb(
         fitting, holding = _STAGES[level]
         stages.begin(fitting)
         starts = oriented(reached, named) if level == "points" else [(reached, named)]
-        # How P is held matters where the climb may end.
+        # How P is held matters where the selection may end.
         may_end = auto or level == refine_target
         judge = hold_out and may_end
         found: list[Judged] = [
@@ -117,7 +117,7 @@ def climb(
         fit, drawing, refused = reached, named, []
         if level == refine_target:
             break
-    return Climbed(fit=fit, drawing=drawing, held_out=measured, refused=tuple(refused))
+    return SelectedModel(fit=fit, drawing=drawing, held_out=measured, refused=tuple(refused))
 
 
 def _gains(richer: HeldOut | None, poorer: HeldOut | None) -> bool:
