@@ -36,17 +36,17 @@ LOOSER = (0.1, 1.0, 10.0)
 
 
 def costs(fit) -> list[float]:
-    """From each start; where P is held firmly, by way of looser holds.
+    """From each start; where P is held firmly, by way of looser priors.
 
     From far away, what a firm prior leaves P is a narrow valley that bends.
     """
-    reference, cubic, hold = fit.reference, fit.cubic, fit.cubic.hold
+    reference, cubic, prior = fit.reference, fit.cubic, fit.cubic.prior
     limit, found = huber_px(cubic.errors), []
-    for lens, poses in islice(starts(reference, hold, cubic, cubic.errors), STARTS):
+    for lens, poses in islice(starts(reference, prior, cubic, cubic.errors), STARTS):
         world = cubic.fit.world
-        looser = [weight for weight in LOOSER if weight < hold.weight]
-        for prior in (*(replace(hold, weight=weight) for weight in looser), hold):
-            lens = held(lens, reference, prior, cubic.errors)
+        looser = [weight for weight in LOOSER if weight < prior.weight]
+        for tried in (*(replace(prior, weight=weight) for weight in looser), prior):
+            lens = held(lens, reference, tried, cubic.errors)
             end = adjust(
                 lens, poses, reference.pairs, huber_px=limit, world=world, damping=WARM_DAMPING
             )
@@ -73,11 +73,11 @@ def main() -> int:
         found = np.array(costs(fit))
         share = found / found.min() - 1
         worst = max(worst, float(share[0]))
-        held_out, hold = result.held_out, result.hold
+        held_out, prior = result.held_out, result.prior
         print(
             f"{drawing.parent.name + '/' + corners.stem:<22.22}{held_out.rms_px:>8.4f}"
             f"{held_out.companion_rms_px:>8.4f}{fit.reference.cubic.rms_px:>9.4f}"
-            f"  {hold.spread:g}, {hold.weight:.3g}{', central' if hold.central else ''}: "
+            f"  {prior.spread:g}, {prior.weight:.3g}{', central' if prior.central else ''}: "
             + " ".join(f"{one:.1e}" for one in share),
             flush=True,
         )

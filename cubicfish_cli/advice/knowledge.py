@@ -10,10 +10,10 @@ import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.fit_record import FitRecord
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
-from cubicfish_cli.fitting.hold import EXPECTED
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
+from cubicfish_cli.fitting.prior_choice import EXPECTED
 from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
@@ -103,7 +103,7 @@ def know(
         world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
     result = fit_cubic(
         reference,
-        _hold(fit, central=not camera.pupil_travel),
+        _prior_of(fit, central=not camera.pupil_travel),
         world=world,
         relative_decrease=_DECREASE,
     )
@@ -120,9 +120,9 @@ def know(
     )
 
 
-def _hold(fit: FitRecord, *, central: bool) -> Hold:
+def _prior_of(fit: FitRecord, *, central: bool) -> PriorChoice:
     """How P was held; as in files that do not say where it is not a number."""
-    return Hold(
+    return PriorChoice(
         spread=fit.prior_spread if fit.prior_spread >= 0 else _OLDER_SPREAD,
         weight=fit.prior_weight if fit.prior_weight > 0 else EXPECTED.weight,
         central=central,

@@ -117,7 +117,7 @@ def _without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
     good = spread_out(good, 2 * enough_photos(len(good)))
     few = fit_of_few(fit, good)
     cubic = fit_cubic(
-        few.reference, few.cubic.hold, start=few.cubic, relative_decrease=ROUGH_DECREASE
+        few.reference, few.cubic.prior, start=few.cubic, relative_decrease=ROUGH_DECREASE
     )
     poses = fit.cubic.poses.with_photos(good, cubic.poses)
     # Beside their poses under the other lens, photos would look grossly wrong all over.

@@ -336,7 +336,7 @@ def _fitted_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
     near = replace(start.fit.cubic.fit, poses=reference.poses, sums=None)
     cubic = fit_cubic(
         reference,
-        fit.cubic.hold,
+        fit.cubic.prior,
         start=replace(start.fit.cubic, fit=near),
         relative_decrease=ROUGH_DECREASE,
     )

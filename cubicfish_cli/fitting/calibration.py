@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cubicfish_cli.assess.fit_record import FitRecord
-from cubicfish_cli.fitting.cubic_fit import Hold, Rival
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, RunnerUp
 from cubicfish_cli.fitting.held_out import HeldOut
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import Level
@@ -32,8 +32,8 @@ class Calibration(Calibrated):
         residual: (N, 2) projection less pixel of those, pixels.
         fit: how well it fits, as camera.yaml keeps it.
         held_out: cross-validated errors; None when the photos are too few.
-        hold: how P was held to the reference.
-        rivals: how other photos would have it held, and how likely each is right; none where
+        prior: how P was held to the reference.
+        runners_up: how other photos would have it held, and how likely each is right; none where
             nothing was left out.
         unfit: photos left out, with the reason.
         target: the target as fitted (the given one where nothing was refined); None for pairs
@@ -53,8 +53,8 @@ class Calibration(Calibrated):
     residual: FloatArray
     fit: FitRecord
     held_out: HeldOut | None
-    hold: Hold
-    rivals: tuple[Rival, ...]
+    prior: PriorChoice
+    runners_up: tuple[RunnerUp, ...]
     unfit: dict[str, Finding]
     target: Target | None
     renamed: Mapping[str, Symmetry]

@@ -3,7 +3,7 @@
 P is held to the reference, bent as real lenses are, by a weak prior on a cone
 (pseudo-observations): it keeps poles out where no corner is, and fixes the rotation that P could
 otherwise absorb. How symmetric the lens is that holds P, and how firmly it does, are two unknowns
-of each camera: :class:`Hold`, chosen in hold.py.
+of each camera: :class:`PriorChoice`, chosen in prior_choice.py.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _LAST_DECREASE = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hold:
+class PriorChoice:
     """What P is held to, and how firmly.
 
     Attributes:
@@ -63,16 +63,16 @@ class Hold:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rival:
-    """Another hold that may be the better one.
+class RunnerUp:
+    """Another prior that may be the better one.
 
     Attributes:
-        hold: the hold.
+        prior: the prior.
         likely: how likely it is the best of all, 0 to 1.
 
     """
 
-    hold: Hold
+    prior: PriorChoice
     likely: float
 
 
@@ -82,18 +82,18 @@ class CubicResult:
 
     Attributes:
         fit: the adjustment.
-        hold: how P was held to the reference.
+        prior: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         validity: the check for poles and folds over that cone.
-        rivals: holds that other photos would speak for; none where none was sought.
+        runners_up: priors that other photos would speak for; none where none was sought.
 
     """
 
     fit: Adjustment[CubicFit]
-    hold: Hold
+    prior: PriorChoice
     max_angle_deg: float
     validity: Validity
-    rivals: tuple[Rival, ...] = ()
+    runners_up: tuple[RunnerUp, ...] = ()
 
     @property
     def lens(self) -> CubicFit:
@@ -118,7 +118,7 @@ class CubicResult:
 
 def fit_cubic(
     reference: RadialReference,
-    hold: Hold,
+    prior: PriorChoice,
     *,
     world: World | None = None,
     start: CubicResult | None = None,
@@ -129,7 +129,7 @@ def fit_cubic(
 
     Args:
         reference: the radial fit to start from and to lean on.
-        hold: how P is held to it.
+        prior: how P is held to it.
         world: the target, where it is free; its points are those of the reference's pairs.
         start: a fit to the same photos from which to start, where there is one.
         afresh: start from the reference all the same, with the loss of ``start``.
@@ -142,7 +142,7 @@ def fit_cubic(
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
     errors = reference.errors if start is None else start.errors
     known = None if afresh else start
-    lens, poses = _first(reference, hold, known, world, max_angle_deg, errors)
+    lens, poses = _first(reference, prior, known, world, max_angle_deg, errors)
     while True:
         fit = adjust(
             lens,
@@ -163,11 +163,11 @@ def fit_cubic(
             )
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:
-            return CubicResult(fit=fit, hold=hold, max_angle_deg=max_angle_deg, validity=validity)
+            return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg, validity=validity)
         # A pole crept in: hold P closer to the reference, which has none.
-        hold = replace(hold, weight=hold.weight * 10**0.5)
-        lens, poses = _first(reference, hold, None, world, max_angle_deg, errors)
-        if hold.weight > _STRONGEST:
+        prior = replace(prior, weight=prior.weight * 10**0.5)
+        lens, poses = _first(reference, prior, None, world, max_angle_deg, errors)
+        if prior.weight > _STRONGEST:
             raise FitError(
                 f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
                 f"corners reach {np.rad2deg(reference.covered):.0f}°: check that corners near "
@@ -177,7 +177,7 @@ def fit_cubic(
 
 def _first(
     reference: RadialReference,
-    hold: Hold,
+    prior: PriorChoice,
     start: CubicResult | None,
     world: World | None,
     max_angle_deg: float,
@@ -191,7 +191,7 @@ def _first(
     pairs = reference.pairs
     points = pairs.world if world is None else world.points
     lens, poses = None, reference.poses
-    for number, (lens, poses) in enumerate(starts(reference, hold, start, errors)):
+    for number, (lens, poses) in enumerate(starts(reference, prior, start, errors)):
         with np.errstate(over="ignore"):
             pixel = lens.project(poses.apply(pairs.image, points))
         if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
@@ -205,7 +205,7 @@ def _first(
 
 
 def starts(
-    reference: RadialReference, hold: Hold, start: CubicResult | None, errors: FloatArray
+    reference: RadialReference, prior: PriorChoice, start: CubicResult | None, errors: FloatArray
 ) -> Iterator[tuple[CubicFit, Poses]]:
     """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones.
 
@@ -214,25 +214,27 @@ def starts(
 
     Args:
         reference: the radial fit.
-        hold: how P is held to it.
+        prior: how P is held to it.
         start: the known fit, if there is one.
         errors: (N, 2) of the corners, as far as they are known, pixels.
 
     """
     if start is not None:
-        yield held(start.lens, reference, hold, errors), start.poses
-    near, camera, (bent, poses) = reference.cubic, reference.camera, reference.bent(hold.spread)
+        yield held(start.lens, reference, prior, errors), start.poses
+    near, camera, (bent, poses) = reference.cubic, reference.camera, reference.bent(prior.spread)
     lens = near.lens
-    if hold.spread:
+    if prior.spread:
         lens = refined_cubic(lens, near.rays, bent.project(near.rays) + near.miss)
-    yield held(lens, reference, hold, errors), poses
+    yield held(lens, reference, prior, errors), poses
     pixel = camera.project(near.rays)
     for pull in SAFER_PULLS:
         safer = CubicFit.linear(near.rays, pixel, camera, denominator_pull=pull)
-        yield held(safer, reference, hold, errors), reference.poses
+        yield held(safer, reference, prior, errors), reference.poses
 
 
-def held(lens: CubicFit, reference: RadialReference, hold: Hold, errors: FloatArray) -> CubicFit:
+def held(
+    lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
+) -> CubicFit:
     """The P of a lens with the prior that this reference asks for.
 
     One that is left from an earlier fit is for other corners, and for another noise.
@@ -240,31 +242,33 @@ def held(lens: CubicFit, reference: RadialReference, hold: Hold, errors: FloatAr
     Args:
         lens: the lens.
         reference: the radial fit.
-        hold: how P is held to it.
+        prior: how P is held to it.
         errors: (N, 2) of the corners, pixels.
 
     """
-    near, old, (bent, _) = reference.cubic, lens.ray_prior, reference.bent(hold.spread)
+    near, old, (bent, _) = reference.cubic, lens.ray_prior, reference.bent(prior.spread)
     if old is not None and old.rays is near.rays:
-        return _with_pupil(lens.held_to(bent, hold.weight), reference, hold, errors)
-    prior = RayPrior(
+        return _with_pupil(lens.held_to(bent, prior.weight), reference, prior, errors)
+    ray_prior = RayPrior(
         rays=near.rays,
         lens=bent,
         miss=near.miss,
         within=near.within,
-        weight=hold.weight,
+        weight=prior.weight,
         coefficients=near.lens.coefficients[2],
         denominator_weight=_denominator_weight(reference, len(near.rays)),
     )
-    lens = replace(near.lens.with_pixels_of(lens, near.rays), travel=lens.travel, ray_prior=prior)
-    return _with_pupil(lens, reference, hold, errors)
+    lens = replace(
+        near.lens.with_pixels_of(lens, near.rays), travel=lens.travel, ray_prior=ray_prior
+    )
+    return _with_pupil(lens, reference, prior, errors)
 
 
 def _with_pupil(
-    lens: CubicFit, reference: RadialReference, hold: Hold, errors: FloatArray
+    lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
 ) -> CubicFit:
     """With what a unit of its pupil's travel counts as among corners with these residuals."""
-    if hold.central:
+    if prior.central:
         return replace(lens, travel=0.0, travel_weight=_STILL)
     pairs = reference.pairs
     points = reference.poses.apply(pairs.image, pairs.world)

@@ -13,12 +13,12 @@ from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import Adjustment, adjust
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
-from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.poses import Poses
+from cubicfish_cli.fitting.prior_choice import choose_prior
 from cubicfish_cli.fitting.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish_cli.fitting.robust import wide_px
 from cubicfish_cli.fitting.statistics import rms_px
@@ -107,20 +107,20 @@ def compare_models(
 
     """
     pairs = calibration.pairs
-    hold: Hold | None = calibration.hold
+    prior: PriorChoice | None = calibration.prior
     if drawn is not None and calibration.refined != "off":
         world = drawn.world_points(pairs.board, pairs.column, pairs.row)
-        pairs, hold = pairs.with_world(world), None
+        pairs, prior = pairs.with_world(world), None
     reference = _reference(calibration, pairs)
     # The choice of how P is held is part of the cubic's time.
     begun = time.perf_counter()
-    chosen = choose_hold(reference, folds_of(reference)).hold
+    chosen = choose_prior(reference, folds_of(reference)).prior
     choosing = time.perf_counter() - begun
-    hold = chosen if hold is None else hold
-    folds = _folds(reference, hold) if hold_out else []
+    prior = chosen if prior is None else prior
+    folds = _folds(reference, prior) if hold_out else []
     known = calibration.held_out if pairs is calibration.pairs and folds else None
     rows = [
-        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(hold), reference, () if known else folds),
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(prior), reference, () if known else folds),
         _figures(RadialCamera.label, 4 + reference.terms, _fit_radial, reference, folds),
     ]
     if known is not None:  # one thing has one figure, and that of the fit is known
@@ -149,7 +149,7 @@ def _reference(calibration: Calibration, pairs: Observations) -> RadialReference
     return radial_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
 
 
-def _folds(reference: RadialReference, hold: Hold) -> list[_Fold]:
+def _folds(reference: RadialReference, prior: PriorChoice) -> list[_Fold]:
     """The same folds as :func:`cubicfish_cli.fitting.held_out.held_out_error`."""
     pairs = reference.pairs
     photos = np.arange(len(pairs.images))
@@ -158,7 +158,7 @@ def _folds(reference: RadialReference, hold: Hold) -> list[_Fold]:
         train = np.setdiff1d(photos, test)
         try:
             fitted = refit_radial(reference, select_photos(pairs, train), reference.poses[train])
-            cone = np.deg2rad(fit_cubic(fitted, hold).max_angle_deg)
+            cone = np.deg2rad(fit_cubic(fitted, prior).max_angle_deg)
         except FitError:
             return []
         left_out, poses = select_photos(pairs, test), reference.poses[test]
@@ -217,9 +217,9 @@ def _adjusted(lens: F, poses: Poses, pairs: Observations, limit: float) -> Adjus
     return adjust(lens, poses, pairs, huber_px=limit).again(pairs)
 
 
-def _fit_cubic(hold: Hold) -> _Fit:
+def _fit_cubic(prior: PriorChoice) -> _Fit:
     def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
-        result = fit_cubic(reference, hold)
+        result = fit_cubic(reference, prior)
         return result.lens, result.residual
 
     return fit

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
-from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, Rival, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, RunnerUp, fit_cubic
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
-from cubicfish_cli.fitting.hold import FIRMEST, RADIAL
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.orientation import oriented
+from cubicfish_cli.fitting.prior_choice import FIRMEST, RADIAL
 from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, TargetFit, refine_object
 from cubicfish_cli.fitting.rejection import without
 from cubicfish_cli.fitting.stages import Stage, Stages
@@ -138,7 +138,7 @@ def _judged(
 ) -> tuple[TargetFit, HeldOut | None]:
     """The held-out error, which has the last word on how P is held.
 
-    The hold was chosen to first order. Where the cubic is worse than its reference on photos that
+    The prior was chosen to first order. Where the cubic is worse than its reference on photos that
     were left out, its pupil stands still, or it is held as firmly as can be, or both, or it is the
     cubic nearest to a radial lens, whichever has the least held-out error.
     """
@@ -146,11 +146,11 @@ def _judged(
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
     best, error = fit, held_out
-    central = replace(fit.cubic.hold, central=True)
-    for hold in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
+    central = replace(fit.cubic.prior, central=True)
+    for prior in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
         cubic = fit_cubic(
             fit.reference,
-            hold,
+            prior,
             world=fit.cubic.fit.world,
             start=fit.cubic,
             relative_decrease=NEAR_DECREASE,
@@ -158,11 +158,14 @@ def _judged(
         firm = replace(fit, cubic=cubic)
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < error.rms_px:
-            rivals = [Rival(hold=fit.cubic.hold, likely=measured.doubt(held_out))]
-            if hold == central:  # how firmly and how symmetrically is as open as it was
-                rivals += [
-                    replace(other, hold=replace(other.hold, central=True))
-                    for other in fit.cubic.rivals
+            runners_up = [RunnerUp(prior=fit.cubic.prior, likely=measured.doubt(held_out))]
+            if prior == central:  # how firmly and how symmetrically is as open as it was
+                runners_up += [
+                    replace(other, prior=replace(other.prior, central=True))
+                    for other in fit.cubic.runners_up
                 ]
-            best, error = replace(firm, cubic=replace(cubic, rivals=tuple(rivals))), measured
+            best, error = (
+                replace(firm, cubic=replace(cubic, runners_up=tuple(runners_up))),
+                measured,
+            )
     return best, error

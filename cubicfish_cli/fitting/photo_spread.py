@@ -6,7 +6,7 @@ does is how far the camera moves when a photo is left out: a variance estimate t
 errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
 
 Leaving photos out does not show how P should be held either. The squared distances to cameras under
-other holds are added, by how often other photos would have had them chosen (as in the averaging of
+other priors are added, by how often other photos would have had them chosen (as in the averaging of
 models, Buckland, Burnham & Augustin 1997); likewise where held-out photos cannot tell whether the
 target should be refined further. And in a middle without any corner, where a mirror
 camera sees itself, P and the lens that it is held to are two guesses: they are off by what they
@@ -48,8 +48,8 @@ class PhotoSpread:
         noise: the part of the corners' own noise, which is a lower bound.
         left_out: (G, K) steps of the lens's parameters without each cluster.
         influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
-        rival: (R, K) steps to other lenses that may be better (that of a target refined further,
-            those of other holds), each times the root of its probability.
+        runner_up: (R, K) steps to other lenses that may be better (that of a target refined
+            further, those of other priors), each times the root of its probability.
         held_to: the lens that P is held to, in P's frame.
         empty: angle from the axis within which no corner is or is near, radians.
 
@@ -58,7 +58,7 @@ class PhotoSpread:
     noise: Uncertainty
     left_out: FloatArray
     influence: FloatArray
-    rival: FloatArray
+    runner_up: FloatArray
     held_to: BentFit
     empty: float
 
@@ -69,20 +69,20 @@ class PhotoSpread:
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-        left_out, influence, rival = self._changes(rays)
+        left_out, influence, runner_up = self._changes(rays)
         of_photos = self._of_photos(left_out, influence).reshape(-1, 2).sum(axis=1)
-        of_hold = np.square(rival).sum(axis=1).reshape(-1, 2).sum(axis=1)
+        of_prior = np.square(runner_up).sum(axis=1).reshape(-1, 2).sum(axis=1)
         of_guess = np.square(self._guessed(rays)).sum(axis=1)
         of_noise = np.square(self.noise.sigma_px(rays))
-        return np.sqrt(np.maximum(of_noise, of_photos) + of_hold + of_guess)
+        return np.sqrt(np.maximum(of_noise, of_photos) + of_prior + of_guess)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """See :class:`~cubicfish_cli.fitting.uncertainty.Sigma`."""
-        left_out, influence, rival = (weights @ change for change in self._changes(rays))
+        left_out, influence, runner_up = (weights @ change for change in self._changes(rays))
         of_photos = self._of_photos(left_out, influence)
-        of_hold = np.square(rival).sum(axis=1)
+        of_prior = np.square(runner_up).sum(axis=1)
         of_guess = np.square(weights @ self._guessed(rays).reshape(-1))
-        return np.maximum(self.noise.variance(rays, weights), of_photos) + of_hold + of_guess
+        return np.maximum(self.noise.variance(rays, weights), of_photos) + of_prior + of_guess
 
     def _guessed(self, rays: FloatArray) -> FloatArray:
         """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
@@ -109,14 +109,14 @@ class PhotoSpread:
     def _changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(2N, steps) how the pixels of rays move, the common turn taken out.
 
-        By each step of ``left_out``, of ``influence`` and of ``rival``.
+        By each step of ``left_out``, of ``influence`` and of ``runner_up``.
         """
         change = self.noise.gauge.by_lens(rays)
-        left_out, influence, rival = (
+        left_out, influence, runner_up = (
             change @ steps.reshape(-1, change.shape[1]).T
-            for steps in (self.left_out, self.influence, self.rival)
+            for steps in (self.left_out, self.influence, self.runner_up)
         )
-        return left_out, influence, rival
+        return left_out, influence, runner_up
 
 
 def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
@@ -153,17 +153,20 @@ def photo_spread(
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
-    if result.rivals:
+    if result.runners_up:
         steps = leaving.held_as(
-            [held(result.lens, reference, rival.hold, result.errors) for rival in result.rivals]
+            [
+                held(result.lens, reference, runner_up.prior, result.errors)
+                for runner_up in result.runners_up
+            ]
         )
-        likely = np.array([rival.likely for rival in result.rivals])
+        likely = np.array([runner_up.likely for runner_up in result.runners_up])
         others += list(np.sqrt(likely)[:, None] * steps[:, :count])
     return PhotoSpread(
         noise=camera_uncertainty(result, reference.pairs),
         left_out=np.array([shared[:count] for shared, _, _ in leaving.steps()]),
         influence=leaving.influence()[:, :count],
-        rival=np.array(others),
+        runner_up=np.array(others),
         held_to=prior.nearest(result.lens.far(prior.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )

@@ -14,9 +14,9 @@ from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
-from cubicfish_cli.fitting.hold import choose_hold
 from cubicfish_cli.fitting.normal_equations import solve_scaled
 from cubicfish_cli.fitting.photo_noise import weighed
+from cubicfish_cli.fitting.prior_choice import choose_prior
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.fitting.world import World
@@ -100,13 +100,13 @@ def as_drawn(rough: TargetFit, drawing: Drawing) -> TargetFit:
     """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
 
     Raises:
-        FitError: no hold gives a sound camera.
+        FitError: no prior gives a sound camera.
 
     """
     pairs = weighed(drawing.pairs, rough.cubic.residual)
     reference = refit_radial(rough.reference, pairs, rough.cubic.poses)
     groups = folds_of(reference)
-    cubic = choose_hold(reference, groups, start=rough.cubic, everywhere=True)
+    cubic = choose_prior(reference, groups, start=rough.cubic, everywhere=True)
     return replace(rough, reference=reference, cubic=cubic)
 
 
@@ -120,7 +120,7 @@ def refine_object(
         drawing: the target as drawn, with the pairs of ``fit``.
         level: ``shape`` or ``points``.
         groups: photos that are left out together to choose how P is held; see
-            :func:`~cubicfish_cli.fitting.hold.choose_hold`.
+            :func:`~cubicfish_cli.fitting.prior_choice.choose_prior`.
 
     The fit is good to compare and to go on from; :func:`to_the_bottom` goes the rest of the way.
 
@@ -153,15 +153,15 @@ def refine_object(
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = adjusted.world.with_noise(noise_px(adjusted.errors), spread)
     near = replace(fit.cubic, fit=replace(adjusted, world=world))
-    cubic = choose_hold(reference, groups, world=world, start=near)
+    cubic = choose_prior(reference, groups, world=world, start=near)
     return TargetFit(level=level, reference=reference.followed(cubic.fit.world.points), cubic=cubic)
 
 
 def to_the_bottom(fit: TargetFit) -> TargetFit:
     """The same fit to the last digit that counts; to lead on or to be compared it need not be."""
-    cubic = fit_cubic(fit.reference, fit.cubic.hold, world=fit.cubic.fit.world, start=fit.cubic)
+    cubic = fit_cubic(fit.reference, fit.cubic.prior, world=fit.cubic.fit.world, start=fit.cubic)
     reference = fit.reference.followed(cubic.fit.world.points)
-    return replace(fit, reference=reference, cubic=replace(cubic, rivals=fit.cubic.rivals))
+    return replace(fit, reference=reference, cubic=replace(cubic, runners_up=fit.cubic.runners_up))
 
 
 def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> World:

@@ -9,8 +9,8 @@ import numpy as np
 from cubicfish_cli.assess.fit_record import DroppedCorner
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
 from cubicfish_cli.fitting.findings import noisy_photos
-from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.local_noise import around
+from cubicfish_cli.fitting.prior_choice import EXPECTED
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.refinement import TargetFit
 from cubicfish_cli.fitting.robust import gross_px, noise_by_photo, stray_px, tail_px

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.linearise import State, huber_cost, huber_weight
 from cubicfish_cli.fitting.normal_equations import damped
 from cubicfish_cli.fitting.poses import Poses
@@ -45,7 +45,7 @@ def pairs():
 
 @pytest.fixture(scope="module")
 def cubic(pairs):
-    return fit_cubic(fit_radial(pairs), Hold(spread=0.01, weight=0.5))
+    return fit_cubic(fit_radial(pairs), PriorChoice(spread=0.01, weight=0.5))
 
 
 def test_at_the_truth_residual_and_gradient_are_zero():

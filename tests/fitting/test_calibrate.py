@@ -12,7 +12,7 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import cubic_fit
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, select_photos, world_scale
@@ -268,9 +268,9 @@ def test_held_out_counts_what_a_fold_never_saw(pairs):
 
 
 def test_weak_prior_still_gives_a_sound_camera(pairs):
-    result = fit_cubic(fit_radial(pairs), Hold(spread=0.01, weight=1e-4))
+    result = fit_cubic(fit_radial(pairs), PriorChoice(spread=0.01, weight=1e-4))
     assert result.validity.valid
-    assert result.hold.weight >= 1e-4
+    assert result.prior.weight >= 1e-4
 
 
 def test_a_pole_holds_p_closer_to_the_radial_reference(pairs, monkeypatch):
@@ -285,16 +285,16 @@ def test_a_pole_holds_p_closer_to_the_radial_reference(pairs, monkeypatch):
         return replace(real, valid_to_deg=angle_deg - 1) if len(checked) in (2, 4) else real
 
     monkeypatch.setattr(cubic_fit, "check_validity", fold_twice)
-    result = fit_cubic(reference, Hold(spread=0.01, weight=0.2))
+    result = fit_cubic(reference, PriorChoice(spread=0.01, weight=0.2))
     assert len(checked) == 6
-    assert result.hold.weight == pytest.approx(2.0)
+    assert result.prior.weight == pytest.approx(2.0)
     monkeypatch.setattr(
         cubic_fit,
         "check_validity",
         lambda P, angle_deg: replace(check_validity(P, angle_deg), valid_to_deg=50.0),
     )
     with pytest.raises(FitError, match="folds at 50°"):
-        fit_cubic(reference, Hold(spread=0.01, weight=1000.0))
+        fit_cubic(reference, PriorChoice(spread=0.01, weight=1000.0))
 
 
 def test_a_lens_that_flattens_out_keeps_its_profile():
@@ -338,8 +338,8 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     nearest, farthest = np.rad2deg(reference.reached)
     assert 54 < nearest < 56
     assert 102 < farthest < 103
-    hold = Hold(spread=0.0, weight=3.0)
-    start, _ = next(cubic_fit.starts(reference, hold, None, reference.errors))
+    prior = PriorChoice(spread=0.0, weight=3.0)
+    start, _ = next(cubic_fit.starts(reference, prior, None, reference.errors))
     prior = start.ray_prior
     angle = np.rad2deg(np.arccos(prior.rays[:, 2]))
     held = (angle > nearest) & (angle < farthest)

@@ -12,9 +12,9 @@ from cubicfish_cli.boards.shape import BoardShape
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.cubic_fit import fit_cubic, starts
-from cubicfish_cli.fitting.hold import EXPECTED
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.nearest_cubic import MARGIN_DEG, cone_angle
+from cubicfish_cli.fitting.prior_choice import EXPECTED
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.subset import world_scale
@@ -52,7 +52,7 @@ def test_a_pole_that_corners_miss_is_no_start(photos, seed):
     assert check_validity(near.lens.P, cone).valid
     fit = fit_cubic(reference, EXPECTED)
     assert fit.validity.valid
-    assert fit.hold == EXPECTED
+    assert fit.prior == EXPECTED
 
 
 class NarrowLens:
@@ -115,7 +115,7 @@ def test_a_narrow_camera_is_no_worse_than_its_radial_lens(width_deg):
     limit, world = huber_px(fit.cubic.errors), fit.cubic.fit.world
     ends = [
         adjust(lens, poses, fit.reference.pairs, huber_px=limit, world=world).cost
-        for lens, poses in starts(fit.reference, fit.cubic.hold, fit.cubic, fit.cubic.errors)
+        for lens, poses in starts(fit.reference, fit.cubic.prior, fit.cubic, fit.cubic.errors)
     ]
     assert len(ends) == 5
     assert ends == pytest.approx([ends[0]] * 5, rel=1e-3)

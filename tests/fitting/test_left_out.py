@@ -9,12 +9,18 @@ from lenses import radial_camera
 from scipy.stats import binom
 
 from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
-from cubicfish_cli.fitting.hold import EXPECTED, _hold, _likeliest, _place_of, choose_hold
 from cubicfish_cli.fitting.left_out import _DAMPING, Leaving
 from cubicfish_cli.fitting.lenses import FixedLens
+from cubicfish_cli.fitting.prior_choice import (
+    EXPECTED,
+    _likeliest,
+    _place_of,
+    _prior_at,
+    choose_prior,
+)
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
@@ -22,7 +28,7 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
 from cubicfish_cli.fitting.world import World
 
-HOLD = Hold(spread=1e-3, weight=1.0)
+PRIOR = PriorChoice(spread=1e-3, weight=1.0)
 FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
 
 
@@ -45,7 +51,7 @@ def held(request, reference, target):
     if level != "off":
         spread = 2e-3 if level == "points" else None
         world = World.drawn(reference.pairs, target, noise=0.2, offset_spread=spread)
-    return level, fit_cubic(reference, HOLD, world=world, relative_decrease=1e-4)
+    return level, fit_cubic(reference, PRIOR, world=world, relative_decrease=1e-4)
 
 
 def anew(fit, pairs, image_size, photos):
@@ -79,7 +85,7 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
             offset_spread=2e-3 if level == "points" else None,
             scale=float(np.ptp(target.corners()[3]) / np.ptp(pairs.world)),
         )
-    fit = fit_cubic(reference, HOLD, world=world).fit
+    fit = fit_cubic(reference, PRIOR, world=world).fit
     limit = huber_px(fit.residual)
     found = dict(Leaving(fit, pairs, limit, FOLDS).residuals())
     assert found.keys() == set(range(8))
@@ -106,7 +112,7 @@ def test_all_holds_at_once_are_as_one_by_one(reference, held):
         for place, weight in enumerate(weights):
             lens = result.lens.held_to(bent, weight)
             own = lens.prior()
-            if weight == HOLD.weight:
+            if weight == PRIOR.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
             alone = dict(leaving.residuals(own[None]))
             for photo, residual in alone.items():
@@ -132,7 +138,7 @@ def test_what_is_known_of_all_photos_saves_work_and_changes_nothing(reference, h
 @pytest.mark.parametrize("times", [1e2, 1e5])
 def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(reference, times, turned):
     """A few photos in the middle of a narrow lens may ask for any."""
-    prior = fit_cubic(reference, Hold(spread=1e-2, weight=0.01), relative_decrease=1e-4)
+    prior = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.01), relative_decrease=1e-4)
     prior = prior.lens.ray_prior
     seen, _ = prior.lens.seen(prior.still)
     bent = np.stack([np.cos(turned * prior.still.theta**2), np.sin(7 * prior.still.theta)], -1)
@@ -142,7 +148,7 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 
 
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
-    result = fit_cubic(reference, HOLD, relative_decrease=1e-4)
+    result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
     normal = result.fit.normal
     other = result.lens.held_to(reference.bent(1e-2)[0], 0.1)
     change = other.prior() - result.lens.prior()
@@ -171,7 +177,7 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
             shift = np.stack([square + 2 * away[:, 0] ** 2, 2 * away[:, 0] * away[:, 1]], axis=1)
             pairs = replace(pairs, pixel=pairs.pixel + 2.0 * shift)
         reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
-        found.append(choose_hold(reference, FOLDS).hold)
+        found.append(choose_prior(reference, FOLDS).prior)
     assert found[0].spread <= 1e-4
     assert found[1].spread > found[0].spread or found[1].weight < 0.1 * found[0].weight
 
@@ -198,21 +204,21 @@ def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
     assert _likeliest(alike) == (middle, ())  # by little, but by all photos
     # Half of the photos are for the one, half for the other, which is expected less.
     split = np.where(np.arange(10) % 2, 1.5, 1 / 1.5)
-    chosen, (rival,) = _likeliest({middle: split, other: 1 / split})
-    assert (chosen, rival.hold) == (middle, _hold(other))
+    chosen, (runner_up,) = _likeliest({middle: split, other: 1 / split})
+    assert (chosen, runner_up.prior) == (middle, _prior_at(other))
     # Of ten tosses six or more: each counts 2 log 1.5 either way, and the expectation 1 / 2.
     tosses = binom.sf(5, 10, 0.5)
-    assert rival.likely == pytest.approx(tosses, abs=0.05)
+    assert runner_up.likely == pytest.approx(tosses, abs=0.05)
 
 
 def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
-    assert choose_hold(reference, []).hold == EXPECTED
+    assert choose_prior(reference, []).prior == EXPECTED
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "points"])
 def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, level):
-    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
+    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
     if level == "points":
         scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
         drawing = Drawing(target=target, pairs=reference.pairs, scale=scale)
@@ -226,7 +232,7 @@ def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, 
 
 
 def test_folds_whose_first_order_leads_astray_start_from_the_whole_fit(reference, monkeypatch):
-    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, HOLD))
+    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
     expected, steps = held_out_error(fit).rms_px, Leaving.steps
 
     def astray(leaving):

@@ -9,7 +9,7 @@ from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.cubic_fit import Hold, Rival, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, RunnerUp, fit_cubic
 from cubicfish_cli.fitting.photo_spread import PhotoSpread, photo_spread, variance_of_few
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.subset import select, world_scale
@@ -18,7 +18,7 @@ from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import cone_rays
 
 TARGET = synthetic.corner_of_three()
-HOLD = Hold(spread=1e-3, weight=1.0)
+PRIOR = PriorChoice(spread=1e-3, weight=1.0)
 PHOTOS = 10
 
 
@@ -28,7 +28,7 @@ def fitted(seed, errors):
     )
     pairs = corners.with_target(TARGET)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
-    return reference, fit_cubic(reference, HOLD)
+    return reference, fit_cubic(reference, PRIOR)
 
 
 def camera_of(reference, cubic):
@@ -101,13 +101,15 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     reference, cubic = fitted(5, CornerErrors())
     rays = cone_rays(reference.covered, 60)
     alone = photo_spread(cubic, reference, np.arange(PHOTOS)).sigma_px(rays)
-    like = Rival(hold=HOLD, likely=1.0)
-    itself = photo_spread(replace(cubic, rivals=(like,)), reference, np.arange(PHOTOS))
+    like = RunnerUp(prior=PRIOR, likely=1.0)
+    itself = photo_spread(replace(cubic, runners_up=(like,)), reference, np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
-    freer = Hold(spread=1e-2, weight=0.1)
+    freer = PriorChoice(spread=1e-2, weight=0.1)
     sure, half = (
         photo_spread(
-            replace(cubic, rivals=(Rival(hold=freer, likely=likely),)), reference, np.arange(PHOTOS)
+            replace(cubic, runners_up=(RunnerUp(prior=freer, likely=likely),)),
+            reference,
+            np.arange(PHOTOS),
         ).sigma_px(rays)
         for likely in (1.0, 0.5)
     )
@@ -138,7 +140,7 @@ def test_photos_variance_is_right_on_average_however_much_one_of_them_weighs(clu
     residual = errors - (errors @ leverage)[:, None]
     influence = -leverage * residual
     spread = PhotoSpread(
-        noise=None, left_out=None, influence=None, rival=None, held_to=None, empty=0.0
+        noise=None, left_out=None, influence=None, runner_up=None, held_to=None, empty=0.0
     )
     found = spread._of_photos(influence / (1 - leverage), influence)
     widened = variance_of_few(np.ones(1), clusters)[0]
@@ -155,7 +157,7 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
     )
     pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
-    cubic = fit_cubic(reference, HOLD)
+    cubic = fit_cubic(reference, PRIOR)
     spread = photo_spread(cubic, reference, np.arange(len(pairs.images)))
     rays = cone_rays(reference.covered, 500)
     empty = rays[:, 2] > np.cos(np.radians(49))
@@ -175,7 +177,7 @@ def test_a_richer_target_that_is_in_doubt_adds_how_far_its_camera_is():
     rays = cone_rays(reference.covered, 100)
     alone = photo_spread(cubic, reference, np.arange(PHOTOS))
     # Held otherwise, and in parameters of another scale.
-    other = fit_cubic(reference, Hold(spread=1e-2, weight=0.1), start=cubic).lens
+    other = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.1), start=cubic).lens
     other = replace(other, coefficients=other.coefficients * [[2], [2], [1]], scale=other.scale / 2)
     beside = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 1.0)])
     mine = camera_of(reference, cubic)

@@ -10,7 +10,7 @@ from synthetic_lenses import SyntheticLens, synthetic_lens
 from cubicfish_cli.fitting.alignment import aligned_difference
 from cubicfish_cli.fitting.calibrate import calibrate
 from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.radial_reference import fit_radial
 from cubicfish_cli.fitting.statistics import rms_px
@@ -89,11 +89,11 @@ def test_a_central_lens_stays_central() -> None:
 def test_it_stands_still_where_that_is_how_p_is_held(lens: SyntheticLens) -> None:
     pairs = photos(lens)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
-    free = fit_cubic(reference, Hold(spread=1e-3, weight=1.0))
-    still = fit_cubic(reference, replace(free.hold, central=True), start=free)
+    free = fit_cubic(reference, PriorChoice(spread=1e-3, weight=1.0))
+    still = fit_cubic(reference, replace(free.prior, central=True), start=free)
     assert free.lens.travel > 1e-3
     assert abs(still.lens.travel) < 1e-9
     assert rms_px(still.residual) > 1.1 * rms_px(free.residual)
     # And wanders again where it may.
-    again = fit_cubic(reference, free.hold, start=still)
+    again = fit_cubic(reference, free.prior, start=still)
     assert again.lens.travel == pytest.approx(free.lens.travel, rel=1e-3)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.cubic_fit import Hold, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.subset import select_photos, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import (
@@ -27,7 +27,7 @@ from cubicfish_cli.target import Target
 TARGET = synthetic.corner_of_three()
 BOARD = Target(units="m", boards=(synthetic.checkerboard("board", 6, 4, 0.03),))
 NOISE, DRAWS = 0.1, 100
-HOLD = Hold(spread=0.01, weight=0.1)
+PRIOR = PriorChoice(spread=0.01, weight=0.1)
 
 
 def draw(seed, noise=NOISE, photos=5):
@@ -47,7 +47,7 @@ def turn_between(one, other, rays):
 @pytest.mark.slow
 def test_prediction_is_the_spread_over_draws():
     start = fit_radial(draw(0))
-    reference = fit_cubic(start, HOLD)
+    reference = fit_cubic(start, PRIOR)
     uncertainty = camera_uncertainty(reference, start.pairs)
     assert uncertainty.noise_px == pytest.approx(NOISE, rel=0.05)
     rays = cone_rays(np.deg2rad(80), 60)
@@ -57,7 +57,7 @@ def test_prediction_is_the_spread_over_draws():
     common = reference.poses.apply(start.pairs.image, start.pairs.world)
     for seed in range(1, DRAWS + 1):
         radial = refit_radial(start, draw(seed), start.poses)
-        fit = fit_cubic(radial, HOLD, relative_decrease=1e-6)
+        fit = fit_cubic(radial, PRIOR, relative_decrease=1e-6)
         turn = turn_between(reference.lens, fit.lens, common)
         pixels.append(fit.lens.far(turn.apply(rays)))
     spread = np.sqrt(np.var(pixels, axis=0, ddof=1).sum(axis=-1))
@@ -67,7 +67,7 @@ def test_prediction_is_the_spread_over_draws():
     assert np.percentile(np.abs(ratio - 1), 80) < 0.25
     # More corners' noise, more uncertainty, in proportion.
     noisier = fit_radial(draw(0, 2 * NOISE))
-    twice = camera_uncertainty(fit_cubic(noisier, HOLD), noisier.pairs)
+    twice = camera_uncertainty(fit_cubic(noisier, PRIOR), noisier.pairs)
     assert np.median(twice.sigma_px(rays) / predicted) == pytest.approx(2, rel=0.2)
 
 
@@ -76,7 +76,7 @@ def test_more_photos_make_it_smaller():
         poses = synthetic.poses_around(TARGET, count, seed=40)
         pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
         reference = fit_radial(pairs)
-        uncertainty = camera_uncertainty(fit_cubic(reference, HOLD), reference.pairs)
+        uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR), reference.pairs)
         return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
 
     assert sigma(20) < 0.75 * sigma(5)
@@ -84,7 +84,7 @@ def test_more_photos_make_it_smaller():
 
 def test_what_is_left_is_no_turn():
     start = fit_radial(draw(0))
-    fit = fit_cubic(start, HOLD)
+    fit = fit_cubic(start, PRIOR)
     points = fit.poses.apply(start.pairs.image, start.pairs.world)
     gauge = Gauge.over(fit.lens, points[:200]) + Gauge.over(fit.lens, points[200:])
     turned = [
@@ -105,7 +105,7 @@ def test_a_photo_from_far_away_takes_nothing_away():
     def sigma(poses):
         pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
         reference = fit_radial(pairs)
-        uncertainty = camera_uncertainty(fit_cubic(reference, HOLD), pairs)
+        uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR), pairs)
         return uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100))
 
     assert (sigma(near + far) < 1.05 * sigma(near)).all()
@@ -113,7 +113,7 @@ def test_a_photo_from_far_away_takes_nothing_away():
 
 def sigma_of(pairs):
     reference = fit_radial(with_mean_weight_one(pairs))
-    uncertainty = camera_uncertainty(fit_cubic(reference, HOLD), reference.pairs)
+    uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR), reference.pairs)
     return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
 
 
@@ -141,7 +141,7 @@ def test_what_is_held_takes_few_degrees_of_freedom():
             BOARD, poses, lens=radial_camera(), noise=NOISE, seed=seed
         )
         reference = fit_radial(pairs.with_world(pairs.world / world_scale(pairs)))
-        fit = fit_cubic(reference, Hold(spread=0.0, weight=30.0))
+        fit = fit_cubic(reference, PriorChoice(spread=0.0, weight=30.0))
         found.append(corner_noise_px(fit.fit) ** 2)
     assert np.sqrt(np.mean(found)) == pytest.approx(NOISE, rel=0.06)
 
@@ -176,7 +176,7 @@ def test_it_grows_towards_the_rim_and_is_null_outside():
 @pytest.mark.slow
 def test_the_record_is_that_of_the_rays():
     reference = fit_radial(draw(3))
-    fit = fit_cubic(reference, HOLD)
+    fit = fit_cubic(reference, PRIOR)
     uncertainty = camera_uncertainty(fit, reference.pairs)
     camera = calibrate(draw(3), hold_out=False).camera
     record = uncertainty_grid(uncertainty, camera)

@@ -61,7 +61,7 @@ class Alone(Placed):
 
     Attributes:
         camera: its lens, as a camera of points in the common scale.
-        rivals: the lens with the priors of other holds, and how likely each is the best one.
+        runners_up: the lens with the other priors, and how likely each is the best one.
         record: of its fit.
         level: what of the target was fitted.
         told: what is likely wrong with it.
@@ -70,7 +70,7 @@ class Alone(Placed):
     """
 
     camera: CubicCamera
-    rivals: Sequence[tuple[FitLens, float]]
+    runners_up: Sequence[tuple[FitLens, float]]
     record: FitRecord
     level: Level
     told: tuple[RigFinding, ...]
@@ -137,25 +137,25 @@ def alone(
     pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
     poses = poses.of_world(-origin).scaled(1 / scale)
     own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
-    rivals: list[tuple[FitLens, float]] = []
+    runners_up: list[tuple[FitLens, float]] = []
     lens: FitLens = FixedLens(camera=own)
     if found is None or hold:
         fit = adjust(lens, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=_ROUGH_DECREASE)
         poses = fit.again(pairs).poses
     else:
         reference = radial_near(own.radial, pairs, poses)
-        result = fit_cubic(reference, found.hold, relative_decrease=_ROUGH_DECREASE)
+        result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
         lens, poses = result.lens, result.poses
-        rivals = [
-            (held(result.lens, reference, one.hold, result.errors), one.likely)
-            for one in found.rivals
+        runners_up = [
+            (held(result.lens, reference, one.prior, result.errors), one.likely)
+            for one in found.runners_up
         ]
     return Alone(
         lens=lens,
         pairs=pairs,
         poses=poses,
         camera=own,
-        rivals=rivals,
+        runners_up=runners_up,
         record=record,
         level=level,
         told=told,

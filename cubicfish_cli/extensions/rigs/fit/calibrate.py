@@ -365,7 +365,7 @@ def _judged(
         limit,
         [cone_rays(one.covered, _RAYS) for one in singly],
         evidence.shots,
-        [one.rivals for one in singly],
+        [one.runners_up for one in singly],
     )
     in_units = np.repeat([1.0, scale], 3)
     covariance = covariance * in_units[:, None] * in_units

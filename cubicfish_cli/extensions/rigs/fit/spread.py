@@ -30,7 +30,7 @@ def place_covariances(
     limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
-    rivals: Sequence[Sequence[tuple[FitLens, float]]],
+    runners_up: Sequence[Sequence[tuple[FitLens, float]]],
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
@@ -43,7 +43,7 @@ def place_covariances(
         limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
-        rivals: for each camera its lens as other holds have it, and how likely each is the best.
+        runners_up: for each camera its lens under other priors, and how likely each is the best.
 
     """
     lens = fit.lens
@@ -60,27 +60,27 @@ def place_covariances(
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
         ]
-    for step in _of_rivals(fit, pairs, limit, lens, rivals):
+    for step in _of_runners_up(fit, pairs, limit, lens, runners_up):
         found = [
             one + np.outer(by @ step, by @ step) for one, by in zip(found, by_shared, strict=True)
         ]
     return np.array(found)
 
 
-def _of_rivals(
+def _of_runners_up(
     fit: Adjustment[RigLens],
     pairs: Observations,
     limit: float,
     lens: RigLens,
-    rivals: Sequence[Sequence[tuple[FitLens, float]]],
+    runners_up: Sequence[Sequence[tuple[FitLens, float]]],
 ) -> list[FloatArray]:
-    """Steps (K,) to the rig with each lens held as a rival: how it should be is in doubt.
+    """Steps (K,) to the rig with each lens under a runner-up: how it should be is in doubt.
 
     Each times the root of how likely that is the best one.
     """
     rigs, roots = [], []
     for camera, own in enumerate(lens.lenses):
-        for held, likely in rivals[camera] if len(own.parameters) else ():
+        for held, likely in runners_up[camera] if len(own.parameters) else ():
             others = list(lens.lenses)
             others[camera] = held.with_parameters(own.parameters)
             rigs.append(lens.with_lenses(others))

@@ -12,7 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.fitting.cubic_fit import NEAR_DECREASE, CubicResult, Hold, Rival, fit_cubic
+from cubicfish_cli.fitting.cubic_fit import (
+    NEAR_DECREASE,
+    CubicResult,
+    PriorChoice,
+    RunnerUp,
+    fit_cubic,
+)
 from cubicfish_cli.fitting.left_out import Leaving
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
@@ -24,17 +30,17 @@ from cubicfish_cli.types import FloatArray, IntArray
 # has; at a weight of 0.01 P is practically free.
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
-FIRMEST = Hold(spread=SPREADS[0], weight=WEIGHTS[0])
-RADIAL = Hold(spread=0.0, weight=100.0, central=True)
+FIRMEST = PriorChoice(spread=SPREADS[0], weight=WEIGHTS[0])
+RADIAL = PriorChoice(spread=0.0, weight=100.0, central=True)
 """Leaves P nothing but to be the cubic nearest to a radial lens."""
 # What is expected before any photo speaks: most lenses that are sold are better held by less
-# asymmetry than the most that is found in some, and few corners better by a firm hold.
-EXPECTED = Hold(spread=1e-4, weight=WEIGHTS[2])
+# asymmetry than the most that is found in some, and few corners better by a firm prior.
+EXPECTED = PriorChoice(spread=1e-4, weight=WEIGHTS[2])
 # What only leads to a choice need not be known to the last digit.
 _SCAN_DECREASE = 1e-4
 # A sum of squared errors, pixels², that is rounding.
 _NO_ERROR = 1e-16
-# How often photos are drawn anew: how likely a hold is, is known to 0.02 then.
+# How often photos are drawn anew: how likely a prior is, is known to 0.02 then.
 _DRAWS = 500
 
 _Place = tuple[int, int]  # indices into SPREADS and WEIGHTS
@@ -43,7 +49,7 @@ _EVERY_PLACE = [
 ]
 
 
-def choose_hold(
+def choose_prior(
     reference: RadialReference,
     groups: Sequence[IntArray],
     *,
@@ -51,53 +57,55 @@ def choose_hold(
     start: CubicResult | None = None,
     everywhere: bool = False,
 ) -> CubicResult:
-    """Fit the cubic under the hold that photos left out speak for.
+    """Fit the cubic under the prior that photos left out speak for.
 
-    Other holds, and fits without some photos, are one Gauss-Newton step from a fit under one hold;
+    Other priors, and fits without some photos, are one Gauss-Newton step from a fit under one;
     the best is then fitted in full.
 
     Args:
         reference: the radial fit.
-        groups: photos to be left out together; with fewer than two the hold of ``start``, or the
+        groups: photos to be left out together; with fewer than two the prior of ``start``, or the
             expected one, is kept.
         world: the target, where it is free.
-        start: a fit to the same photos whose hold is where to begin.
-        everywhere: look at all holds from there, as without a start; else at those around.
+        start: a fit to the same photos whose prior is where to begin.
+        everywhere: look at all priors from there, as without a start; else at those around.
 
     Returns:
         A fit that is good to compare and to go on from, not yet to the last digit.
 
     Raises:
-        FitError: the hold begun with, or the one chosen, gives no sound camera.
+        FitError: the prior begun with, or the one chosen, gives no sound camera.
 
     """
-    hold = EXPECTED if start is None else start.hold
+    prior = EXPECTED if start is None else start.prior
     if len(groups) < 2:
-        return fit_cubic(reference, hold, world=world, start=start, relative_decrease=NEAR_DECREASE)
-    place = _place_of(hold)
+        return fit_cubic(
+            reference, prior, world=world, start=start, relative_decrease=NEAR_DECREASE
+        )
+    place = _place_of(prior)
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
-    start = _confirmed(reference, _hold(place), world, start)
+    start = _confirmed(reference, _prior_at(place), world, start)
     leaving = Leaving(start.fit, reference.pairs, huber_px(start.errors), groups)
     squares = _squares(leaving, start.lens, reference, places)
-    chosen, rivals = _likeliest(squares)
-    # A hold that was made firmer stays so.
-    hold = start.hold if chosen == place else _hold(chosen)
+    chosen, runners_up = _likeliest(squares)
+    # A prior that was made firmer stays so.
+    prior = start.prior if chosen == place else _prior_at(chosen)
     fitted = fit_cubic(
-        reference, hold, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
+        reference, prior, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
-    return replace(fitted, rivals=rivals)
+    return replace(fitted, runners_up=runners_up)
 
 
 def _confirmed(
-    reference: RadialReference, hold: Hold, world: World | None, start: CubicResult | None
+    reference: RadialReference, prior: PriorChoice, world: World | None, start: CubicResult | None
 ) -> CubicResult:
     """The fit from a start that is known, or from the reference where that leads further down."""
-    fitted = fit_cubic(reference, hold, world=world, start=start, relative_decrease=_SCAN_DECREASE)
+    fitted = fit_cubic(reference, prior, world=world, start=start, relative_decrease=_SCAN_DECREASE)
     if start is None:
         return fitted
     fresh = fit_cubic(
         reference,
-        hold,
+        prior,
         world=fitted.fit.world,
         start=fitted,
         afresh=True,
@@ -106,13 +114,13 @@ def _confirmed(
     return fresh if fresh.fit.cost < fitted.fit.cost else fitted
 
 
-def _hold(place: _Place) -> Hold:
-    return Hold(spread=SPREADS[place[0]], weight=WEIGHTS[place[1]])
+def _prior_at(place: _Place) -> PriorChoice:
+    return PriorChoice(spread=SPREADS[place[0]], weight=WEIGHTS[place[1]])
 
 
-def _place_of(hold: Hold) -> _Place:
-    weight = np.abs(np.log(WEIGHTS) - np.log(hold.weight)).argmin()
-    return int(np.abs(np.array(SPREADS) - hold.spread).argmin()), int(weight)
+def _place_of(prior: PriorChoice) -> _Place:
+    weight = np.abs(np.log(WEIGHTS) - np.log(prior.weight)).argmin()
+    return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
 
 
 def _around(place: _Place) -> list[_Place]:
@@ -124,16 +132,16 @@ def _squares(
 ) -> dict[_Place, FloatArray]:
     """Squared errors of each photo under a fit without it, summed over its corners.
 
-    Under some holds, to first order from a fit under one of them, whose lens is given.
+    Under some priors, to first order from a fit under one of them, whose lens is given.
 
     Args:
         leaving: that fit.
         lens: its lens.
         reference: what P is held to.
-        places: the holds, those of one spread together: the order is relied on.
+        places: the priors, those of one spread together: the order is relied on.
 
     Returns:
-        By hold, the (M,) squared errors.
+        By prior, the (M,) squared errors.
 
     """
     priors = []
@@ -147,8 +155,8 @@ def _squares(
     return dict(zip(places, of_places, strict=True))
 
 
-def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, tuple[Rival, ...]]:
-    """The hold that is taken, and those that would be if other photos had been taken.
+def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, tuple[RunnerUp, ...]]:
+    """The prior that is taken, and those that would be if other photos had been taken.
 
     How likely these are: as often as they are taken when as many photos are drawn from these with
     repetition (the bootstrap, as Buckland, Burnham & Augustin 1997 weigh models by it).
@@ -160,16 +168,16 @@ def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, tuple[Riva
     drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
     taken = (drawn @ told.T + expected).argmax(axis=1)
     likely = np.bincount(taken, minlength=len(places)) / _DRAWS
-    rivals = tuple(
-        Rival(hold=_hold(places[other]), likely=float(likely[other]))
+    runners_up = tuple(
+        RunnerUp(prior=_prior_at(places[other]), likely=float(likely[other]))
         for other in np.flatnonzero(likely).tolist()
         if other != chosen
     )
-    return places[chosen], rivals
+    return places[chosen], runners_up
 
 
 def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, FloatArray]:
-    """Log likelihood (M,) of each hold by each of the photos left out.
+    """Log likelihood (M,) of each prior by each of the photos left out.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
     that photo alone and unknown: integrated over noise with the prior 1/σ, the likelihood is
@@ -181,6 +189,6 @@ def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, FloatArray]:
 
 
 def _expected(places: Iterable[_Place]) -> dict[_Place, float]:
-    """Log prior of each hold, up to a constant: a step in either list is a standard deviation."""
+    """Log prior of each choice, up to a constant: a step in either list is a standard deviation."""
     middle = _place_of(EXPECTED)
     return {place: -float(np.square(np.subtract(place, middle)).sum()) / 2 for place in places}
