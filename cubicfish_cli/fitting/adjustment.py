@@ -13,8 +13,8 @@ from cubicfish_cli.fitting import robust
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.linearise import State, huber_cost, runs_linearised
 from cubicfish_cli.fitting.normal_equations import COLD_DAMPING, NormalEquations, NormalSums
+from cubicfish_cli.fitting.pose_refinement import find_stray_poses, refine_poses
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.settle import raised, settled
 from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
@@ -150,9 +150,9 @@ def adjust(
         )
     normal, sums = now.normal, now.sums
     near, iterations = damping < COLD_DAMPING, 0
-    held = np.zeros((len(poses), 1))
+    pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
-        step = normal.solve(damping, held)
+        step = normal.solve(damping, pose_damping)
         gain = normal.expected_decrease(step) / max(now.cost, 1e-300)
         # Far from the optimum, or damped, a step says too little of what is left to gain.
         if near and gain < relative_decrease and damping < COLD_DAMPING:
@@ -165,9 +165,11 @@ def adjust(
         stray = not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations
         if stray:
             iterations += 1
-            astray = raised(candidate, new.residual, now.residual, pairs, huber_px)
+            astray = find_stray_poses(candidate, new.residual, now.residual, pairs, huber_px)
             if astray.size:
-                candidate = settled(candidate, state.poses, astray, pairs, huber_px, held)
+                candidate = refine_poses(
+                    candidate, state.poses, astray, pairs, huber_px, pose_damping
+                )
             elif new.normal is not None:
                 # A valley that bends: what went straight on is on its side, above its floor.
                 candidate = candidate.moved(*new.normal.solve(damping))
@@ -177,7 +179,7 @@ def adjust(
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             state, now, normal, sums = candidate, new, new.normal, new.sums
             damping = max(damping / 10, 1e-12)
-            held *= 0.1
+            pose_damping *= 0.1
             if decrease < least:
                 break
         else:

@@ -146,7 +146,7 @@ def refine_object(
         relative_decrease=1e-3,
         damping=WARM_DAMPING,
     )
-    adjusted, spread = settled_spread(adjusted, pairs, spread)
+    adjusted, spread = estimate_spread(adjusted, pairs, spread)
     # With the target near its place: the reference anew, how P is held, then all at once.
     pairs = weighed(drawing.pairs_at(level), adjusted.residual)
     pairs = pairs.with_world(adjusted.world.points)
@@ -177,7 +177,7 @@ def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -
     )
 
 
-def settled_spread(
+def estimate_spread(
     fit: Adjustment[L], pairs: Observations, spread: float | None
 ) -> tuple[Adjustment[L], float | None]:
     """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.

@@ -43,8 +43,8 @@ from cubicfish_cli.fitting.refinement import (
     LEVELS,
     Drawing,
     Level,
+    estimate_spread,
     free_world,
-    settled_spread,
 )
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -305,11 +305,11 @@ def _fitted(
     if level != "off":
         world = free_world(drawing.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
-        fit, spread = settled_spread(fit, pairs, spread)
+        fit, spread = estimate_spread(fit, pairs, spread)
     # Photos that are not quite of one moment, too, say less than others.
     pairs = weighed(pairs, fit.residual)
     if level != "off":
-        fit, _ = settled_spread(fit, pairs, spread)
+        fit, _ = estimate_spread(fit, pairs, spread)
     if any(isinstance(one.lens, CubicFit) for one in singly):
         joint = adjust(
             fit.lens.with_lenses([one.lens for one in singly]),

@@ -1,4 +1,4 @@
-"""Photos whose cost a step raises, by far, settle alone, so that they do not stop the others.
+"""Pose refinement of photos whose cost a step raises by far: alone, so that they stop no others.
 
 Of many photos there is always one whose pose goes astray.
 """
@@ -27,7 +27,7 @@ _POSE_ROUNDS = 20
 _POSE_DECREASE = 1e-6
 
 
-def raised(
+def find_stray_poses(
     state: State[Any],
     residual: FloatArray,
     before: FloatArray,
@@ -44,13 +44,13 @@ def raised(
     return np.flatnonzero(risen) if rise[~risen].sum() < 0 else np.zeros(0, np.intp)
 
 
-def settled(
+def refine_poses(
     candidate: State[L],
     before: Poses,
     chosen: IntArray,
     pairs: Observations,
     huber_px: float,
-    held: FloatArray,
+    pose_damping: FloatArray,
 ) -> State[L]:
     """A candidate in which some poses are at an optimum of their own, each near where it was.
 
@@ -82,7 +82,7 @@ def settled(
         damping *= np.where(better, 0.1, 10.0)[:, None]
         if not more_to_gain.any():
             break
-    held[chosen] = np.maximum(100 * held[chosen], 10 * firm)
+    pose_damping[chosen] = np.maximum(100 * pose_damping[chosen], 10 * firm)
     return replace(candidate, poses=candidate.poses.with_photos(chosen, poses))
 
 
