@@ -11,7 +11,7 @@ import numpy as np
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.folds import photo_folds
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import LeaveOneOut
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.linearise import State
 from cubicfish_cli.fitting.poses import Poses
@@ -137,8 +137,8 @@ def held_out_error(
         return None
     pairs, cubic = fit.reference.pairs, fit.cubic.fit
     of_cubic, of_radial = np.full((2, len(pairs.image)), np.nan)
-    leaving = Leaving(cubic, pairs, huber_px(cubic.errors), parts)
-    for done, (test, step) in enumerate(zip(parts, leaving.steps(), strict=True)):
+    leave_one_out = LeaveOneOut(cubic, pairs, huber_px(cubic.errors), parts)
+    for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
         rows = np.flatnonzero(np.isin(pairs.image, test))

@@ -37,7 +37,7 @@ _SMALLEST_ROOT = 1e-6
 _RANK = 1e-12
 
 
-class Leaving:
+class LeaveOneOut:
     """Leaves groups of photos out of a fit, to first order."""
 
     def __init__(

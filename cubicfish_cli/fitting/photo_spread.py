@@ -24,7 +24,7 @@ from scipy.special import ndtri, stdtrit
 from cubicfish_cli.fitting.asymmetric import BentFit
 from cubicfish_cli.fitting.cubic_fit import CubicResult, held
 from cubicfish_cli.fitting.folds import dealt_out
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import LeaveOneOut
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.nearest_cubic import MARGIN_DEG
 from cubicfish_cli.fitting.radial_reference import RadialReference
@@ -148,13 +148,13 @@ def photo_spread(
     """
     count = len(result.lens.parameters)
     limit, clusters = huber_px(result.errors), _clusters(places, reference.pairs)
-    leaving = Leaving(result.fit, reference.pairs, limit, clusters)
+    leave_one_out = LeaveOneOut(result.fit, reference.pairs, limit, clusters)
     prior = result.lens.ray_prior
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
     others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
     if result.runners_up:
-        steps = leaving.held_as(
+        steps = leave_one_out.held_as(
             [
                 held(result.lens, reference, runner_up.prior, result.errors)
                 for runner_up in result.runners_up
@@ -164,8 +164,8 @@ def photo_spread(
         others += list(np.sqrt(likely)[:, None] * steps[:, :count])
     return PhotoSpread(
         noise=camera_uncertainty(result, reference.pairs),
-        left_out=np.array([shared[:count] for shared, _, _ in leaving.steps()]),
-        influence=leaving.influence()[:, :count],
+        left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),
+        influence=leave_one_out.influence()[:, :count],
         runner_up=np.array(others),
         held_to=prior.nearest(result.lens.far(prior.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),

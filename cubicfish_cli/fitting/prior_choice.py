@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.cubic_fit import (
     RunnerUp,
     fit_cubic,
 )
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import LeaveOneOut
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
@@ -85,8 +85,8 @@ def choose_prior(
     place = _place_of(prior)
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
     start = _confirmed(reference, _prior_at(place), world, start)
-    leaving = Leaving(start.fit, reference.pairs, huber_px(start.errors), groups)
-    squares = _squares(leaving, start.lens, reference, places)
+    leave_one_out = LeaveOneOut(start.fit, reference.pairs, huber_px(start.errors), groups)
+    squares = _squares(leave_one_out, start.lens, reference, places)
     chosen, runners_up = _likeliest(squares)
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == place else _prior_at(chosen)
@@ -128,14 +128,14 @@ def _around(place: _Place) -> list[_Place]:
 
 
 def _squares(
-    leaving: Leaving, lens: CubicFit, reference: RadialReference, places: Sequence[_Place]
+    leave_one_out: LeaveOneOut, lens: CubicFit, reference: RadialReference, places: Sequence[_Place]
 ) -> dict[_Place, FloatArray]:
     """Squared errors of each photo under a fit without it, summed over its corners.
 
     Under some priors, to first order from a fit under one of them, whose lens is given.
 
     Args:
-        leaving: that fit.
+        leave_one_out: that fit.
         lens: its lens.
         reference: what P is held to.
         places: the priors, those of one spread together: the order is relied on.
@@ -149,7 +149,7 @@ def _squares(
         weights = [WEIGHTS[weight] for own, weight in places if own == spread]
         to_another = lens.held_to(reference.bent(SPREADS[spread])[0])
         priors.append(to_another.priors(np.array(weights)))
-    photos = leaving.residuals(np.concatenate(priors))
+    photos = leave_one_out.residuals(np.concatenate(priors))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     of_places = np.array([squares[photo] for photo in range(len(squares))]).T
     return dict(zip(places, of_places, strict=True))

@@ -12,7 +12,7 @@ from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
-from cubicfish_cli.fitting.left_out import _DAMPING, Leaving
+from cubicfish_cli.fitting.left_out import _DAMPING, LeaveOneOut
 from cubicfish_cli.fitting.lenses import FixedLens
 from cubicfish_cli.fitting.prior_choice import (
     EXPECTED,
@@ -87,7 +87,7 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
         )
     fit = fit_cubic(reference, PRIOR, world=world).fit
     limit = huber_px(fit.residual)
-    found = dict(Leaving(fit, pairs, limit, FOLDS).residuals())
+    found = dict(LeaveOneOut(fit, pairs, limit, FOLDS).residuals())
     assert found.keys() == set(range(8))
     for photos in FOLDS:
         wanted = anew(fit, pairs, pairs.image_size, photos)
@@ -103,18 +103,18 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
 def test_all_holds_at_once_are_as_one_by_one(reference, held):
     """Both ways to eliminate, and every prior as its lens itself has it."""
     _, result = held
-    leaving = Leaving(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
+    leave_one_out = LeaveOneOut(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
         bent, _ = reference.bent(spread)
         priors = result.lens.held_to(bent).priors(weights)
-        together = dict(leaving.residuals(priors))
+        together = dict(leave_one_out.residuals(priors))
         for place, weight in enumerate(weights):
             lens = result.lens.held_to(bent, weight)
             own = lens.prior()
             if weight == PRIOR.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
-            alone = dict(leaving.residuals(own[None]))
+            alone = dict(leave_one_out.residuals(own[None]))
             for photo, residual in alone.items():
                 left = together[photo][:, :, [place]]
                 assert rms_px(left[..., 0]) == pytest.approx(rms_px(residual[..., 0]), rel=2e-3)
@@ -124,9 +124,11 @@ def test_what_is_known_of_all_photos_saves_work_and_changes_nothing(reference, h
     """Whichever family of blocks is eliminated."""
     level, result = held
     fit = result.fit
-    leaving = Leaving(fit, reference.pairs, huber_px(fit.residual), FOLDS)
+    leave_one_out = LeaveOneOut(fit, reference.pairs, huber_px(fit.residual), FOLDS)
     kept = set()
-    for group, put_in, steps in zip(FOLDS, leaving._put_in, leaving.steps(), strict=True):
+    for group, put_in, steps in zip(
+        FOLDS, leave_one_out._put_in, leave_one_out.steps(), strict=True
+    ):
         anew = fit.normal.without(group, put_in).eliminated(_DAMPING)
         kept.add(anew.keeps_poses)
         for step, wanted in zip(steps, anew.solve(), strict=True):
@@ -157,9 +159,11 @@ def test_another_prior_steps_as_the_equations_with_it_do(reference):
         shared=normal.shared + change[:-1, :-1],
         shared_gradient=normal.shared_gradient + change[:-1, -1],
     )
-    leaving = Leaving(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
+    leave_one_out = LeaveOneOut(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
     step = changed.solve(1e-9)[0]
-    np.testing.assert_allclose(leaving.held_as([other])[0], step, atol=1e-3 * np.abs(step).max())
+    np.testing.assert_allclose(
+        leave_one_out.held_as([other])[0], step, atol=1e-3 * np.abs(step).max()
+    )
 
 
 @pytest.mark.slow
@@ -233,10 +237,10 @@ def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, 
 
 def test_folds_whose_first_order_leads_astray_start_from_the_whole_fit(reference, monkeypatch):
     fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
-    expected, steps = held_out_error(fit).rms_px, Leaving.steps
+    expected, steps = held_out_error(fit).rms_px, LeaveOneOut.steps
 
-    def astray(leaving):
-        return [(np.full_like(shared, -1e4), *rest) for shared, *rest in steps(leaving)]
+    def astray(leave_one_out):
+        return [(np.full_like(shared, -1e4), *rest) for shared, *rest in steps(leave_one_out)]
 
-    monkeypatch.setattr(Leaving, "steps", astray)
+    monkeypatch.setattr(LeaveOneOut, "steps", astray)
     assert held_out_error(fit).rms_px == pytest.approx(expected, rel=1e-3)

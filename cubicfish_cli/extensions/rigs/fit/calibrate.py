@@ -33,7 +33,7 @@ from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.evidence import Diagnose
 from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.fitting.frame import in_references_frame
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import LeaveOneOut
 from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
 from cubicfish_cli.fitting.model_selection import RefineTarget
 from cubicfish_cli.fitting.photo_noise import weighed
@@ -446,6 +446,6 @@ def _held_out(
     groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = fit.lens.shot[pairs.image]
     found = np.empty_like(fit.residual)
-    for number, residual in Leaving(fit, pairs, limit, groups).residuals():
+    for number, residual in LeaveOneOut(fit, pairs, limit, groups).residuals():
         found[shot == number] = residual[:, :, 0]  # by view, as they are left out
     return found

@@ -14,7 +14,7 @@ import numpy as np
 from cubicfish_cli.fitting.adjustment import Adjustment
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import MIN_PHOTOS, dealt_out
-from cubicfish_cli.fitting.left_out import Leaving
+from cubicfish_cli.fitting.left_out import LeaveOneOut
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.fitting.poses import cross_matrix
@@ -53,9 +53,9 @@ def place_covariances(
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
     clusters = _clusters(shots)
     if clusters:
-        leaving = Leaving(fit, pairs, limit, clusters)
-        left_out = np.array([shared[:count] for shared, _, _ in leaving.steps()])
-        influence = leaving.influence()[:, :count]
+        leave_one_out = LeaveOneOut(fit, pairs, limit, clusters)
+        left_out = np.array([shared[:count] for shared, _, _ in leave_one_out.steps()])
+        influence = leave_one_out.influence()[:, :count]
         found = [
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
@@ -87,7 +87,7 @@ def _of_runners_up(
             roots.append(np.sqrt(likely))
     if not rigs:
         return []
-    steps = Leaving(fit, pairs, limit, []).held_as(rigs)
+    steps = LeaveOneOut(fit, pairs, limit, []).held_as(rigs)
     return list(np.array(roots)[:, None] * steps[:, : len(lens.parameters)])
 
 
