@@ -117,7 +117,7 @@ class Departure:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reach:
+class CoverageExtent:
     """What corners say of the field's rim; pixels are NaN where too few corners tell.
 
     Attributes:
@@ -189,7 +189,7 @@ class FitRecord(ErrorStatistics):
     plain_rms_px: float = field(default=NAN, metadata=_POINT)
     reweighted_rms_px: float = field(default=NAN, metadata=_POINT)
     covered_deg: float = field(default=NAN, metadata=_RAY)
-    reach: Reach = field(default_factory=Reach, metadata=_RAY)
+    reach: CoverageExtent = field(default_factory=CoverageExtent, metadata=_RAY)
     pupil: PupilEffect | None = field(default=None, metadata=_RAY)
     flat: bool = field(default=False, metadata=_RAY)
     prior_weight: float = field(default=NAN, metadata=_RAY)

@@ -13,6 +13,7 @@ from cubicfish_cli.assess.fit_record import Departure, DroppedCorner, FitRecord
 from cubicfish_cli.assess.pupil import pupil_effect
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.calibration import Calibration
+from cubicfish_cli.fitting.coverage_extent import coverage_extent, trusted_angle_deg
 from cubicfish_cli.fitting.cubic_fit import CubicResult
 from cubicfish_cli.fitting.deformation import departures
 from cubicfish_cli.fitting.evidence import Diagnose, FailedFit, FitEvidence
@@ -28,7 +29,6 @@ from cubicfish_cli.fitting.radial_reference import (
     fit_radial,
     terms_beyond,
 )
-from cubicfish_cli.fitting.reach import reach, trusted_angle_deg
 from cubicfish_cli.fitting.refinement import Drawing, TargetFit, as_drawn, to_the_bottom
 from cubicfish_cli.fitting.rejection import (
     dropped_corners,
@@ -214,7 +214,7 @@ def _assessed(
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_grid(spread, camera, blind_angle(points))
     told = np.where(used.tells_error[:, None], cubic.residual, np.nan)
-    rim = reach(camera, points, told, spread.sigma_px)
+    rim = coverage_extent(camera, points, told, spread.sigma_px)
     camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
     dropped = fitted.dropped
     findings: Sequence[Finding] = ()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish_cli.fitting.reach import reach, trusted_angle_deg
+from cubicfish_cli.fitting.coverage_extent import coverage_extent, trusted_angle_deg
 from cubicfish_cli.lenses.sphere import ray_at
 
 CAMERA = cubic_camera(100.0, bend=0.002)  # a photo that shows all of the cone
@@ -24,7 +24,7 @@ def known(rays: np.ndarray) -> np.ndarray:
 
 
 def looked(points: np.ndarray, residual: np.ndarray | None = None):
-    return reach(
+    return coverage_extent(
         CAMERA, points, np.zeros((len(points), 2)) if residual is None else residual, known
     )
 
@@ -51,7 +51,7 @@ def test_what_the_photo_does_not_show_is_not_missed():
     )
     pixel = cropped.project(points := corners((90.0, 0.0, 360.0)))
     seen = (pixel >= -0.5).all(axis=1) & (pixel[:, 1] < height // 2) & (pixel[:, 0] < width)
-    found = reach(cropped, points[seen], np.zeros((seen.sum(), 2)), known)
+    found = coverage_extent(cropped, points[seen], np.zeros((seen.sum(), 2)), known)
     assert found.rim_coverage > 0.9
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cubicfish_cli.angles import angle_from_axis, azimuth
-from cubicfish_cli.assess.fit_record import Reach
+from cubicfish_cli.assess.fit_record import CoverageExtent
 from cubicfish_cli.assess.uncertainty import CERTAIN_PX
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import ray_at
@@ -36,7 +36,9 @@ _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
 
 
-def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: Sigma) -> Reach:
+def coverage_extent(
+    camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: Sigma
+) -> CoverageExtent:
     """Look at the rim.
 
     Args:
@@ -58,7 +60,7 @@ def reach(camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: 
     uncertain = sigma(at_edge)
     uncertain = uncertain[np.isfinite(uncertain)]
     rim, middle, rim_from = _errors(angle, residual)
-    return Reach(
+    return CoverageExtent(
         all_around_deg=_all_around(reached, edge, covered),
         rim_coverage=float(np.mean(short <= _NEAR * covered)),
         extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
@@ -75,7 +77,7 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     Args:
         camera: the camera; its own angle is the farthest that is thought of.
         covered_deg: how far from the axis corners reach.
-        sigma: as :func:`reach` takes it.
+        sigma: as :func:`coverage_extent` takes it.
 
     """
     farthest = camera.max_angle_deg
