@@ -11,6 +11,7 @@ import numpy as np
 from cubicfish_cli.angles import angle_from_axis
 from cubicfish_cli.assess.fit_record import FitRecord
 from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.prior_choice import EXPECTED
@@ -18,7 +19,6 @@ from cubicfish_cli.fitting.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.fitting.uncertainty import Information, information
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.rendering.views import Viewpoint
@@ -96,11 +96,13 @@ def know(
     pairs = weighed(pairs, miss)
     reference = radial_near(camera.radial, pairs, poses)
     level, spread = fit.refine_target, None
-    world: World | None = None
+    world: DeformableTarget | None = None
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
         noise = max(noise_px(miss), 1e-3)
-        world = World.drawn(pairs, target, noise=noise, offset_spread=spread, scale=scale)
+        world = DeformableTarget.drawn(
+            pairs, target, noise=noise, offset_spread=spread, scale=scale
+        )
     result = fit_cubic(
         reference,
         _prior_of(fit, central=not camera.pupil_travel),

@@ -10,12 +10,12 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import robust
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.linearise import State, huber_cost, runs_linearised
 from cubicfish_cli.fitting.normal_equations import COLD_DAMPING, NormalEquations, NormalSums
 from cubicfish_cli.fitting.pose_refinement import find_stray_poses, refine_poses
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
@@ -56,7 +56,7 @@ class Adjustment(Generic[L]):
 
     lens: L
     poses: Poses
-    world: World
+    world: DeformableTarget
     residual: FloatArray
     cost: float
     iterations: int
@@ -79,7 +79,7 @@ class Adjustment(Generic[L]):
         self,
         pairs: Observations,
         *,
-        world: World | None = None,
+        world: DeformableTarget | None = None,
         relative_decrease: float = _RELATIVE_DECREASE,
         damping: float = COLD_DAMPING,
         limit: Callable[[FloatArray], float] = robust.wide_px,
@@ -107,7 +107,7 @@ def adjust(
     pairs: Observations,
     *,
     huber_px: float,
-    world: World | None = None,
+    world: DeformableTarget | None = None,
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
@@ -139,7 +139,7 @@ def adjust(
         FitError: the start itself sees a point at infinity.
 
     """
-    state = State(lens, poses, World(as_drawn=pairs.world) if world is None else world)
+    state = State(lens, poses, DeformableTarget(as_drawn=pairs.world) if world is None else world)
     if known is not None and abs(huber_px / known.huber_px - 1) < _SAME_LIMIT:
         huber_px = known.huber_px
     now = _known(known, state, pairs, huber_px) or _evaluated(state, pairs, huber_px)
@@ -267,7 +267,7 @@ def _cost(
     pairs: Observations,
     huber_px: float,
     priors: Sequence[FloatArray],
-    world: World,
+    world: DeformableTarget,
 ) -> float:
     distance = np.hypot(residual[:, 0], residual[:, 1])
     offset = (world.offset_weight * world.offsets).reshape(-1)

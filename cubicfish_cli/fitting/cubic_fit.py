@@ -15,6 +15,7 @@ import numpy as np
 
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.lenses import CubicFit, RayPrior
 from cubicfish_cli.fitting.nearest_cubic import (
     MARGIN_DEG,
@@ -26,7 +27,6 @@ from cubicfish_cli.fitting.photo_noise import ALIKE
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px, noise_px, wide_px
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.cubic import Validity, check_validity
 from cubicfish_cli.types import FloatArray
 
@@ -120,7 +120,7 @@ def fit_cubic(
     reference: RadialReference,
     prior: PriorChoice,
     *,
-    world: World | None = None,
+    world: DeformableTarget | None = None,
     start: CubicResult | None = None,
     afresh: bool = False,
     relative_decrease: float = _LAST_DECREASE,
@@ -179,7 +179,7 @@ def _first(
     reference: RadialReference,
     prior: PriorChoice,
     start: CubicResult | None,
-    world: World | None,
+    world: DeformableTarget | None,
     max_angle_deg: float,
     errors: FloatArray,
 ) -> tuple[CubicFit, Poses]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import (
@@ -25,7 +26,6 @@ from cubicfish_cli.fitting.normal_equations import (
     NormalSums,
 )
 from cubicfish_cli.fitting.rig_lens import body_of
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -135,7 +135,7 @@ class _Seen:
     """What is seen from some poses: pairs, their points, and runs as :func:`runs_linearised`'s."""
 
     pairs: Observations
-    world: World
+    world: DeformableTarget
     runs: Sequence[tuple[slice, slice, Linearised, FloatArray]]
 
     def after(

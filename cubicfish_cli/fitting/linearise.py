@@ -8,11 +8,11 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.normal_equations import Linearised, runs_of_photos
 from cubicfish_cli.fitting.poses import Poses, cross, cross_matrix
 from cubicfish_cli.fitting.rig_lens import body_of
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray
 
@@ -27,7 +27,7 @@ class State(Generic[L]):
 
     lens: L
     poses: Poses
-    world: World
+    world: DeformableTarget
 
     def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> State[L]:
         """After a step (K,), (M, 6) and (Q, 3)."""
@@ -50,7 +50,7 @@ def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
 
 
 def runs_linearised(
-    lens: FitLens, poses: Poses, world: World, pairs: Observations, huber_px: float
+    lens: FitLens, poses: Poses, world: DeformableTarget, pairs: Observations, huber_px: float
 ) -> Iterator[tuple[slice, slice, Linearised, FloatArray]]:
     """All pairs in runs of whole photos: photos, pairs, derivatives, and roots of the weights.
 
@@ -69,7 +69,7 @@ def runs_linearised(
 def linearised(
     lens: FitLens,
     poses: Poses,
-    world: World,
+    world: DeformableTarget,
     pairs: Observations,
     run: slice,
     views: Poses | None = None,

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 from scipy.sparse import csr_array
 
-from cubicfish_cli.fitting.world import World
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.types import FloatArray, IntArray
 
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
@@ -430,7 +430,7 @@ class NormalSums:
     own lens's unknowns, so the work does not grow with their number.
     """
 
-    def __init__(self, lens: int, boards: int, poses: int, world: World) -> None:
+    def __init__(self, lens: int, boards: int, poses: int, world: DeformableTarget) -> None:
         """Zeros for so many parameters of lens and boards and so many poses."""
         self._corner = world.corner
         self._lens = lens
@@ -538,7 +538,7 @@ class NormalSums:
         return hessian, gradient
 
     def equations(
-        self, lens_prior: FloatArray | None = None, world: World | None = None
+        self, lens_prior: FloatArray | None = None, world: DeformableTarget | None = None
     ) -> NormalEquations:
         """The sums, with the lens's prior and the world's where both are given."""
         count = self._shared

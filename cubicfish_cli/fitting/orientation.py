@@ -21,12 +21,12 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from cubicfish_cli.fitting.adjustment import Adjustment
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import Drawing, TargetFit, free_world
+from cubicfish_cli.fitting.refinement import Drawing, TargetFit, free_target
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import Symmetry, chosen, symmetries
 from cubicfish_cli.types import FloatArray, IntArray
@@ -99,7 +99,7 @@ def _likeliest(
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
     noise = noise_px(fit.cubic.residual)
-    free = free_world(
+    free = free_target(
         drawing.of(Observations.stacked(namings)),
         noise=noise,
         offset_spread=_SPREAD,
@@ -168,7 +168,7 @@ class _Seen:
         return seen
 
 
-def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: World) -> _Pulls:
+def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget) -> _Pulls:
     moved = replace(fit.cubic.fit, poses=poses, world=world)
     seen = _Seen.of(moved, pairs, huber_px(fit.cubic.residual))
     photos, corners, shared = len(poses), len(world.offsets), seen.rows.shape[2] - 1
@@ -201,7 +201,9 @@ def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: World) -> _
     return _Pulls(gradient=gradient, hessian=hessian, square=square)
 
 
-def _best(fit: TargetFit, world: World, pulls: Sequence[_Pulls], products: IntArray) -> _Together:
+def _best(
+    fit: TargetFit, world: DeformableTarget, pulls: Sequence[_Pulls], products: IntArray
+) -> _Together:
     """The likeliest way of each photo, whatever its corners are then off by."""
     lens = len(fit.cubic.lens.parameters)
     shared = lens + len(world.parameters)

@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.linearise import State, huber_cost, runs_linearised
 from cubicfish_cli.fitting.normal_equations import COLD_DAMPING, damped
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.rig_lens import RigLens, body_of
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
@@ -61,7 +61,7 @@ def refine_poses(
     shot = body.shot_of(pairs.image)
     own_pairs = np.isin(shot, chosen)
     own, views = select(pairs, own_pairs)
-    world = World(as_drawn=candidate.world.points[own_pairs])
+    world = DeformableTarget(as_drawn=candidate.world.points[own_pairs])
     seen_from = np.searchsorted(chosen, body.shot[views])
     body = replace(body, camera=body.camera[views], shot=seen_from)
     poses = before[chosen]

@@ -19,11 +19,11 @@ from cubicfish_cli.fitting.cubic_fit import (
     RunnerUp,
     fit_cubic,
 )
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.left_out import LeaveOneOut
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.radial_reference import RadialReference
 from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.types import FloatArray, IntArray
 
 # From the most symmetric and the firmest on. An asymmetry of 0.01 is far more than any lens on sale
@@ -53,7 +53,7 @@ def choose_prior(
     reference: RadialReference,
     groups: Sequence[IntArray],
     *,
-    world: World | None = None,
+    world: DeformableTarget | None = None,
     start: CubicResult | None = None,
     everywhere: bool = False,
 ) -> CubicResult:
@@ -97,7 +97,10 @@ def choose_prior(
 
 
 def _confirmed(
-    reference: RadialReference, prior: PriorChoice, world: World | None, start: CubicResult | None
+    reference: RadialReference,
+    prior: PriorChoice,
+    world: DeformableTarget | None,
+    start: CubicResult | None,
 ) -> CubicResult:
     """The fit from a start that is known, or from the reference where that leads further down."""
     fitted = fit_cubic(reference, prior, world=world, start=start, relative_decrease=_SCAN_DECREASE)

@@ -12,6 +12,7 @@ import numpy as np
 
 from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.fitting.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.fit_lens import FitLens
 from cubicfish_cli.fitting.folds import folds_of
 from cubicfish_cli.fitting.normal_equations import solve_scaled
@@ -19,7 +20,6 @@ from cubicfish_cli.fitting.photo_noise import weighed
 from cubicfish_cli.fitting.prior_choice import choose_prior
 from cubicfish_cli.fitting.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import Symmetry
 from cubicfish_cli.target import Target
@@ -132,7 +132,7 @@ def refine_object(
     if drawing.target is None:
         raise ValueError("pairs without a target have no boards to refine")
     spread = FIRST_SPREAD if level == "points" else None
-    free = free_world(drawing, noise=noise_px(fit.cubic.errors), offset_spread=spread)
+    free = free_target(drawing, noise=noise_px(fit.cubic.errors), offset_spread=spread)
     free = free.started(fit.cubic.fit.world)
     pairs = replace(drawing.pairs_at(level), weight=fit.reference.pairs.weight)
     # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
@@ -164,11 +164,11 @@ def to_the_bottom(fit: TargetFit) -> TargetFit:
     return replace(fit, reference=reference, cubic=replace(cubic, runners_up=fit.cubic.runners_up))
 
 
-def free_world(drawing: Drawing, *, noise: float, offset_spread: float | None) -> World:
+def free_target(drawing: Drawing, *, noise: float, offset_spread: float | None) -> DeformableTarget:
     """The target as drawn, free to depart from it."""
     if drawing.target is None:
         raise ValueError("pairs without a target have no boards to refine")
-    return World.drawn(
+    return DeformableTarget.drawn(
         drawing.pairs,
         drawing.target,
         noise=noise,

@@ -11,12 +11,12 @@ from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting import adjustment
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.linearise import State, huber_cost, huber_weight
 from cubicfish_cli.fitting.normal_equations import damped
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.lenses.sphere import cone_rays
@@ -29,12 +29,12 @@ POSES = synthetic.poses_around(TARGET, 5, seed=2)
 
 
 def normal_equations(lens, poses, pairs, huber_px, world=None):
-    world = World(as_drawn=pairs.world) if world is None else world
+    world = DeformableTarget(as_drawn=pairs.world) if world is None else world
     return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).normal
 
 
 def cost(lens, poses, pairs, huber_px, world=None):
-    world = World(as_drawn=pairs.world) if world is None else world
+    world = DeformableTarget(as_drawn=pairs.world) if world is None else world
     return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).cost
 
 
@@ -86,7 +86,11 @@ def test_nothing_is_known_of_another_state(cubic):
         (same, fit.pairs, 0.9 * worst),
         (replace(same, lens=other_lens), fit.pairs, fit.huber_px),
         (replace(same, poses=fit.poses.scaled(1.0)), fit.pairs, fit.huber_px),
-        (replace(same, world=World(as_drawn=fit.world.points + 1e-9)), fit.pairs, fit.huber_px),
+        (
+            replace(same, world=DeformableTarget(as_drawn=fit.world.points + 1e-9)),
+            fit.pairs,
+            fit.huber_px,
+        ),
     ):
         assert adjustment._known(fit, state, pairs, limit) is None
     assert adjustment._known(fit, same, fit.pairs, fit.huber_px) is not None
@@ -139,7 +143,7 @@ def test_schur_complement_is_the_dense_step(pairs, cubic, level):
     poses = cubic.poses[np.arange(len(pairs.images))]
     world = None
     if level != "off":
-        world = World.drawn(
+        world = DeformableTarget.drawn(
             pairs, TARGET, noise=0.2, offset_spread=0.01 if level.startswith("points") else None
         )
     normal = normal_equations(cubic.lens, poses, pairs, 0.5, world)
@@ -149,7 +153,7 @@ def test_schur_complement_is_the_dense_step(pairs, cubic, level):
 
 
 def test_reduced_hessian_is_the_inverse_of_the_covariance(pairs, cubic):
-    world = World.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = DeformableTarget.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
     normal = normal_equations(cubic.lens, cubic.poses, pairs, 0.5, world)
     count = len(normal.shared)
     blocks = block_diag(normal.shared, *normal.pose, *normal.corner)
@@ -258,7 +262,7 @@ def test_a_start_at_infinity_is_refused(pairs, cubic):
 
 
 def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
-    world = World.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = DeformableTarget.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
     world = world.moved(np.zeros(len(world.parameters)), np.full(world.offsets.shape, 0.003))
     held = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world)
     free = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world.with_noise(0.2, 1e9))

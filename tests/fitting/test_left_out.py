@@ -10,6 +10,7 @@ from scipy.stats import binom
 
 from cubicfish_cli.fitting.adjustment import adjust
 from cubicfish_cli.fitting.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.folds import photo_folds
 from cubicfish_cli.fitting.held_out import held_out_error
 from cubicfish_cli.fitting.left_out import _DAMPING, LeaveOneOut
@@ -26,7 +27,6 @@ from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
-from cubicfish_cli.fitting.world import World
 
 PRIOR = PriorChoice(spread=1e-3, weight=1.0)
 FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
@@ -50,7 +50,7 @@ def held(request, reference, target):
     level, world = request.param, None
     if level != "off":
         spread = 2e-3 if level == "points" else None
-        world = World.drawn(reference.pairs, target, noise=0.2, offset_spread=spread)
+        world = DeformableTarget.drawn(reference.pairs, target, noise=0.2, offset_spread=spread)
     return level, fit_cubic(reference, PRIOR, world=world, relative_decrease=1e-4)
 
 
@@ -78,7 +78,7 @@ def anew(fit, pairs, image_size, photos):
 def test_one_step_is_nearly_a_fit_anew(reference, target, level):
     pairs, world = reference.pairs, None
     if level != "off":
-        world = World.drawn(
+        world = DeformableTarget.drawn(
             pairs,
             target,
             noise=0.2,

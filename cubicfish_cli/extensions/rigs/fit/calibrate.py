@@ -44,7 +44,7 @@ from cubicfish_cli.fitting.refinement import (
     Drawing,
     Level,
     estimate_spread,
-    free_world,
+    free_target,
 )
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.robust import huber_px, noise_px
@@ -303,7 +303,7 @@ def _fitted(
     pairs = replace(pairs, tells_error=drawing.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
-        world = free_world(drawing.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
+        world = free_target(drawing.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
         fit, spread = estimate_spread(fit, pairs, spread)
     # Photos that are not quite of one moment, too, say less than others.

@@ -24,12 +24,12 @@ from cubicfish_cli.extensions.rigs.fit.shots import (
 )
 from cubicfish_cli.extensions.rigs.fit.start import median_pose
 from cubicfish_cli.fitting.adjustment import adjust
+from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.folds import dealt_out
 from cubicfish_cli.fitting.linearise import linearised
 from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
 from cubicfish_cli.fitting.rig_lens import RigLens
 from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.fitting.world import World
 from cubicfish_cli.lenses.nearest import FreeLens
 from cubicfish_cli.lenses.radial import RadialCamera
 from cubicfish_cli.observations import Observations
@@ -456,7 +456,7 @@ def small_rig() -> tuple[RigLens, Poses, Observations]:
 
 def test_derivatives_of_a_rig_are_those_of_differences() -> None:
     lens, poses, pairs = small_rig()
-    world = World(as_drawn=pairs.world)
+    world = DeformableTarget(as_drawn=pairs.world)
     run = slice(24, 60)  # of the second camera
     terms = linearised(lens, poses, world, pairs, run)
     step = 1e-6

@@ -61,7 +61,7 @@ class BoardPart:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class World:
+class DeformableTarget:
     """World points that follow the boards' shapes and places, and corners' own offsets.
 
     Attributes:
@@ -99,7 +99,7 @@ class World:
         noise: float,
         offset_spread: float | None = None,
         scale: float = 1.0,
-    ) -> World:
+    ) -> DeformableTarget:
         """The target as drawn, free to depart from it.
 
         Args:
@@ -147,7 +147,7 @@ class World:
             kinds[part.place] = 2
         return kinds
 
-    def with_spreads(self, variance: FloatArray) -> World:
+    def with_spreads(self, variance: FloatArray) -> DeformableTarget:
         """The same target, each kind of parameter pulled to zero as firmly as it shows itself.
 
         Expectation and maximisation: a kind's variance is the mean of what was found squared and
@@ -166,12 +166,12 @@ class World:
             spread[own] = np.sqrt((found + _USUAL_SPREAD**2) / (own.sum() + 1))
         return replace(self, spread=spread)
 
-    def with_noise(self, noise: float, offset_spread: float | None) -> World:
+    def with_noise(self, noise: float, offset_spread: float | None) -> DeformableTarget:
         """The same target under pulls that follow another noise, pixels, and offsets' spread."""
         weight = 0.0 if offset_spread is None else noise / offset_spread
         return replace(self, noise=noise, offset_weight=weight)
 
-    def select(self, rows: IntArray) -> World:
+    def select(self, rows: IntArray) -> DeformableTarget:
         """The same target for the pairs of some rows (n,); what is free stays as it is."""
         parts = []
         for part in self.parts:
@@ -186,11 +186,11 @@ class World:
             corner=self.corner[rows] if len(self.corner) else self.corner,
         )
 
-    def like(self, other: World) -> World:
+    def like(self, other: DeformableTarget) -> DeformableTarget:
         """These pairs' points under the shapes, places and offsets of another selection."""
         return replace(self, parameters=other.parameters, offsets=other.offsets)
 
-    def started(self, other: World) -> World:
+    def started(self, other: DeformableTarget) -> DeformableTarget:
         """The same freedom, with shapes and places from where boards have them in another."""
         parameters, spread = self.parameters.copy(), self.spread.copy()
         theirs = {part.board: part for part in other.parts}
@@ -221,7 +221,7 @@ class World:
         rotation = rotation_from_vector(place[:3])
         return part.middle + (points - part.middle) @ rotation.T + place[3:] * part.size
 
-    def moved(self, parameters: FloatArray, offsets: FloatArray) -> World:
+    def moved(self, parameters: FloatArray, offsets: FloatArray) -> DeformableTarget:
         """The same target after steps (S,) and (Q, 3)."""
         return replace(
             self, parameters=self.parameters + parameters, offsets=self.offsets + offsets
