@@ -100,7 +100,7 @@ def know(
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
         noise = max(noise_px(miss), 1e-3)
-        world = DeformableTarget.drawn(
+        world = DeformableTarget.from_nominal(
             pairs, target, noise=noise, offset_spread=spread, scale=scale
         )
     result = fit_cubic(

@@ -211,12 +211,12 @@ def _sharp(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustmen
 
 def left_out(evidence: FitEvidence) -> list[Finding]:
     """Why photos, or boards in photos, do not fit the lens of the others."""
-    pairs, fit, drawing = evidence.pairs, evidence.fit, evidence.drawing
+    pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.nominal
     mirrored = {name for one in handed(pairs) for name in one.images}
     names = _left_out(pairs, fit, evidence.dropped) - mirrored
     photos = np.flatnonzero([name in names for name in pairs.images])
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
-    scaled = pairs.with_world(pairs.world / drawing.scale)
+    scaled = pairs.with_world(pairs.world / nominal.scale)
     findings: list[Finding] = []
     unfit = np.array([p for p in photos if pairs.images[p] in fit.reference.unfit], np.intp)
     if unfit.size:
@@ -224,11 +224,11 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
         if own is not None:
             findings.append(own)
             photos = np.array([p for p in photos if pairs.images[p] not in own.images], np.intp)
-    target, tried = drawing.target, photos[:_MOST_LEFT_OUT]
+    target, tried = nominal.target, photos[:_MOST_LEFT_OUT]
     if target is None:
         return findings
     singly = (select_photos(scaled, np.array([photo])) for photo in tried)
-    faults = [board_fault(camera, one, target, drawing.scale, noise) for one in singly]
+    faults = [board_fault(camera, one, target, nominal.scale, noise) for one in singly]
 
     def is_usual(name: str, times: int) -> bool:
         """Whether so many of the photos that were tried show it of nearly all there are."""

@@ -101,7 +101,11 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
     """Two groups of photos with a lens each, in place of one lens for all."""
     together, stated = rms_px(evidence.fit.cubic.residual), _stated_px(evidence.uncertainty)
     # A target that is free may bend to two lenses: as drawn it does not.
-    fits = (evidence.fit,) if evidence.fit is evidence.drawn else (evidence.fit, evidence.drawn)
+    fits = (
+        (evidence.fit,)
+        if evidence.fit is evidence.nominal_fit
+        else (evidence.fit, evidence.nominal_fit)
+    )
     for fit in fits:
         own = lenses_of(fit)
         split = best_split(own)

@@ -23,7 +23,7 @@ from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
 from cubicfish_cli.fitting.local_noise import local_noise_px, neighbours, times_noise
 from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.radial_reference import fit_radial
-from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
+from cubicfish_cli.fitting.refinement import NominalTarget, TargetFit, refine_object
 from cubicfish_cli.fitting.robust import noise_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import mean_rotation
@@ -143,11 +143,11 @@ def _relative(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None
 
 def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     """What is wrong with the drawing, where the target as fitted shows it."""
-    fit, drawing = evidence.fit, evidence.drawing
-    if drawing.target is None or len(drawing.target.boards) < 2:
+    fit, nominal = evidence.fit, evidence.nominal
+    if nominal.target is None or len(nominal.target.boards) < 2:
         return []
     if fit.level != "off":
-        found = _of_refined(evidence.drawn, fit, drawing)
+        found = _of_refined(evidence.nominal_fit, fit, nominal)
         return [replace(finding, severity=Severity.CARE) for finding in found]
     pairs, residual = fit.reference.pairs, fit.cubic.residual
     times = times_noise(pairs, residual)
@@ -158,7 +158,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     found = []
     for photos in (few, everyone)[: 1 + (len(few) < len(everyone))]:
         part = fit_of_few(fit, photos)
-        own = drawing.of(part.reference.pairs)
+        own = nominal.of(part.reference.pairs)
         refined = refine_object(part, own, "shape", ())
         found = _of_refined(part, refined, own)
         if not found:
@@ -166,14 +166,14 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     return found
 
 
-def _of_refined(drawn: TargetFit, refined: TargetFit, drawing: Drawing) -> list[Finding]:
+def _of_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) -> list[Finding]:
     """What is wrong with the drawing, where the target is free to be otherwise."""
-    target, real = drawing.target, refined.refined_target(drawing)
+    target, real = nominal.target, refined.refined_target(nominal)
     before, after = rms_px(drawn.cubic.errors), rms_px(refined.cubic.errors)
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:
         return []
     measured = {}
-    for index in np.unique(drawing.pairs.board).tolist():
+    for index in np.unique(nominal.pairs.board).tolist():
         measured[index] = real.boards[index].world_points(*target.boards[index].places())
     fault = object_fault(target, measured)
     if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):

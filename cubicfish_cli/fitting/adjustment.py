@@ -139,7 +139,7 @@ def adjust(
         FitError: the start itself sees a point at infinity.
 
     """
-    state = State(lens, poses, DeformableTarget(as_drawn=pairs.world) if world is None else world)
+    state = State(lens, poses, DeformableTarget(nominal=pairs.world) if world is None else world)
     if known is not None and abs(huber_px / known.huber_px - 1) < _SAME_LIMIT:
         huber_px = known.huber_px
     now = _known(known, state, pairs, huber_px) or _evaluated(state, pairs, huber_px)

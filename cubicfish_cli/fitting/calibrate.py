@@ -29,7 +29,12 @@ from cubicfish_cli.fitting.radial_reference import (
     fit_radial,
     terms_beyond,
 )
-from cubicfish_cli.fitting.refinement import Drawing, TargetFit, as_drawn, to_the_bottom
+from cubicfish_cli.fitting.refinement import (
+    NominalTarget,
+    TargetFit,
+    fit_nominal_target,
+    to_the_bottom,
+)
 from cubicfish_cli.fitting.rejection import (
     dropped_corners,
     strays,
@@ -141,14 +146,14 @@ class _Fitted:
     """What was fitted, before it is said how good it is.
 
     Attributes:
-        drawn: the fit to the target as drawn.
+        nominal_fit: the fit to the target as drawn.
         selected: the model that was selected.
         dropped: corners that were left out.
         scale: the target's units in one unit of the fit.
 
     """
 
-    drawn: TargetFit
+    nominal_fit: TargetFit
     selected: SelectedModel
     dropped: tuple[DroppedCorner, ...]
     scale: float
@@ -168,20 +173,20 @@ def _fitted(
     rough, gross, gross_error = without_gross(reference)
     rough = without_noisy(rough)
     _refuse_undetermined(rough.reference)
-    drawing = Drawing(target=target, pairs=rough.reference.pairs, scale=scale)
-    drawn = as_drawn(rough, drawing)
-    selected = select_model(drawn, drawing, refine_target, hold_out, stages)
+    nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
+    nominal_fit = fit_nominal_target(rough, nominal)
+    selected = select_model(nominal_fit, nominal, refine_target, hold_out, stages)
     seen, residual = selected.fit.reference.pairs, selected.fit.cubic.residual
     astray = strays(seen, residual)
     if astray.any():
         selected = selected.without(astray)
     if target is not None:
-        gross = renamed(gross, target, selected.drawing.renamed)
+        gross = renamed(gross, target, selected.nominal.renamed)
     dropped = dropped_corners(gross, gross_error)
     dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
     fit = to_the_bottom(selected.fit)
     return _Fitted(
-        drawn=fit if fit.level == "off" else drawn,
+        nominal_fit=fit if fit.level == "off" else nominal_fit,
         selected=replace(selected, fit=fit),
         dropped=dropped,
         scale=scale,
@@ -192,10 +197,10 @@ def _assessed(
     fitted: _Fitted, pairs: Observations, target: Target | None, diagnose: Diagnose | None
 ) -> Calibration:
     selected, scale = fitted.selected, fitted.scale
-    fit, drawing, held_out = selected.fit, selected.drawing, selected.held_out
+    fit, nominal, held_out = selected.fit, selected.nominal, selected.held_out
     cubic, reference = fit.cubic, fit.reference
-    used = drawing.pairs_at(fit.level).with_world(reference.pairs.world * scale)
-    refined = fit.refined_target(drawing)
+    used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
+    refined = fit.refined_target(nominal)
     camera = CubicCamera(
         image_size=pairs.image_size,
         P=cubic.lens.P,
@@ -223,9 +228,9 @@ def _assessed(
             FitEvidence(
                 pairs=pairs,
                 target=target,
-                drawn=fitted.drawn,
+                nominal_fit=fitted.nominal_fit,
                 fit=fit,
-                drawing=drawing,
+                nominal=nominal,
                 dropped=[(corner.image, corner.board) for corner in dropped],
                 uncertainty=uncertainty,
             )
@@ -246,7 +251,7 @@ def _assessed(
         companion_held_out_rms_px=left_out.companion_rms_px if left_out else np.nan,
         refine_target=fit.level,
         held_out_by_level=tried,
-        renamed_images=tuple(drawing.renamed),
+        renamed_images=tuple(nominal.renamed),
         departures=departed,
         rank=_rank(reference, cubic),
         covered_deg=covered_deg,
@@ -274,7 +279,7 @@ def _assessed(
         runners_up=cubic.runners_up,
         unfit=reference.unfit,
         target=refined,
-        renamed=drawing.renamed,
+        renamed=nominal.renamed,
         notes=notes,
     )
 

@@ -65,7 +65,7 @@ class DeformableTarget:
     """World points that follow the boards' shapes and places, and corners' own offsets.
 
     Attributes:
-        as_drawn: (N, 3) world point of each pair in the drawing.
+        nominal: (N, 3) world point of each pair in the drawing.
         parts: the boards that were seen; none of a target that stays as drawn.
         parameters: (S,) relative to each board's half diagonal; zero is the drawing.
         spread: (S,) standard deviation of each parameter's pull to zero.
@@ -76,7 +76,7 @@ class DeformableTarget:
 
     """
 
-    as_drawn: FloatArray
+    nominal: FloatArray
     parts: tuple[BoardPart, ...] = ()
     parameters: FloatArray = field(default_factory=lambda: np.zeros(0))
     spread: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -91,7 +91,7 @@ class DeformableTarget:
         return bool(self.parts)
 
     @classmethod
-    def drawn(
+    def from_nominal(
         cls,
         pairs: Observations,
         target: Target,
@@ -128,7 +128,7 @@ class DeformableTarget:
             unique, corner = np.unique(keys, axis=0, return_inverse=True)
             corner, count = corner.reshape(-1), len(unique)
         return cls(
-            as_drawn=pairs.world,
+            nominal=pairs.world,
             parts=tuple(parts),
             parameters=np.zeros(len(spread)),
             spread=np.array(spread),
@@ -175,13 +175,13 @@ class DeformableTarget:
         """The same target for the pairs of some rows (n,); what is free stays as it is."""
         parts = []
         for part in self.parts:
-            place = np.full(len(self.as_drawn), -1, np.intp)
+            place = np.full(len(self.nominal), -1, np.intp)
             place[part.pairs] = np.arange(len(part.pairs))
             own = np.flatnonzero(place[rows] >= 0)
             parts.append(replace(part, pairs=own, basis=part.basis[place[rows[own]]]))
         return replace(
             self,
-            as_drawn=self.as_drawn[rows],
+            nominal=self.nominal[rows],
             parts=tuple(parts),
             corner=self.corner[rows] if len(self.corner) else self.corner,
         )
@@ -206,7 +206,7 @@ class DeformableTarget:
     @cached_property
     def points(self) -> FloatArray:
         """(N, 3) world point of each pair."""
-        points = self.as_drawn.copy()
+        points = self.nominal.copy()
         if len(self.corner):
             points += self.offsets[self.corner]
         for part in self.parts:

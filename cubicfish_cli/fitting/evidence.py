@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish_cli.assess.uncertainty import UncertaintyGrid
-from cubicfish_cli.fitting.refinement import Drawing, TargetFit
+from cubicfish_cli.fitting.refinement import NominalTarget, TargetFit
 from cubicfish_cli.fitting.subset import select_photos, world_scale
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.target import Target
@@ -66,17 +66,17 @@ class FitEvidence(CornerEvidence):
     """Corners with their fit.
 
     Attributes:
-        drawn: the fit to the target as drawn.
+        nominal_fit: the fit to the target as drawn.
         fit: the final fit.
-        drawing: the target as drawn.
+        nominal: the target as drawn.
         dropped: photo and board of each corner that was left out as grossly wrong.
         uncertainty: what is stated of the camera.
 
     """
 
-    drawn: TargetFit
+    nominal_fit: TargetFit
     fit: TargetFit
-    drawing: Drawing
+    nominal: NominalTarget
     dropped: Sequence[tuple[str, str | None]]
     uncertainty: UncertaintyGrid
 

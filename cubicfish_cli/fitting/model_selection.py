@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.held_out import HeldOut, held_out_error
 from cubicfish_cli.fitting.lenses import CubicFit
 from cubicfish_cli.fitting.orientation import oriented
 from cubicfish_cli.fitting.prior_choice import FIRMEST, RADIAL
-from cubicfish_cli.fitting.refinement import LEVELS, Drawing, Level, TargetFit, refine_object
+from cubicfish_cli.fitting.refinement import LEVELS, Level, NominalTarget, TargetFit, refine_object
 from cubicfish_cli.fitting.rejection import without
 from cubicfish_cli.fitting.stages import Stage, Stages
 from cubicfish_cli.types import BoolArray
@@ -25,7 +25,7 @@ _STAGES: dict[Level, tuple[Stage, Stage]] = {
     "points": ("points", "points held out"),
 }
 RefineTarget = Literal["off", "shape", "points", "auto"]
-Judged = tuple[TargetFit, HeldOut | None, Drawing]
+Judged = tuple[TargetFit, HeldOut | None, NominalTarget]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,22 +34,22 @@ class SelectedModel:
 
     Attributes:
         fit: the fit.
-        drawing: the target as drawn; its pairs have the fit's names.
+        nominal: the target as drawn; its pairs have the fit's names.
         held_out: the held-out error at each level that was judged; None where photos are too few.
         refused: richer fits that did not lower the held-out error enough.
 
     """
 
     fit: TargetFit
-    drawing: Drawing
+    nominal: NominalTarget
     held_out: Mapping[Level, HeldOut | None]
     refused: tuple[TargetFit, ...] = ()
 
     def without(self, wrong: BoolArray) -> SelectedModel:
         """The same without some of the pairs: ``wrong`` (N,)."""
         held_out = {level: error and error.of(~wrong) for level, error in self.held_out.items()}
-        drawing = self.drawing.of(self.drawing.pairs.select(~wrong))
-        return replace(self, fit=without(self.fit, wrong), drawing=drawing, held_out=held_out)
+        nominal = self.nominal.of(self.nominal.pairs.select(~wrong))
+        return replace(self, fit=without(self.fit, wrong), nominal=nominal, held_out=held_out)
 
     @property
     def in_doubt(self) -> list[tuple[CubicFit, float]]:
@@ -67,13 +67,17 @@ class SelectedModel:
 
 
 def select_model(
-    fit: TargetFit, drawing: Drawing, refine_target: RefineTarget, hold_out: bool, stages: Stages
+    fit: TargetFit,
+    nominal: NominalTarget,
+    refine_target: RefineTarget,
+    hold_out: bool,
+    stages: Stages,
 ) -> SelectedModel:
     """Refine the target up to the level asked for, or as far as held-out photos gain by it.
 
     Args:
         fit: the fit to the target as drawn.
-        drawing: the target as drawn, with that fit's pairs.
+        nominal: the target as drawn, with that fit's pairs.
         refine_target: how far.
         hold_out: whether the held-out error is measured, which ``auto`` goes by.
         stages: told of each step.
@@ -84,14 +88,14 @@ def select_model(
     """
     measured: dict[Level, HeldOut | None] = {}
     auto = refine_target == "auto"
-    if auto and (drawing.target is None or not hold_out):
+    if auto and (nominal.target is None or not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
         fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
-    if drawing.target is None or refine_target == "off" or (auto and measured["off"] is None):
-        return SelectedModel(fit=fit, drawing=drawing, held_out=measured)
+    if nominal.target is None or refine_target == "off" or (auto and measured["off"] is None):
+        return SelectedModel(fit=fit, nominal=nominal, held_out=measured)
     groups = folds_of(fit.reference)
-    reached, named = fit, drawing
+    reached, named = fit, nominal
     refused: list[TargetFit] = []
     for level in LEVELS[1:]:
         fitting, holding = _STAGES[level]
@@ -114,10 +118,10 @@ def select_model(
         if auto and not _gains(error, measured[fit.level]):
             refused.append(reached)
             continue
-        fit, drawing, refused = reached, named, []
+        fit, nominal, refused = reached, named, []
         if level == refine_target:
             break
-    return SelectedModel(fit=fit, drawing=drawing, held_out=measured, refused=tuple(refused))
+    return SelectedModel(fit=fit, nominal=nominal, held_out=measured, refused=tuple(refused))
 
 
 def _gains(richer: HeldOut | None, poorer: HeldOut | None) -> bool:

@@ -25,7 +25,7 @@ from cubicfish_cli.fitting.deformable_target import DeformableTarget
 from cubicfish_cli.fitting.linearise import runs_linearised
 from cubicfish_cli.fitting.normal_equations import summed_by_corner
 from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import Drawing, TargetFit, free_target
+from cubicfish_cli.fitting.refinement import NominalTarget, TargetFit, free_target
 from cubicfish_cli.fitting.robust import huber_px, noise_px
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.placement import Symmetry, chosen, symmetries
@@ -44,27 +44,27 @@ _STARTS = 30
 _SWEEPS = 50
 
 
-def oriented(fit: TargetFit, drawing: Drawing) -> list[tuple[TargetFit, Drawing]]:
+def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, NominalTarget]]:
     """A fit and its drawing, and again with each photo named as goes with the other photos.
 
     Args:
         fit: below the level ``points``.
-        drawing: the target as drawn, with the pairs of ``fit``.
+        nominal: the target as drawn, with the pairs of ``fit``.
 
     Returns:
         The two that were given; then, where other names are likelier, those with other names and
         the poses that leave all corners where they were.
 
     """
-    given, target = (fit, drawing), drawing.target
+    given, target = (fit, nominal), nominal.target
     motions = symmetries(target) if target else ()
     if not motions or target is None:
         return [given]
-    pairs, poses, scale = drawing.pairs, fit.cubic.poses, drawing.scale
+    pairs, poses, scale = nominal.pairs, fit.cubic.poses, nominal.scale
     namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
     try:
-        way = _likeliest(fit, drawing, namings, turned, _products(motions))
+        way = _likeliest(fit, nominal, namings, turned, _products(motions))
     except np.linalg.LinAlgError:  # corners without any error: nothing pulls
         return [given]
     # What may be another corner altogether is left as it is.
@@ -77,7 +77,7 @@ def oriented(fit: TargetFit, drawing: Drawing) -> list[tuple[TargetFit, Drawing]
     adjusted = replace(fit.cubic.fit, poses=poses, sums=None)
     renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
     other = replace(fit, cubic=replace(fit.cubic, fit=adjusted))
-    return [given, (other, replace(drawing, pairs=chosen(namings, way), renamed=renamed))]
+    return [given, (other, replace(nominal, pairs=chosen(namings, way), renamed=renamed))]
 
 
 def _products(motions: Sequence[Symmetry]) -> IntArray:
@@ -92,7 +92,7 @@ def _products(motions: Sequence[Symmetry]) -> IntArray:
 
 def _likeliest(
     fit: TargetFit,
-    drawing: Drawing,
+    nominal: NominalTarget,
     namings: Sequence[Observations],
     turned: Sequence[Poses],
     products: IntArray,
@@ -100,18 +100,18 @@ def _likeliest(
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
     noise = noise_px(fit.cubic.residual)
     free = free_target(
-        drawing.of(Observations.stacked(namings)),
+        nominal.of(Observations.stacked(namings)),
         noise=noise,
         offset_spread=_SPREAD,
     )
     free = free.started(fit.cubic.fit.world)
-    count = len(drawing.pairs.image)
+    count = len(nominal.pairs.image)
     pulls = [
         _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
         for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
     ]
     found = _best(fit, free, pulls, products)
-    corners = np.bincount(drawing.pairs.image, minlength=len(fit.cubic.poses))
+    corners = np.bincount(nominal.pairs.image, minlength=len(fit.cubic.poses))
     return found.surely(noise, 2 * corners - 6)
 
 

@@ -61,7 +61,7 @@ def refine_poses(
     shot = body.shot_of(pairs.image)
     own_pairs = np.isin(shot, chosen)
     own, views = select(pairs, own_pairs)
-    world = DeformableTarget(as_drawn=candidate.world.points[own_pairs])
+    world = DeformableTarget(nominal=candidate.world.points[own_pairs])
     seen_from = np.searchsorted(chosen, body.shot[views])
     body = replace(body, camera=body.camera[views], shot=seen_from)
     poses = before[chosen]

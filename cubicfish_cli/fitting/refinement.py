@@ -42,7 +42,7 @@ _SPREAD_SETTLED = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drawing:
+class NominalTarget:
     """The target as drawn, and its pairs in units in which it is of order 1.
 
     Attributes:
@@ -68,7 +68,7 @@ class Drawing:
             return self.pairs
         return replace(self.pairs, tells_error=certain)
 
-    def of(self, pairs: Observations) -> Drawing:
+    def of(self, pairs: Observations) -> NominalTarget:
         """The same target for some of the pairs."""
         return replace(self, pairs=pairs)
 
@@ -88,22 +88,22 @@ class TargetFit:
     reference: RadialReference
     cubic: CubicResult
 
-    def refined_target(self, drawing: Drawing) -> Target | None:
+    def refined_target(self, nominal: NominalTarget) -> Target | None:
         """The target as fitted, in the target's units; the drawing itself at level ``off``."""
         world = self.cubic.fit.world
-        if drawing.target is None or not world.free:
-            return drawing.target
-        return world.refined_target(drawing.target, drawing.pairs, scale=drawing.scale)
+        if nominal.target is None or not world.free:
+            return nominal.target
+        return world.refined_target(nominal.target, nominal.pairs, scale=nominal.scale)
 
 
-def as_drawn(rough: TargetFit, drawing: Drawing) -> TargetFit:
+def fit_nominal_target(rough: TargetFit, nominal: NominalTarget) -> TargetFit:
     """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
 
     Raises:
         FitError: no prior gives a sound camera.
 
     """
-    pairs = weighed(drawing.pairs, rough.cubic.residual)
+    pairs = weighed(nominal.pairs, rough.cubic.residual)
     reference = refit_radial(rough.reference, pairs, rough.cubic.poses)
     groups = folds_of(reference)
     cubic = choose_prior(reference, groups, start=rough.cubic, everywhere=True)
@@ -111,13 +111,13 @@ def as_drawn(rough: TargetFit, drawing: Drawing) -> TargetFit:
 
 
 def refine_object(
-    fit: TargetFit, drawing: Drawing, level: Level, groups: Sequence[IntArray]
+    fit: TargetFit, nominal: NominalTarget, level: Level, groups: Sequence[IntArray]
 ) -> TargetFit:
     """Let the target depart from its drawing, as far as the pairs say, at the next level.
 
     Args:
         fit: a fit at a lower level, from whose camera and poses to start.
-        drawing: the target as drawn, with the pairs of ``fit``.
+        nominal: the target as drawn, with the pairs of ``fit``.
         level: ``shape`` or ``points``.
         groups: photos that are left out together to choose how P is held; see
             :func:`~cubicfish_cli.fitting.prior_choice.choose_prior`.
@@ -129,12 +129,12 @@ def refine_object(
         ValueError: the drawing is unknown.
 
     """
-    if drawing.target is None:
+    if nominal.target is None:
         raise ValueError("pairs without a target have no boards to refine")
     spread = FIRST_SPREAD if level == "points" else None
-    free = free_target(drawing, noise=noise_px(fit.cubic.errors), offset_spread=spread)
+    free = free_target(nominal, noise=noise_px(fit.cubic.errors), offset_spread=spread)
     free = free.started(fit.cubic.fit.world)
-    pairs = replace(drawing.pairs_at(level), weight=fit.reference.pairs.weight)
+    pairs = replace(nominal.pairs_at(level), weight=fit.reference.pairs.weight)
     # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
     # the loss's scale by.
     adjusted = adjust(
@@ -148,7 +148,7 @@ def refine_object(
     )
     adjusted, spread = estimate_spread(adjusted, pairs, spread)
     # With the target near its place: the reference anew, how P is held, then all at once.
-    pairs = weighed(drawing.pairs_at(level), adjusted.residual)
+    pairs = weighed(nominal.pairs_at(level), adjusted.residual)
     pairs = pairs.with_world(adjusted.world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = adjusted.world.with_noise(noise_px(adjusted.errors), spread)
@@ -164,16 +164,18 @@ def to_the_bottom(fit: TargetFit) -> TargetFit:
     return replace(fit, reference=reference, cubic=replace(cubic, runners_up=fit.cubic.runners_up))
 
 
-def free_target(drawing: Drawing, *, noise: float, offset_spread: float | None) -> DeformableTarget:
+def free_target(
+    nominal: NominalTarget, *, noise: float, offset_spread: float | None
+) -> DeformableTarget:
     """The target as drawn, free to depart from it."""
-    if drawing.target is None:
+    if nominal.target is None:
         raise ValueError("pairs without a target have no boards to refine")
-    return DeformableTarget.drawn(
-        drawing.pairs,
-        drawing.target,
+    return DeformableTarget.from_nominal(
+        nominal.pairs,
+        nominal.target,
         noise=noise,
         offset_spread=offset_spread,
-        scale=drawing.scale,
+        scale=nominal.scale,
     )
 
 

@@ -29,12 +29,12 @@ POSES = synthetic.poses_around(TARGET, 5, seed=2)
 
 
 def normal_equations(lens, poses, pairs, huber_px, world=None):
-    world = DeformableTarget(as_drawn=pairs.world) if world is None else world
+    world = DeformableTarget(nominal=pairs.world) if world is None else world
     return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).normal
 
 
 def cost(lens, poses, pairs, huber_px, world=None):
-    world = DeformableTarget(as_drawn=pairs.world) if world is None else world
+    world = DeformableTarget(nominal=pairs.world) if world is None else world
     return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).cost
 
 
@@ -87,7 +87,7 @@ def test_nothing_is_known_of_another_state(cubic):
         (replace(same, lens=other_lens), fit.pairs, fit.huber_px),
         (replace(same, poses=fit.poses.scaled(1.0)), fit.pairs, fit.huber_px),
         (
-            replace(same, world=DeformableTarget(as_drawn=fit.world.points + 1e-9)),
+            replace(same, world=DeformableTarget(nominal=fit.world.points + 1e-9)),
             fit.pairs,
             fit.huber_px,
         ),
@@ -143,7 +143,7 @@ def test_schur_complement_is_the_dense_step(pairs, cubic, level):
     poses = cubic.poses[np.arange(len(pairs.images))]
     world = None
     if level != "off":
-        world = DeformableTarget.drawn(
+        world = DeformableTarget.from_nominal(
             pairs, TARGET, noise=0.2, offset_spread=0.01 if level.startswith("points") else None
         )
     normal = normal_equations(cubic.lens, poses, pairs, 0.5, world)
@@ -153,7 +153,7 @@ def test_schur_complement_is_the_dense_step(pairs, cubic, level):
 
 
 def test_reduced_hessian_is_the_inverse_of_the_covariance(pairs, cubic):
-    world = DeformableTarget.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = DeformableTarget.from_nominal(pairs, TARGET, noise=0.2, offset_spread=0.01)
     normal = normal_equations(cubic.lens, cubic.poses, pairs, 0.5, world)
     count = len(normal.shared)
     blocks = block_diag(normal.shared, *normal.pose, *normal.corner)
@@ -262,7 +262,7 @@ def test_a_start_at_infinity_is_refused(pairs, cubic):
 
 
 def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
-    world = DeformableTarget.drawn(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = DeformableTarget.from_nominal(pairs, TARGET, noise=0.2, offset_spread=0.01)
     world = world.moved(np.zeros(len(world.parameters)), np.full(world.offsets.shape, 0.003))
     held = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world)
     free = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world.with_noise(0.2, 1e9))

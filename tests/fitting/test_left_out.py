@@ -23,7 +23,7 @@ from cubicfish_cli.fitting.prior_choice import (
     choose_prior,
 )
 from cubicfish_cli.fitting.radial_reference import fit_radial
-from cubicfish_cli.fitting.refinement import Drawing, TargetFit, refine_object
+from cubicfish_cli.fitting.refinement import NominalTarget, TargetFit, refine_object
 from cubicfish_cli.fitting.robust import huber_px
 from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.fitting.subset import select_photos, world_scale
@@ -50,7 +50,9 @@ def held(request, reference, target):
     level, world = request.param, None
     if level != "off":
         spread = 2e-3 if level == "points" else None
-        world = DeformableTarget.drawn(reference.pairs, target, noise=0.2, offset_spread=spread)
+        world = DeformableTarget.from_nominal(
+            reference.pairs, target, noise=0.2, offset_spread=spread
+        )
     return level, fit_cubic(reference, PRIOR, world=world, relative_decrease=1e-4)
 
 
@@ -78,7 +80,7 @@ def anew(fit, pairs, image_size, photos):
 def test_one_step_is_nearly_a_fit_anew(reference, target, level):
     pairs, world = reference.pairs, None
     if level != "off":
-        world = DeformableTarget.drawn(
+        world = DeformableTarget.from_nominal(
             pairs,
             target,
             noise=0.2,
@@ -225,8 +227,8 @@ def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, 
     fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
     if level == "points":
         scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
-        drawing = Drawing(target=target, pairs=reference.pairs, scale=scale)
-        fit = refine_object(fit, drawing, level, FOLDS)
+        nominal = NominalTarget(target=target, pairs=reference.pairs, scale=scale)
+        fit = refine_object(fit, nominal, level, FOLDS)
     found = held_out_error(fit)
     parts = photo_folds(fit.cubic.poses, reference.pairs, reference.camera.fx)
     pairs = fit.reference.pairs

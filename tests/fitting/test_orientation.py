@@ -13,7 +13,7 @@ from cubicfish_cli.fitting.calibration import Calibration
 from cubicfish_cli.fitting.evaluate import evaluate
 from cubicfish_cli.fitting.held_out import HeldOut
 from cubicfish_cli.fitting.model_selection import better_named
-from cubicfish_cli.fitting.refinement import Drawing
+from cubicfish_cli.fitting.refinement import NominalTarget
 from cubicfish_cli.placement import symmetries
 
 
@@ -85,15 +85,15 @@ def test_corners_that_may_be_others_keep_their_names() -> None:
 
 def test_names_that_photos_left_out_speak_against_are_not_taken() -> None:
     target = drawn(6, 4)
-    (fit, drawing) = (object(), Drawing(target=target, pairs=photos(6, 4, 0.1), scale=1.0))
+    (fit, nominal) = (object(), NominalTarget(target=target, pairs=photos(6, 4, 0.1), scale=1.0))
     given, better, worse = (
         HeldOut(square=np.full(4, px**2), radial_square=np.ones(4), image=np.arange(4), folds=3)
         for px in (0.2, 0.1, 0.3)
     )
     for likelier, taken in ((better, better), (worse, given), (None, given)):
-        judged = [(fit, given, drawing), (fit, likelier, drawing)]
+        judged = [(fit, given, nominal), (fit, likelier, nominal)]
         assert better_named(judged)[1] is taken
-    assert better_named([(fit, given, drawing)])[1] is given
+    assert better_named([(fit, given, nominal)])[1] is given
 
 
 def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:

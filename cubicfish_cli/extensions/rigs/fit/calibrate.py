@@ -41,8 +41,8 @@ from cubicfish_cli.fitting.poses import Poses
 from cubicfish_cli.fitting.refinement import (
     FIRST_SPREAD,
     LEVELS,
-    Drawing,
     Level,
+    NominalTarget,
     estimate_spread,
     free_target,
 )
@@ -224,10 +224,10 @@ def calibrate_rig(
         level = max((one.level for one in singly), key=LEVELS.index)
         drawn = target.world_points(pairs.board, pairs.column, pairs.row)
         pairs = pairs.with_world((drawn - origin) / scale)
-    drawing = Drawing(target=target and target.moved(-origin), pairs=pairs, scale=scale)
+    nominal = NominalTarget(target=target and target.moved(-origin), pairs=pairs, scale=scale)
     moved: list[Moved] = []
     while True:
-        fit, on_time, clocks = _fitted(singly, lens, poses, drawing, moving, level)
+        fit, on_time, clocks = _fitted(singly, lens, poses, nominal, moving, level)
         evidence = RigEvidence(
             names=names,
             fit=fit,
@@ -254,8 +254,8 @@ def calibrate_rig(
     if progress is not None:
         progress("how certain it is", 0.95)
     refined = target
-    if drawing.target is not None and fit.world.free:
-        nearby = fit.world.refined_target(drawing.target, evidence.pairs, scale=scale)
+    if nominal.target is not None and fit.world.free:
+        nearby = fit.world.refined_target(nominal.target, evidence.pairs, scale=scale)
         refined = nearby.moved(origin)
     placed, poses, held_out_px = _judged(evidence, singly, level, origin, target)
     found_wrong = diagnose(evidence) if diagnose is not None else ()
@@ -282,7 +282,7 @@ def _fitted(
     singly: Sequence[Alone],
     lens: RigLens,
     poses: Poses,
-    drawing: Drawing,
+    nominal: NominalTarget,
     moving: Moving | None,
     level: Level,
 ) -> tuple[Adjustment[RigLens], Observations, Clocks | None]:
@@ -293,17 +293,17 @@ def _fitted(
         all count alike, and what clocks say.
 
     """
-    pairs, rough = drawing.pairs, _ROUGH_DECREASE
+    pairs, rough = nominal.pairs, _ROUGH_DECREASE
     held = lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
     fit = adjust(held, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=rough)
     fit = fit.again(pairs, relative_decrease=rough)
     clocks = None
     if moving is not None:
         fit, pairs, clocks = _on_time(fit, pairs, moving)
-    pairs = replace(pairs, tells_error=drawing.pairs_at(level).tells_error)
+    pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
-        world = free_target(drawing.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
+        world = free_target(nominal.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
         fit, spread = estimate_spread(fit, pairs, spread)
     # Photos that are not quite of one moment, too, say less than others.

@@ -456,7 +456,7 @@ def small_rig() -> tuple[RigLens, Poses, Observations]:
 
 def test_derivatives_of_a_rig_are_those_of_differences() -> None:
     lens, poses, pairs = small_rig()
-    world = DeformableTarget(as_drawn=pairs.world)
+    world = DeformableTarget(nominal=pairs.world)
     run = slice(24, 60)  # of the second camera
     terms = linearised(lens, poses, world, pairs, run)
     step = 1e-6
