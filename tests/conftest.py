@@ -5,6 +5,7 @@ What fits is loaded where it is asked for: the process that hands tests out to o
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -25,6 +26,10 @@ if sys.dont_write_bytecode:
     sys.pycache_prefix = str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
     os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# Modules and tests stay as long as the process: to search them for garbage while they are
+# collected, and beside each test, takes a quarter of that time and a fifteenth of the tests'.
+gc.disable()
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -51,6 +56,11 @@ settings.load_profile("untimed")
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("markexpr") == "not slow":
         settings.load_profile("quick")
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture
