@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.errors import CubicfishError
@@ -31,10 +32,12 @@ class Extension:
 
     Attributes:
         commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named.
+        words: a file of its sentences, as words/catalogue.toml has them.
 
     """
 
     commands: Mapping[str, str]
+    words: Path | None = None
 
 
 def load_place(place: str) -> Any:

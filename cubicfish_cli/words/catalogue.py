@@ -1,4 +1,4 @@
-"""The sentences of ``catalogue.toml``, read once."""
+"""The sentences of ``catalogue.toml``, and those of extensions, read once."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
+from cubicfish_cli.extension import extensions
 from cubicfish_cli.words.codes import Remedy
 
 _FILE = Path(__file__).with_name("catalogue.toml")
@@ -47,6 +48,10 @@ class Catalogue(NamedTuple):
 def catalogue() -> Catalogue:
     """The templates, with the parts that they share filled in."""
     data = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+    for one in extensions():
+        if one.words is not None:
+            for table, own in tomllib.loads(one.words.read_text(encoding="utf-8")).items():
+                data[table] |= own
     parts: dict[str, str] = data["parts"] | {
         f"{table}_{key}": text
         for table, own in data["phrases"].items()

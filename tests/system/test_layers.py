@@ -17,7 +17,7 @@ FOR_ALL = {"errors", "types", "units", "angles", "geometry", "threads", "wording
 ALLOWED: dict[str, set[str]] = {
     **{part: set() for part in FOR_ALL},
     "extension": set(),
-    "words": set(),
+    "words": {"extension"},
     "listener": {"words"},
     "arrays": set(),
     "files": set(),

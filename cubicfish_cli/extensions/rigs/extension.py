@@ -1,5 +1,10 @@
 """What the extension adds."""
 
+from pathlib import Path
+
 from cubicfish_cli.extension import Extension
 
-EXTENSION = Extension(commands={"rig": "cubicfish_cli.extensions.rigs.group:command"})
+EXTENSION = Extension(
+    commands={"rig": "cubicfish_cli.extensions.rigs.group:command"},
+    words=Path(__file__).with_name("words.toml"),
+)
