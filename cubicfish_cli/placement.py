@@ -44,25 +44,32 @@ class Placement:
     Attributes:
         board: (S,) index into the target's boards.
         turn: (S,) index into :data:`TURNS`.
-        matrix: (S, 2, 2) that turn.
         size: (S, 2) columns and rows of the board.
         square: (S,) side of its squares, in the target's units.
         origin: (S, 3) world position of its corner (0, 0).
         axes: (S, 3, 2) world directions of growing column and growing row.
-        frame: (S, 3, 3) world directions of the grid's i, j and of i x j.
         colour: (S,) +1 when the square down-right of corner (0, 0) is light, else -1.
 
     """
 
     board: IntArray
     turn: IntArray
-    matrix: IntArray
     size: IntArray
     square: FloatArray
     origin: FloatArray
     axes: FloatArray
-    frame: FloatArray
     colour: IntArray
+
+    @cached_property
+    def matrix(self) -> IntArray:
+        """(S, 2, 2) the turn of each."""
+        return TURNS[self.turn]
+
+    @cached_property
+    def frame(self) -> FloatArray:
+        """(S, 3, 3) world directions of the grid's i, j and of i x j."""
+        ij = self.axes @ self.matrix
+        return np.concatenate([ij, np.cross(ij[..., 0], ij[..., 1])[..., None]], axis=-1)
 
     @property
     def sizes_seen(self) -> IntArray:
@@ -167,20 +174,14 @@ def placement_of(target: Target) -> Placement:
         if board.has_squares
     ]  # fmt: skip
     board = np.repeat(np.array(boards, np.intp), 4)
-    turn = np.tile(np.arange(4), len(boards))
     each = [target.boards[index] for index in board]
-    matrix = TURNS[turn]
-    axes = np.array([np.column_stack([one.x_axis, one.y_axis]) for one in each]).reshape(-1, 3, 2)
-    ij = axes @ matrix
     return Placement(
         board=board,
-        turn=turn,
-        matrix=matrix,
+        turn=np.tile(np.arange(4), len(boards)),
         size=np.array([(one.columns, one.rows) for one in each], np.intp).reshape(-1, 2),
         square=np.array([one.square for one in each]),
         origin=np.array([one.origin for one in each]).reshape(-1, 3),
-        axes=axes,
-        frame=np.concatenate([ij, np.cross(ij[..., 0], ij[..., 1])[..., None]], axis=-1),
+        axes=np.array([np.column_stack([o.x_axis, o.y_axis]) for o in each]).reshape(-1, 3, 2),
         # The squares up-left and down-right of a corner have one colour.
         colour=np.array([1 if one.first_square == "light" else -1 for one in each], np.intp),
     )

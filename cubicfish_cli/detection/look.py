@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, lru_cache, partial
 from pathlib import Path
 
@@ -29,6 +29,8 @@ from cubicfish_cli.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.target import Target
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
+
+_OF_GRID = [field.name for field in fields(Grid)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +63,7 @@ class GridCache:
                 width, height = (int(side) for side in entry["image_size"])
                 return FoundGrids(
                     grids=tuple(
-                        Grid(
-                            cells=entry[f"cells_{index}"],
-                            pixel=entry[f"pixel_{index}"],
-                            parity=int(entry["parity"][index]),
-                            step=float(entry["step"][index]),
-                            contrast=entry[f"contrast_{index}"],
-                        )
+                        Grid(**{name: entry[f"{name}_{index}"][()] for name in _OF_GRID})
                         for index in range(count)
                     ),
                     refused=entry["refused"],
@@ -82,7 +78,7 @@ class GridCache:
         parts = {
             f"{name}_{index}": getattr(grid, name)
             for index, grid in enumerate(grids)
-            for name in ("cells", "pixel", "contrast")
+            for name in _OF_GRID
         }
         try:
             with whole_file(self.folder / f"{key}.npz", overwrite=True) as temporary:
@@ -90,8 +86,6 @@ class GridCache:
                     temporary,
                     key=key,
                     count=len(grids),
-                    parity=np.array([grid.parity for grid in grids], int),
-                    step=np.array([grid.step for grid in grids], float),
                     refused=found.refused,
                     image_size=np.array(found.image_size),
                     allow_pickle=False,

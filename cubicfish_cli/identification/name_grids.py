@@ -314,7 +314,7 @@ def built_sides(sides: Placement, sightings: Sequence[Sighting]) -> Placement:
 
     Boards without a sighting stay where they are.
     """
-    origin, axes, frame = sides.origin.copy(), sides.axes.copy(), sides.frame.copy()
+    origin, axes = sides.origin.copy(), sides.axes.copy()
     for board in {one.board for one in sightings}:
         own = [one for one in sightings if one.board == board]
         _, weight, turned, place, point = map(np.array, zip(*own, strict=True))
@@ -322,9 +322,7 @@ def built_sides(sides: Placement, sightings: Sequence[Sighting]) -> Placement:
         rows = np.flatnonzero(sides.board == board)
         origin[rows] = np.average(point - place @ mean[:, :2].T, axis=0, weights=weight)
         axes[rows] = mean[:, :2]
-        ij = axes[rows] @ sides.matrix[rows]
-        frame[rows] = np.concatenate([ij, np.cross(ij[..., 0], ij[..., 1])[..., None]], axis=-1)
-    return replace(sides, origin=origin, axes=axes, frame=frame)
+    return replace(sides, origin=origin, axes=axes)
 
 
 def _off_the_drawing(scene: Scene, decisions: Decisions) -> bool:
