@@ -13,14 +13,12 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     ROUGH_DECREASE,
     WORTH,
     PhotoLenses,
-    enough_photos,
     fit_of_few,
     invertible,
     lenses_of,
     mean_of,
     noticed_px,
     photo_lenses,
-    spread_out,
 )
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
@@ -114,7 +112,6 @@ def _without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
     """What each photo has of its own beside a lens that was fitted without some."""
     pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
-    good = spread_out(good, 2 * enough_photos(len(good)))
     few = fit_of_few(fit, good)
     cubic = fit_cubic(
         few.reference, few.cubic.prior, start=few.cubic, relative_decrease=ROUGH_DECREASE

@@ -21,8 +21,6 @@ from cubicfish_cli.fitting.subset import select_photos
 from cubicfish_cli.observations import Observations
 from cubicfish_cli.types import FloatArray, IntArray
 
-_FEWEST = 30
-_SHARE = 0.05
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5
 LENS = slice(0, 3)
@@ -43,18 +41,6 @@ ROUGH_DECREASE = 1e-4
 def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
     """Pixels that a person would notice, by those in a photo of 2000."""
     return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
-
-
-def enough_photos(count: int) -> int:
-    """So many of ``count`` photos are looked at first: all of few, a small share of many."""
-    return min(count, max(_FEWEST, round(_SHARE * count)))
-
-
-def spread_out(photos: IntArray, most: int) -> IntArray:
-    """At most so many of some photos, from all parts of their order."""
-    if len(photos) <= most:
-        return photos
-    return photos[np.linspace(0, len(photos) - 1, most).round().astype(np.intp)]
 
 
 def fit_of_few(fit: TargetFit, photos: IntArray) -> TargetFit:

@@ -18,12 +18,9 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     ROUGH_DECREASE,
     WORTH,
     PhotoLenses,
-    enough_photos,
-    fit_of_few,
     lenses_of,
     mean_of,
     noticed_px,
-    spread_out,
 )
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.cubic_fit import fit_cubic
@@ -107,16 +104,9 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
         else (evidence.fit, evidence.nominal_fit)
     )
     for fit in fits:
-        own = lenses_of(fit)
-        split = best_split(own)
+        split = best_split(lenses_of(fit))
         if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
             continue
-        few = _of_each(own, split)
-        # A few of each group tell whether there are two lenses, all of them which photos are whose.
-        if len(few) < len(own.photos):
-            part = fit_of_few(fit, own.photos[few])
-            if _followed(part, rms_px(part.cubic.residual), stated) is None:
-                continue
         found = _followed(fit, together, stated)
         if found is not None:
             return [found]
@@ -127,14 +117,6 @@ def _stated_px(uncertainty: UncertaintyGrid) -> float:
     """One standard deviation of the camera: of its pixels, or of its centre if that is more."""
     known = (uncertainty.median_px, *uncertainty.principal_point_px)
     return max((one for one in known if np.isfinite(one)), default=0.0)
-
-
-def _of_each(photos: PhotoLenses, split: TwoLenses) -> IntArray:
-    """Places in ``photos`` of enough photos, half of them of each group where it has as many."""
-    enough = enough_photos(len(photos.photos))
-    groups = [np.flatnonzero(split.second == second) for second in (False, True)]
-    least = min(enough // 2, *map(len, groups))
-    return np.sort(np.concatenate([spread_out(group, enough - least) for group in groups]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

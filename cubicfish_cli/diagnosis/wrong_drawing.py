@@ -18,7 +18,6 @@ import numpy as np
 from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.diagnosis.mirrored import in_mirror, richest
 from cubicfish_cli.diagnosis.object_faults import Fault, object_fault
-from cubicfish_cli.diagnosis.photo_lenses import enough_photos, fit_of_few, spread_out
 from cubicfish_cli.fitting.evidence import FailedFit, FitEvidence
 from cubicfish_cli.fitting.local_noise import local_noise_px, neighbours, times_noise
 from cubicfish_cli.fitting.poses import Poses
@@ -153,17 +152,8 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     times = times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
         return []
-    everyone = np.arange(len(pairs.images))
-    few = spread_out(everyone, enough_photos(len(everyone)))
-    found = []
-    for photos in (few, everyone)[: 1 + (len(few) < len(everyone))]:
-        part = fit_of_few(fit, photos)
-        own = nominal.of(part.reference.pairs)
-        refined = refine_object(part, own, "shape", ())
-        found = _of_refined(part, refined, own)
-        if not found:
-            break
-    return found
+    own = nominal.of(pairs)
+    return _of_refined(fit, refine_object(fit, own, "shape", ()), own)
 
 
 def _of_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) -> list[Finding]:

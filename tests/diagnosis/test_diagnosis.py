@@ -27,8 +27,6 @@ from cubicfish_cli.diagnosis.other_lens import LensChange, failed_lens, left_out
 from cubicfish_cli.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
-    enough_photos,
-    spread_out,
 )
 from cubicfish_cli.diagnosis.two_lenses import best_split, left_out_share
 from cubicfish_cli.diagnosis.wrong_drawing import measured_object
@@ -794,28 +792,7 @@ def test_photos_that_all_differ_accuse_none_of_them():
     assert found.gain_px == pytest.approx(np.sqrt(5 * 400**2 * 1e3 / 100), rel=0.1)
 
 
-# Many photos, of which a few are looked at first
-
-
-def test_few_photos_are_spread_over_all_of_them():
-    assert [enough_photos(count) for count in (3, 30, 100, 2000)] == [3, 30, 30, 100]
-    photos = np.arange(100, 200)
-    np.testing.assert_array_equal(spread_out(photos, 100), photos)
-    few = spread_out(photos, 7)
-    assert (few[0], few[-1], len(few)) == (100, 199, 7)
-    assert (np.diff(few) > 10).all()
-
-
-def test_few_of_each_group_are_looked_at():
-    photos = own_lenses(np.random.default_rng(1), 80)
-    own = photos.own.copy()
-    own[[3, 40, 41], :3] += [24.0, 6.0, -6.0]
-    photos = replace(photos, own=own)
-    split = best_split(photos)
-    assert {3, 40, 41} == set(np.flatnonzero(split.second))
-    few = two_lenses._of_each(photos, split)
-    assert len(few) == 30
-    assert {3, 40, 41} < set(few.tolist())
+# Many photos
 
 
 @pytest.fixture(scope="module")
@@ -866,7 +843,7 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
                       hold_out=False).findings  # fmt: skip
     assert [one.code for one in found] == ["board_square"]
     assert "board wall are -0.99 % off" in found[0].what
-    assert used == [30, 40]
+    assert used == [40]
 
 
 # One photo that does not fit
