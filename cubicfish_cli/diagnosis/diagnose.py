@@ -131,7 +131,6 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(GridEvidence, _MIRRORED, _TABLES, mirrored.other_colours),
     Hypothesis(MarkerEvidence, (*_MIRRORED, Code.INVERTED), _TRIALS, mirrored.otherwise_printed),
     Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.otherwise_laid_out, _only_notes),
-    Hypothesis(MarkerEvidence, _COUNT, _TRIALS, marker_layout.more_rows, _only_notes),
     Hypothesis(
         MarkerEvidence, (Code.BOARD_SQUARE,), _TRIALS, wrong_drawing.other_spacing, _only_notes
     ),

@@ -5,21 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cubicfish_cli.boards.board import Board, FirstSquare
-from cubicfish_cli.boards.markers import MARKER_DICTIONARIES, alike
+from cubicfish_cli.boards.markers import MARKER_DICTIONARIES
 from cubicfish_cli.diagnosis.evidence import MarkerEvidence
 from cubicfish_cli.diagnosis.mirrored import hardly_named, richest, unseen_boards
-from cubicfish_cli.target import Target
 from cubicfish_cli.types import IntArray
 from cubicfish_cli.words.codes import Code, Severity
 from cubicfish_cli.words.finding import Finding
-
-if TYPE_CHECKING:
-    from cubicfish_cli.detection.markers import MarkedCorners
 
 # Photos that are looked at, and how many columns a board may have.
 _PHOTOS, _MOST_COLUMNS = 3, 40
@@ -27,8 +22,6 @@ _PHOTOS, _MOST_COLUMNS = 3, 40
 # so in a photo, and so many times more than for any other length.
 _LEAST_MARKERS, _CLEARLY = 4, 2
 _COLOURS: tuple[FirstSquare, ...] = ("dark", "light")
-# A row is there where so many of its corners are seen, in so many photos.
-_OF_ROW, _BEYOND_IN = 2, 2
 
 
 def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
@@ -76,17 +69,15 @@ def _otherwise(board: Board) -> list[Board]:
     return sorted(usable, key=lambda one: -(one.markers.count if one.markers else 0))
 
 
-def _with_rows_of(
-    board: Board, length: int, first: FirstSquare, last: int | None = None
-) -> Board | None:
+def _with_rows_of(board: Board, length: int, first: FirstSquare) -> Board | None:
     """The board with so many columns of squares' corners, or tags; None where that is none.
 
-    It has as many rows as there are markers for, in all or before the id ``last``.
+    It has as many rows as there are markers for.
     """
     markers = board.markers
     if markers is None:
         return None
-    available = (last or MARKER_DICTIONARIES[markers.dictionary]) - markers.first
+    available = MARKER_DICTIONARIES[markers.dictionary] - markers.first
     if board.per_cell == 2:
         high = available // length
         columns, rows, count = 2 * length, 2 * high, length * high
@@ -128,77 +119,5 @@ def _laid_out(
             "drawn_columns": board.columns // board.per_cell,
             "drawn_rows": board.rows // board.per_cell,
             "first_square": other.first_square,
-        },
-    )
-
-
-def more_rows(evidence: MarkerEvidence) -> list[Finding]:
-    """Boards whose markers go on beyond the last row that the target says.
-
-    Ids run row by row: a row too few hides corners, and changes the name of none.
-    """
-    from cubicfish_cli.detection.markers import (  # for photos alone
-        find_marked_corners,
-        outlined_corners,
-    )
-
-    target, findings = evidence.target, []
-    photos = list(islice(richest(evidence), _PHOTOS))
-    for index in np.unique(evidence.corners.board).tolist():
-        board = target.boards[index]
-        longer = _with_all_rows(board, target)
-        if longer is None:
-            continue
-        drawing = target.with_boards({index: longer})
-        beyond = [
-            (picture, grids)
-            for picture, grids in photos
-            if _last_row(outlined_corners(picture, drawing), index, longer) > board.rows
-        ]
-        # What outlines alone say is rough.
-        seen = (find_marked_corners(picture, drawing, grids) for picture, grids in beyond)
-        rows = [row for one in seen if (row := _last_row(one, index, longer)) > board.rows]
-        if len(rows) >= _BEYOND_IN:
-            findings.append(_goes_on(board, max(rows), len(rows)))
-    return findings
-
-
-def _last_row(found: MarkedCorners, index: int, board: Board) -> int:
-    """The last row of a board that shows some corners, counted from 1; 0 where none does."""
-    own = found.row[found.board == index]
-    # Tags are counted from the bottom.
-    row = board.rows - 1 - own if board.per_cell == 2 else own
-    shown = np.flatnonzero(np.bincount(row) >= _OF_ROW)
-    return int(shown.max(initial=-1)) + 1
-
-
-def _with_all_rows(board: Board, target: Target) -> Board | None:
-    """The board with as many rows as there are markers for that no other board has."""
-    if board.markers is None:
-        return None
-    own, dictionaries = board.markers, alike(board.markers.dictionary)
-    others = [
-        other.markers.first
-        for other in target.boards
-        if other.markers and other.markers.dictionary in dictionaries
-    ]
-    last = min((first for first in others if first > own.first), default=None)
-    longer = _with_rows_of(board, board.columns // board.per_cell, board.first_square, last)
-    return longer if longer is not None and longer.rows > board.rows else None
-
-
-def _goes_on(board: Board, rows: int, photos: int) -> Finding:
-    return Finding(
-        code=Code.CORNER_COUNT,
-        case="more_rows",
-        severity=Severity.NOTE,
-        boards=(board.name,),
-        figures={
-            "board": board.name,
-            "key": "tags" if board.per_cell == 2 else "corners",
-            "columns": board.columns // board.per_cell,
-            "rows": rows // board.per_cell,
-            "drawn_rows": board.rows // board.per_cell,
-            "photos": photos,
         },
     )

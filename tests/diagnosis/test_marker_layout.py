@@ -119,34 +119,6 @@ def test_tags_tell_it_too():
     assert (told.figures["columns"], told.figures["rows"]) == (4, 3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "counts", "drawn"),
-    [
-        ("charuco", (4, 6), (4, 5)),
-        pytest.param("charuco", (4, 6), (4, 3), marks=pytest.mark.slow),
-        ("aprilgrid", (4, 3), (4, 2)),
-    ],
-)
-def test_rows_beyond_the_last_that_is_drawn_are_told(kind, counts, drawn):
-    seen = evidence(photos(kind, counts), drawing(kind, drawn))
-    (told,) = find_faults(seen)
-    assert (told.code, told.severity, told.case) == (Code.CORNER_COUNT, Severity.NOTE, "more_rows")
-    assert (told.figures["columns"], told.figures["rows"]) == counts
-    assert told.figures["drawn_rows"] == drawn[1]
-    assert told.figures["photos"] == len(seen.names)
-
-
-def test_the_next_board_is_no_row_beyond_the_last():
-    """Two rows of tags and one above them, printed as one grid of three but drawn as two boards."""
-    (lower,), (upper,) = (drawing("aprilgrid", (4, rows)).boards for rows in (2, 1))
-    lower = replace(lower, origin=np.array([0.0, 1.3 * 30.0, 0.0]))
-    upper = replace(upper, name="upper", markers=replace(upper.markers, first=8))
-    seen = evidence(photos("aprilgrid", (4, 3)), Target(units="mm", boards=(lower, upper)))
-    assert set(seen.corners.board) == {0, 1}
-    assert find_faults(seen) == []
-
-
-@pytest.mark.slow
 def test_a_few_wrong_names_in_one_photo_of_three_hide_nothing():
     pictures = photos("charuco", (4, 6))
     three = (*pictures, pictures[1])
