@@ -113,14 +113,12 @@ class Look:
         grids: its grids; None where it is of no use.
         refusal: why nothing was looked for, or found, in it.
         marked: the corners that its markers name, where the target has any.
-        digest: of the file's bytes; empty for what is in memory.
 
     """
 
     grids: FoundGrids | None
     refusal: Finding | None = None
     marked: MarkedCorners | None = None
-    digest: str = ""
 
     @property
     def is_empty(self) -> bool:
@@ -141,8 +139,7 @@ def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> 
     """
     try:
         data = read_file(photo.path) if photo.picture is None else b""
-        digest = hashlib.sha256(data).hexdigest() if data else ""
-        return replace(_searched(photo, data, target, cache), digest=digest)
+        return _searched(photo, data, target, cache)
     except PhotoError as error:
         why = refused(photo.name, Code.CANNOT_BE_READ, problem=str(error))
         return Look(grids=None, refusal=why)

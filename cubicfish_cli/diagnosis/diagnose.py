@@ -122,7 +122,6 @@ _TABLES, _PASS, _TRIALS = Cost
 # In the order in which they are told.
 HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     # Of photos, and of the grids and markers in them.
-    Hypothesis(PhotoEvidence, (Code.REPEATS,), _TABLES, repeats.copies),
     Hypothesis(GridEvidence, _COUNT, _TABLES, corner_count.squares_of_grids),
     Hypothesis(GridEvidence, _DRAWING, _TRIALS, object_faults.misdrawn, _counted_rightly),
     Hypothesis(GridEvidence, _ANOTHER, _TRIALS, corner_count.another_target, _some_corners),

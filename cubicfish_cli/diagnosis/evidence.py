@@ -27,7 +27,6 @@ class PhotoEvidence(Evidence):
     Attributes:
         photos: how many were given.
         names: of those that can be used.
-        digests: of the bytes of each of these; empty for what has none.
         picture: the brightness (H, W) of the photo of this number, read once more; None where it
             cannot be.
         target: the drawing.
@@ -38,7 +37,6 @@ class PhotoEvidence(Evidence):
 
     photos: int
     names: Sequence[str]
-    digests: Sequence[str]
     picture: Callable[[int], Picture | None]
     target: Target
     with_boards: int

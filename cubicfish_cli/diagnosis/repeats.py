@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.evidence import PhotoEvidence
 from cubicfish_cli.fitting.evidence import FitEvidence
 from cubicfish_cli.fitting.repeats import NEAR_SHARE, repeated_groups
 from cubicfish_cli.words.codes import Code, Severity
@@ -42,21 +41,3 @@ def repeats(evidence: FitEvidence) -> list[Finding]:
             images=tuple(np.array(pairs.images)[np.bincount(group)[group] > 1].tolist()),
         )
     ]
-
-
-def copies(evidence: PhotoEvidence) -> list[Finding]:
-    """Photos that are the same file as an earlier one, byte by byte."""
-    first: dict[str, str] = {}
-    pairs = []
-    for name, digest in zip(evidence.names, evidence.digests, strict=True):
-        if digest and first.setdefault(digest, name) != name:
-            pairs.append((first[digest], name))
-    if not pairs:
-        return []
-    told = Finding(
-        code=Code.REPEATS,
-        case="copies",
-        images=tuple(name for name in evidence.names if any(name in pair for pair in pairs)),
-        figures={"repeats": [f"{one} = {other}" for one, other in pairs]},
-    )
-    return [told]

@@ -235,7 +235,6 @@ def detect_corners(
     about: dict[str, Any] = {
         "photos": len(photos),
         "names": names,
-        "digests": [look.digest for look in looks],
         "picture": lambda number: _brightness(photos[usable[number]]),
         "target": target,
         "with_boards": sum(with_boards),

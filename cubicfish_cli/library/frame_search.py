@@ -100,7 +100,6 @@ def found_at_a_glance(
     evidence = GridEvidence(
         photos=len(names),
         names=names,
-        digests=(),
         picture=lambda number: None,
         target=found.target,
         with_boards=len(names),

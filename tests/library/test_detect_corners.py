@@ -182,16 +182,3 @@ def test_unreadable_photos_say_why(tmp_path, target):
         detect_corners(find_photos([tmp_path]), target, Work())
     with pytest.raises(DetectionError, match="no photo was given"):
         detect_corners([], target, Work())
-
-
-@pytest.mark.slow
-def test_copies_are_told_before_anything_else(flat_photo, tmp_path):
-    for name in ("a", "b", "c"):
-        shutil.copy(flat_photo / "0.png", tmp_path / f"{name}.png")
-    picture = cv2.imread(str(flat_photo / "0.png"), cv2.IMREAD_GRAYSCALE)
-    cv2.imwrite(str(tmp_path / "d.png"), picture[::-1])
-    findings = detect_corners(find_photos([tmp_path]), flat(8, 5), Work()).findings
-    assert findings[0].code == "repeats"
-    assert findings[0].what == "a.png = b.png and a.png = c.png: the same photos again"
-    assert findings[0].images == ("a.png", "b.png", "c.png")
-    assert detect_corners([find_photos([tmp_path])[3]], flat(8, 5), Work()).findings == ()

@@ -29,7 +29,6 @@ def grid_evidence(
     evidence = GridEvidence(
         photos=photos,
         names=[str(number) for number in range(photos)],
-        digests=[""] * photos,
         picture=no_photo,
         target=target,
         with_boards=photos,
