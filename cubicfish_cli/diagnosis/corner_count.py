@@ -127,14 +127,14 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
     grids = [grid for own in identified.grids for grid in own]
     boards = grid_boards(target)
     if _is_another_object(identified, target):
-        return [_another_object(identified, target)]
+        return [_describe_another_target(identified, target)]
     largest = max(grids, key=lambda grid: grid.corners)
     photos = sum(bool(own) for own in identified.grids)
     for board in boards:
         if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
             return [squares_counted([board], 1)]
     why = CODES[Counter(grid.verdict for grid in grids).most_common(1)[0][0]]
-    told = Finding(
+    finding = Finding(
         code=Code.NOTHING_NAMED,
         severity=Severity.BAD,
         figures={
@@ -147,7 +147,7 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
             "help": why.value,
         },
     )
-    return [told]
+    return [finding]
 
 
 def another_target(evidence: GridEvidence) -> list[Finding]:
@@ -160,18 +160,18 @@ def another_target(evidence: GridEvidence) -> list[Finding]:
             for count in evidence.counts
         ]
         other = any(one.sum() > 1 for one in off)
-        return [_another_object(identified, target)] if other else []
+        return [_describe_another_target(identified, target)] if other else []
     grids = [grid for own in identified.grids for grid in own if grid.corners >= FEWEST_CORNERS]
     corners = sum(grid.corners for grid in grids)
     beyond = sum(grid.corners for grid in grids if grid.verdict is Decided.TOO_LARGE)
     together = sum(sum(grid.named for grid in own) > 1 for own in identified.grids)
     seen = sum(bool(own) for own in identified.grids)
     if beyond > _COMMON * corners and together < _COMMON * seen:
-        return [_another_object(identified, target)]
+        return [_describe_another_target(identified, target)]
     return []
 
 
-def _another_object(identified: Identified, target: Target) -> Finding:
+def _describe_another_target(identified: Identified, target: Target) -> Finding:
     """That photos and target.yaml are of different targets: what both show."""
     largest = [max(own, key=lambda grid: grid.corners) for own in identified.grids if own]
     size = max(largest, key=lambda grid: grid.corners).size

@@ -137,7 +137,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
     Hypothesis(PhotoEvidence, _LOST, _TRIALS, lost_photos.many_lost, _some_corners),
     # Of a fit.
     Hypothesis(FitEvidence, _MIRRORED, _TABLES, lambda e: mirrored.handed(e.pairs)),
-    Hypothesis(FitEvidence, _LENSES, _PASS, two_lenses.lens_findings, _named),
+    Hypothesis(FitEvidence, _LENSES, _PASS, two_lenses.find_two_lenses, _named),
     Hypothesis(
         FitEvidence,
         (Code.PHOTO_LENS,),
@@ -187,18 +187,18 @@ def find_faults(
     if isinstance(evidence, FailedFit):
         known = [finding for finding in known if _explains_failure(finding)]
     evidence = replace(evidence, known=known)
-    told: dict[int, list[Finding]] = {-1: list(known)}
+    found: dict[int, list[Finding]] = {-1: list(known)}
     table = (*HYPOTHESES, *more)
     own = [place for place, one in enumerate(table) if isinstance(evidence, one.of)]
     for place in sorted(own, key=lambda place: table[place].cost):
         hypothesis = table[place]
-        if not hypothesis.applies(evidence, _joined(told)):
+        if not hypothesis.applies(evidence, _join(found)):
             continue
         try:
-            told[place] = list(hypothesis.explain(evidence))
+            found[place] = list(hypothesis.explain(evidence))
         except (FitError, np.linalg.LinAlgError):  # what cannot be tried explains nothing
             continue
-    return _joined(told)
+    return _join(found)
 
 
 def _explains_failure(finding: Finding) -> bool:
@@ -206,5 +206,5 @@ def _explains_failure(finding: Finding) -> bool:
     return counted or finding.severity is Severity.BAD
 
 
-def _joined(told: dict[int, list[Finding]]) -> list[Finding]:
-    return [finding for place in sorted(told) for finding in told[place]]
+def _join(found: dict[int, list[Finding]]) -> list[Finding]:
+    return [finding for place in sorted(found) for finding in found[place]]

@@ -97,11 +97,11 @@ def board_fault(
         own, _ = select(pairs, pairs.board == board)
         if min(len(others.pixel), len(own.pixel)) < FEWEST_CORNERS:
             continue
-        fit = _sharp(camera, others, noise)
+        fit = _fit_sharply(camera, others, noise)
         if fit is None:
             continue
         best: tuple[Misnaming | None, float] = (None, np.inf)
-        for misnaming, points in _otherwise(own, target):
+        for misnaming, points in _rename_corners(own, target):
             miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
             length = np.hypot(miss[:, 0], miss[:, 1])
             error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
@@ -125,10 +125,10 @@ def board_fault(
             here = pairs.board == board
             counted = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
             world[here] = flat_points(target.boards[board], *counted) / scale
-        fit = _sharp(camera, pairs.with_world(world), noise)
+        fit = _fit_sharply(camera, pairs.with_world(world), noise)
         if fit is not None:
             error = noise_px(fit.residual)
-            return blamed(board=None, misnaming=_stepped(step), error_px=error)
+            return blamed(board=None, misnaming=_describe_step(step), error_px=error)
     return None
 
 
@@ -149,7 +149,7 @@ def board_findings(
     findings = []
     for (board, misnaming), own in alike.items():
         usual = board is not None and is_usual(board, len(own))
-        told = partial(
+        blame = partial(
             Finding,
             severity=Severity.CARE if usual else Severity.NOTE,
             images=tuple(fault.photo for fault in own),
@@ -158,17 +158,17 @@ def board_findings(
         figures: dict[str, Any] = {"photos": len(own)} if usual else {}
         if misnaming is None:
             case = "in_most" if usual else "moved"
-            findings.append(told(code=Code.BOARD_PLACE, case=case, figures=figures))
+            findings.append(blame(code=Code.BOARD_PLACE, case=case, figures=figures))
             continue
         error = max(fault.error_px for fault in own)
         code, case = (misnaming.code, "of_photos") if usual else (Code.CORNER_NAMES, "")
         key = "order" if code is Code.BOARD_ORDER else "named"
         figures = {**figures, "error_px": error, **dict(misnaming.figures), key: misnaming.named}
-        findings.append(told(code=code, case=case if board else "all_boards", figures=figures))
+        findings.append(blame(code=code, case=case if board else "all_boards", figures=figures))
     return findings
 
 
-def _stepped(step: tuple[int, int]) -> Misnaming:
+def _describe_step(step: tuple[int, int]) -> Misnaming:
     columns, rows = step
     return Misnaming(
         code=Code.BOARD_PLACE,
@@ -182,14 +182,14 @@ def _stepped(step: tuple[int, int]) -> Misnaming:
     )
 
 
-def _otherwise(own: Observations, target: Target) -> Iterator[tuple[Misnaming, FloatArray]]:
+def _rename_corners(own: Observations, target: Target) -> Iterator[tuple[Misnaming, FloatArray]]:
     """Other names of the corners of one board, and the places of what is named so."""
     board = target.boards[own.board[0]]
     if board.points is not None:
         return
     c, r = own.column.astype(float), own.row.astype(float)
     for step in _STEPS:
-        yield _stepped(step), flat_points(board, c + step[0], r + step[1])
+        yield _describe_step(step), flat_points(board, c + step[0], r + step[1])
     for order in COUNTED:
         counted = ORDERS[order](c, r, board.columns, board.rows)
         misnaming = Misnaming(code=Code.BOARD_ORDER, named=order.removesuffix("_back"))
@@ -201,7 +201,7 @@ def _otherwise(own: Observations, target: Target) -> Iterator[tuple[Misnaming, F
             yield misnaming, flat_points(other, c, r)
 
 
-def _sharp(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
+def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
     """The poses of all photos, where their corners fit nearly as well as those of others."""
     fit, placed, _ = fit_poses(camera, pairs)
     if fit is None or len(placed.pixel) < len(pairs.pixel):
@@ -213,7 +213,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     """Why photos, or boards in photos, do not fit the lens of the others."""
     pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.nominal
     mirrored = {name for one in handed(pairs) for name in one.images}
-    names = _left_out(pairs, fit, evidence.dropped) - mirrored
+    names = _find_left_out(pairs, fit, evidence.dropped) - mirrored
     photos = np.flatnonzero([name in names for name in pairs.images])
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
     scaled = pairs.with_world(pairs.world / nominal.scale)
@@ -242,7 +242,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     return findings + board_findings([fault for fault in faults if fault is not None], is_usual)
 
 
-def _left_out(
+def _find_left_out(
     pairs: Observations, fit: TargetFit, dropped: Sequence[tuple[str, str | None]]
 ) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""

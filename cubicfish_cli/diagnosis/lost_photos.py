@@ -24,7 +24,7 @@ def many_lost(evidence: PhotoEvidence) -> list[Finding]:
     own = max(lost.values(), key=len, default=[])
     if len(own) < _FEWEST_PHOTOS or len(own) <= _MANY * evidence.with_boards:
         return []
-    told = Finding(
+    finding = Finding(
         code=own[0].code,
         case="many",
         severity=Severity.CARE,
@@ -32,12 +32,12 @@ def many_lost(evidence: PhotoEvidence) -> list[Finding]:
         figures={**own[0].figures, "left_out": len(own), "photos": evidence.with_boards},
     )
     boards = grid_boards(evidence.target)
-    if told.code is Code.TOO_LARGE and isinstance(evidence, GridEvidence) and len(boards) == 1:
-        return [_as_counted(told, boards[0], evidence)]
-    return [told]
+    if finding.code is Code.TOO_LARGE and isinstance(evidence, GridEvidence) and len(boards) == 1:
+        return [_count_lone_board(finding, boards[0], evidence)]
+    return [finding]
 
 
-def _as_counted(told: Finding, board: Board, evidence: GridEvidence) -> Finding:
+def _count_lone_board(finding: Finding, board: Board, evidence: GridEvidence) -> Finding:
     """The same of a lone board, with the numbers of corners that photos show."""
     largest = [max(own, key=_corners) for own in evidence.identified.grids if own]
     sides = [Counter(pick(one.size) for one in largest) for pick in (max, min)]
@@ -55,10 +55,10 @@ def _as_counted(told: Finding, board: Board, evidence: GridEvidence) -> Finding:
     return Finding(
         code=Code.CORNER_COUNT,
         case="many",
-        severity=told.severity,
-        images=told.images,
+        severity=finding.severity,
+        images=finding.images,
         boards=(board.name,),
-        figures={**told.figures, **counted},
+        figures={**finding.figures, **counted},
     )
 
 

@@ -38,7 +38,7 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         board = target.boards[index]
         if board.mirrored or board.markers is None or board.markers.inverted:
             continue
-        boards = _otherwise(board)
+        boards = _try_layouts(board)
         drawings = [target.with_boards({index: other}) for other in boards]
         photos = list(islice(richest(evidence), _PHOTOS))
         counts: IntArray = np.zeros(len(boards), np.intp)
@@ -55,21 +55,21 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         if len(rows):
             some = len(evidence.corners.pixel) > 0 and not none
             severity = Severity.CARE if some else Severity.BAD
-            findings.append(_laid_out(board, boards[best], rows, int(counts[best]), severity))
+            findings.append(_describe_rows(board, boards[best], rows, int(counts[best]), severity))
     return findings
 
 
-def _otherwise(board: Board) -> list[Board]:
+def _try_layouts(board: Board) -> list[Board]:
     """The board with rows of any length, and as many rows as there are markers for."""
     squares: Sequence[FirstSquare] = _COLOURS if board.has_squares else (board.first_square,)
     lengths = range(1, _MOST_COLUMNS + 1)
-    drawings = [_with_rows_of(board, length, first) for length in lengths for first in squares]
+    drawings = [_lay_out_rows(board, length, first) for length in lengths for first in squares]
     usable = [one for one in drawings if one is not None]
     # The first is to have all markers.
     return sorted(usable, key=lambda one: -(one.markers.count if one.markers else 0))
 
 
-def _with_rows_of(board: Board, length: int, first: FirstSquare) -> Board | None:
+def _lay_out_rows(board: Board, length: int, first: FirstSquare) -> Board | None:
     """The board with so many columns of squares' corners, or tags; None where that is none.
 
     It has as many rows as there are markers for.
@@ -101,7 +101,7 @@ def _lies_alike(one: Board, other: Board) -> bool:
     return one.columns == other.columns and one.first_square == other.first_square
 
 
-def _laid_out(
+def _describe_rows(
     board: Board, other: Board, rows: IntArray, markers: int, severity: Severity
 ) -> Finding:
     # Tags are counted from the bottom.

@@ -107,7 +107,7 @@ def other_colours(evidence: GridEvidence) -> list[Finding]:
         return []
     board = grid_boards(target.as_printed())[0]
     first = board.first_square
-    told = Finding(
+    finding = Finding(
         code=Code.MIRRORED,
         case="colours_in_mirror" if target.mirrored else "colours",
         boards=(board.name,),
@@ -117,7 +117,7 @@ def other_colours(evidence: GridEvidence) -> list[Finding]:
             "other": "light" if first == "dark" else "dark",
         },
     )
-    return [told]
+    return [finding]
 
 
 def seen_sides(pairs: Observations) -> IntArray:
@@ -162,7 +162,7 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
             found = find_marked_corners(picture, other, grids)
             boards = [index for index in unseen if (found.board == index).any()]
             if np.isin(found.board, unseen).sum() >= _TELLING_CORNERS:
-                return [_printed_so(target, other, boards, len(found))]
+                return [_describe_print(target, other, boards, len(found))]
     return []
 
 
@@ -170,23 +170,23 @@ def no_markers(evidence: MarkerEvidence) -> list[Finding]:
     """That no photo shows any, and which ones photos show."""
     markers = [board.markers for board in evidence.target.boards if board.markers is not None]
     says = [f"{one.first} to {one.first + one.count - 1} of {one.dictionary}" for one in markers]
-    told = Finding(
+    finding = Finding(
         code=Code.NO_MARKERS,
         case="all",
         severity=Severity.BAD,
         figures={"photos": evidence.photos, "says": ", ".join(dict.fromkeys(says))},
     )
-    dictionary, ids = _other_markers(evidence)
+    dictionary, ids = _read_any_markers(evidence)
     own = [one for one in markers if one.dictionary in alike(dictionary)]
     if not len(ids) or any(np.isin(ids - one.first, range(one.count)).any() for one in own):
-        return [told]
+        return [finding]
     names = [*(one.dictionary for one in own), *alike(dictionary)]
     seen = next(name for name in names if MARKER_DICTIONARIES[name] > ids.max())
-    figures = {**told.figures, "seen": seen, "first": int(ids.min()), "last": int(ids.max())}
-    return [replace(told, case="others", figures=figures)]
+    figures = {**finding.figures, "seen": seen, "first": int(ids.min()), "last": int(ids.max())}
+    return [replace(finding, case="others", figures=figures)]
 
 
-def _other_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
+def _read_any_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
     """Markers that photos show, whatever the target says: their dictionary and ids, if any.
 
     A board's ids follow each other, those that something else is mistaken for do not.
@@ -219,26 +219,26 @@ def hardly_named(evidence: MarkerEvidence) -> bool:
     The others' few names are then no better: two markers side by side lie as the target says on
     many a board.
     """
-    named = np.isin(_richest_first(evidence)[:_PHOTOS], evidence.corners.image)
+    named = np.isin(_sort_richest_first(evidence)[:_PHOTOS], evidence.corners.image)
     return bool(2 * named.sum() < len(named))
 
 
 def richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
     """Brightness of photos and their grids, those that show most first."""
-    for number in _richest_first(evidence):
+    for number in _sort_richest_first(evidence):
         picture = evidence.picture(number)
         if picture is not None:
             yield picture, evidence.grids[number]
 
 
-def _richest_first(evidence: MarkerEvidence) -> list[int]:
+def _sort_richest_first(evidence: MarkerEvidence) -> list[int]:
     return sorted(
         range(len(evidence.grids)),
         key=lambda number: -sum(map(len, evidence.grids[number].grids)),
     )
 
 
-def _printed_so(target: Target, other: Target, boards: list[int], corners: int) -> Finding:
+def _describe_print(target: Target, other: Target, boards: list[int], corners: int) -> Finding:
     names = tuple(target.boards[index].name for index in boards)
     first, now = target.boards[boards[0]], other.boards[boards[0]]
     inverted = (

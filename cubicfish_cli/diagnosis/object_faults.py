@@ -112,8 +112,8 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
     size = float(np.linalg.norm(np.ptp(np.concatenate(list(seen.drawn.values())), axis=0)))
     if before < 1e-9 * size:
         return None
-    for level in (_other_orders, _squares, _elsewhere, partial(_elsewhere, scaled=True)):
-        if level is _other_orders and before < _FAR * size:
+    for level in (_try_orders, _try_squares, _try_places, partial(_try_places, scaled=True)):
+        if level is _try_orders and before < _FAR * size:
             continue
         found = []
         for finding, changed in level(seen):
@@ -164,7 +164,7 @@ class _Measured:
         return len(boards) == len(self.target.boards)
 
 
-def _other_orders(seen: _Measured) -> _Hypotheses:
+def _try_orders(seen: _Measured) -> _Hypotheses:
     yield _bad(code=Code.MIRRORED, case="target"), {}
     everyone = tuple(seen.boards)
     for boards in (everyone, *((index,) for index in everyone)):
@@ -172,16 +172,16 @@ def _other_orders(seen: _Measured) -> _Hypotheses:
             finding = _bad(
                 code=Code.BOARD_ORDER,
                 boards=seen.names(boards),
-                figures=_order(seen, boards, order),
+                figures=_describe_order(seen, boards, order),
             )
-            yield finding, {index: _counted(seen.boards[index], order) for index in boards}
+            yield finding, {index: _place_as_counted(seen.boards[index], order) for index in boards}
     for one, other in combinations(everyone, 2):
         a, b = seen.boards[one], seen.boards[other]
         changed = {one: flat_points(b, *a.places()), other: flat_points(a, *b.places())}
         yield _bad(code=Code.BOARD_NAMES, boards=(a.name, b.name)), changed
 
 
-def _counted(board: Board, order: str) -> FloatArray:
+def _place_as_counted(board: Board, order: str) -> FloatArray:
     """Where a board's corners are if they are counted so, or its axes meant so."""
     column, row = board.places()
     if order in AXES:
@@ -189,7 +189,7 @@ def _counted(board: Board, order: str) -> FloatArray:
     return flat_points(board, *ORDERS[order](column, row, board.columns, board.rows))
 
 
-def _order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]:
+def _describe_order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]:
     """The figures of an order."""
     oblong = [one for one in map(seen.boards.__getitem__, boards) if one.columns != one.rows]
     size = {"columns": oblong[0].columns, "rows": oblong[0].rows} if oblong else {}
@@ -198,10 +198,10 @@ def _order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]
     return {**size, "order": order, "which": "all" if seen.every(boards) else "one"}
 
 
-def _squares(seen: _Measured) -> _Hypotheses:
+def _try_squares(seen: _Measured) -> _Hypotheses:
     """Other squares, corner (0, 0) of each board where it is drawn."""
     ratios: dict[tuple[int, ...], float] = {
-        (index,): _by_others(seen, index, scaled=True).scale for index in seen.boards
+        (index,): _place_by_others(seen, index, scaled=True).scale for index in seen.boards
     }
     # All squares, by the distances between the boards' first corners.
     own = [similarity(seen.drawn[index], seen.measured[index]) for index in seen.boards]
@@ -212,7 +212,7 @@ def _squares(seen: _Measured) -> _Hypotheses:
         scale = float(np.mean([one.scale for one in own]))
         ratios[tuple(seen.boards)] = scale * float(apart[0] / apart[1])
     for boards, start in ratios.items():
-        ratio, changed = _resized(seen, boards, start)
+        ratio, changed = _fit_ratio(seen, boards, start)
         if not 1 / _LARGEST_RATIO < ratio < _LARGEST_RATIO:
             continue
         sizes, units = sorted({seen.boards[index].square for index in boards}), seen.target.units
@@ -234,7 +234,7 @@ def _squares(seen: _Measured) -> _Hypotheses:
         yield finding, changed
 
 
-def _resized(
+def _fit_ratio(
     seen: _Measured, boards: Sequence[int], ratio: float
 ) -> tuple[float, dict[int, FloatArray]]:
     """The ratio of squares that fits best, from one near to it, and where corners are then."""
@@ -249,7 +249,7 @@ def _resized(
     return ratio, {index: at + ratio * arm[index] for index, at in origin.items()}
 
 
-def _by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
+def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
     """From where a board is drawn to where it is by where the others put it."""
     others = [index for index in seen.boards if index != board]
     source, goal = (np.concatenate([at[i] for i in others]) for at in (seen.measured, seen.drawn))
@@ -257,11 +257,11 @@ def _by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
     return similarity(seen.drawn[board], there, scaled=scaled)
 
 
-def _elsewhere(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
+def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
     """Each board by itself elsewhere, by where the others put it."""
     case = ["of", "two"] * (len(seen.boards) == 2) + ["and", "square"] * scaled
     for index, drawn in seen.drawn.items():
-        motion = _by_others(seen, index, scaled=scaled)
+        motion = _place_by_others(seen, index, scaled=scaled)
         middle = drawn.mean(axis=0)
         cosine = (np.trace(motion.rotation) - 1) / 2
         finding = _bad(
@@ -311,11 +311,11 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
 
     identified, target = evidence.identified, evidence.target
     boards = [board for board in target.boards if board.points is None]
-    named, lost = _counts(identified.grids)
+    named, lost = _count_named(identified.grids)
     odd = np.flatnonzero(lost > _LOST * (named + lost))
     if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
         return []
-    large = [_large(own) for own in identified.found]
+    large = [_keep_large(own) for own in identified.found]
     sizes = np.array([sum(map(len, own)) for own in large], np.intp)
     width = identified.corners.image_size[0]
 
@@ -327,9 +327,9 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
             else large[photo]
             for photo in photos
         ]
-        return _counts(name_again(identified, photos, trial.target, own).grids)[0]
+        return _count_named(name_again(identified, photos, trial.target, own).grids)[0]
 
-    def told(trial: _Trial, photos: IntArray, again: float) -> list[Finding]:
+    def describe(trial: _Trial, photos: IntArray, again: float) -> list[Finding]:
         total = sizes[photos].sum()
         shares = {"before": float(named[photos].sum() / total), "after": float(again / total)}
         figures = {**trial.finding.figures, **shares}
@@ -346,7 +346,7 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
         # Each of them by itself: one that shows something else does not speak for the others.
         right = np.where(np.isin(photos, odd), sizes[photos], named[photos])
         if (again > _FITS * right).all():
-            return told(some, photos, again.sum())
+            return describe(some, photos, again.sum())
     if lost.sum() <= _LOST * (named + lost).sum():
         return []
     chosen = np.sort(fullest[:_PHOTOS])
@@ -354,16 +354,16 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
         chosen = np.flatnonzero(lost)[:_PHOTOS]
     total = sizes[chosen].sum()
     best: tuple[float, _Trial] | None = None
-    for trial in _trials(target, chosen):
+    for trial in _make_trials(target, chosen):
         share = named_by(trial, chosen).sum() / total
         if share > _FITS and (best is None or share > best[0] + _CLEARLY):
             best = (share, trial)
         if best is not None and best[0] >= 1 - _CLEARLY:
             break
-    return [] if best is None else told(best[1], chosen, best[0] * total)
+    return [] if best is None else describe(best[1], chosen, best[0] * total)
 
 
-def _counts(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
+def _count_named(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
     """For each photo, corners of grids with a place, and of those that fit nowhere."""
     large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in reports]
     named = [sum(grid.corners for grid in own if grid.named) for own in large]
@@ -371,34 +371,34 @@ def _counts(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray
     return np.array(named, np.intp), np.array(lost, np.intp)
 
 
-def _large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
+def _keep_large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
     return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
 
 
-def _trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
+def _make_trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
     case = "none" if target.mirrored else "all_grids"
     yield _Trial(finding=_bad(code=Code.MIRRORED, case=case), target=target, mirrored=photos)
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
-    changes = [list(_changes(target.boards[index])) for index in plain]
+    changes = [list(_change_board(target.boards[index])) for index in plain]
     for index, own in zip(plain, changes, strict=True):
         for code, figures, board in own:
-            yield _redrawn(target, code, {**figures, "which": "one"}, {index: board})
+            yield _try_drawing(target, code, {**figures, "which": "one"}, {index: board})
     for every in zip(*changes, strict=False):
         code, figures, _ = every[0]
         if any(other != figures for _, other, _ in every):
             figures = {**figures, "order": _IN_GENERAL[figures["order"]]}
         boards = (board for *_, board in every)
         redrawn = dict(zip(plain, boards, strict=True))
-        yield _redrawn(target, code, {**figures, "which": "all"}, redrawn)
+        yield _try_drawing(target, code, {**figures, "which": "all"}, redrawn)
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
         yield _Trial(
             finding=_bad(code=Code.BOARD_NAMES, case="places", boards=(a.name, b.name)),
-            target=target.with_boards({one: _placed(a, b), other: _placed(b, a)}),
+            target=target.with_boards({one: _swap_place(a, b), other: _swap_place(b, a)}),
         )
 
 
-def _redrawn(
+def _try_drawing(
     target: Target, code: Code, figures: Mapping[str, Any], boards: Mapping[int, Board]
 ) -> _Trial:
     names = tuple(board.name for board in boards.values())
@@ -406,7 +406,7 @@ def _redrawn(
     return _Trial(finding=finding, target=target.with_boards(boards))
 
 
-def _changes(board: Board) -> Iterator[tuple[Code, dict[str, Any], Board]]:
+def _change_board(board: Board) -> Iterator[tuple[Code, dict[str, Any], Board]]:
     """One thing of a board put right: what was wrong, the figures of that, and the board."""
 
     def order(key: str, **changed: Any) -> tuple[Code, dict[str, Any], Board]:
@@ -431,5 +431,5 @@ def _changes(board: Board) -> Iterator[tuple[Code, dict[str, Any], Board]]:
             yield Code.BOARD_SQUARE, figures, resized
 
 
-def _placed(board: Board, other: Board) -> Board:
+def _swap_place(board: Board, other: Board) -> Board:
     return replace(board, origin=other.origin, x_axis=other.x_axis, y_axis=other.y_axis)

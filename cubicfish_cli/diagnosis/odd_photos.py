@@ -13,12 +13,12 @@ from cubicfish_cli.diagnosis.photo_lenses import (
     ROUGH_DECREASE,
     WORTH,
     PhotoLenses,
-    fit_of_few,
     invertible,
     lenses_of,
     mean_of,
     noticed_px,
     photo_lenses,
+    select_fit,
 )
 from cubicfish_cli.errors import FitError
 from cubicfish_cli.fitting.adjustment import adjust
@@ -70,9 +70,9 @@ def odd_photos(fit: TargetFit) -> list[Finding]:
     if 2 * len(suspects) < len(pairs.images):
         # They have bent the lens and the other photos' poses: judge by a lens without them.
         left_out = np.array(suspects)
-        if not _determined_without(fit, left_out):
+        if not _can_do_without(fit, left_out):
             return []
-        photos = _without(fit, left_out)
+        photos = _refit_without(fit, left_out)
     certain = [
         one
         for one in unlike(photos)
@@ -99,7 +99,7 @@ def odd_photos(fit: TargetFit) -> list[Finding]:
     ]
 
 
-def _determined_without(fit: TargetFit, left_out: IntArray) -> bool:
+def _can_do_without(fit: TargetFit, left_out: IntArray) -> bool:
     """Whether the other photos make a camera that is right about photos it has not seen."""
     pairs = fit.reference.pairs
     others = np.count_nonzero(~np.isin(pairs.image, left_out))
@@ -108,11 +108,11 @@ def _determined_without(fit: TargetFit, left_out: IntArray) -> bool:
     return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
 
 
-def _without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
+def _refit_without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
     """What each photo has of its own beside a lens that was fitted without some."""
     pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
-    few = fit_of_few(fit, good)
+    few = select_fit(fit, good)
     cubic = fit_cubic(
         few.reference, few.cubic.prior, start=few.cubic, relative_decrease=ROUGH_DECREASE
     )
@@ -141,14 +141,14 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
     # A photo in dim light is noisier than the others, and nothing else.
     noise = np.maximum(noise, np.median(noise))
     weight = invertible(photos.information) / (size * noise[:, None, None])
-    off = own - _typical(own, weight)
+    off = own - _find_typical(own, weight)
     distance = np.einsum("ki,kij,kj->k", off, weight, off)
     # What the photos' own terms are beyond noise, by the better half of them.
     spread = max(1.0, float(np.median(distance)))
     # The noise, 1, is known from all corners; what is beyond it is told by the better half of the
     # photos (Satterthwaite 1946).
-    told = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
-    chance = fdtrc(size, np.clip(photos.numbers, 1, told), distance / spread) * count
+    numbers = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
+    chance = fdtrc(size, np.clip(photos.numbers, 1, numbers), distance / spread) * count
     worth = distance * size * noise
     return [
         Unlike(
@@ -161,7 +161,7 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
     ]
 
 
-def _typical(own: FloatArray, weight: FloatArray) -> FloatArray:
+def _find_typical(own: FloatArray, weight: FloatArray) -> FloatArray:
     """(M,) what most photos (K, M) have: their median by what each can tell, (K, M, M).
 
     A photo hardly tells some of its own terms from its pose; what it says of them is no evidence.

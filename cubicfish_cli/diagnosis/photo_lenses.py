@@ -43,7 +43,7 @@ def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
     return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
 
 
-def fit_of_few(fit: TargetFit, photos: IntArray) -> TargetFit:
+def select_fit(fit: TargetFit, photos: IntArray) -> TargetFit:
     """The same fit with the poses, pairs and residuals of some photos only.
 
     Args:
@@ -91,7 +91,7 @@ class PhotoLenses:
     numbers: FloatArray
     reach: float
 
-    def told_of_lenses(self) -> FloatArray:
+    def lens_information(self) -> FloatArray:
         """(K, 3, 3) information on scale and shift, the shear free: a Schur complement."""
         kept, rest = np.split(np.arange(TERMS), [LENS.stop])
         cross = self.information[:, kept[:, None], rest]
@@ -129,7 +129,7 @@ def photo_lenses(
         world: (N, 3) their world points, as fitted.
 
     """
-    photos, triangles = _own_triangles(lens, poses, pairs, world)
+    photos, triangles = _triangulate_photos(lens, poses, pairs, world)
     free = triangles[:, :-1, :-1]
     own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
     off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
@@ -144,7 +144,7 @@ def photo_lenses(
     )
 
 
-def _own_triangles(
+def _triangulate_photos(
     lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """All that there is to know of what each photo has of its own, beyond its pose.
@@ -157,7 +157,7 @@ def _own_triangles(
     rows = []
     # In runs: the derivatives by the lens, that come with those by the point, are many.
     for _, run in runs_of_photos(pairs.image, len(pairs.images)):
-        rows.append(_linearised(lens, poses, pairs, world, run))
+        rows.append(_linearise(lens, poses, pairs, world, run))
     rows_of_all = np.concatenate(rows)
     # The loss of the fit: grossly wrong corners must not speak for a photo.
     miss = rows_of_all[:, :, -1]
@@ -173,7 +173,7 @@ def _own_triangles(
     return photos.astype(np.intp), triangles
 
 
-def _linearised(
+def _linearise(
     lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray, run: slice
 ) -> FloatArray:
     """(n, 2, 12) derivatives by pose, scale, shift and shear, and the miss, all in pixels."""

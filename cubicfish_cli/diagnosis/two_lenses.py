@@ -41,7 +41,7 @@ from cubicfish_cli.words.finding import Finding
 _BEYOND_STATED = 2.0
 _SURE = 1e-3
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
-_WORTH_A_LOOK = 1e-2
+_WORTH_FOLLOWING = 1e-2
 # Two lenses are worth an accusation where they take this share of the squared error away from
 # photos that had no say in them, where they explain so much of how photos differ, and where a
 # person would notice.
@@ -94,9 +94,9 @@ class TwoLenses:
     along: float
 
 
-def lens_findings(evidence: FitEvidence) -> list[Finding]:
+def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
     """Two groups of photos with a lens each, in place of one lens for all."""
-    together, stated = rms_px(evidence.fit.cubic.residual), _stated_px(evidence.uncertainty)
+    together, stated = rms_px(evidence.fit.cubic.residual), _read_stated_px(evidence.uncertainty)
     # A target that is free may bend to two lenses: as drawn it does not.
     fits = (
         (evidence.fit,)
@@ -105,15 +105,15 @@ def lens_findings(evidence: FitEvidence) -> list[Finding]:
     )
     for fit in fits:
         split = best_split(lenses_of(fit))
-        if split is None or split.chance > _WORTH_A_LOOK or split.share < WORTH / 2:
+        if split is None or split.chance > _WORTH_FOLLOWING or split.share < WORTH / 2:
             continue
-        found = _followed(fit, together, stated)
+        found = _follow_up(fit, together, stated)
         if found is not None:
             return [found]
     return []
 
 
-def _stated_px(uncertainty: UncertaintyGrid) -> float:
+def _read_stated_px(uncertainty: UncertaintyGrid) -> float:
     """One standard deviation of the camera: of its pixels, or of its centre if that is more."""
     known = (uncertainty.median_px, *uncertainty.principal_point_px)
     return max((one for one in known if np.isfinite(one)), default=0.0)
@@ -165,7 +165,7 @@ class _Apart:
         return moved, part == 1.0
 
 
-def _followed(fit: TargetFit, together: float, stated: float) -> Finding | None:
+def _follow_up(fit: TargetFit, together: float, stated: float) -> Finding | None:
     """Fit with a scale and centre for one of two groups, until they settle; then judge.
 
     Args:
@@ -175,12 +175,12 @@ def _followed(fit: TargetFit, together: float, stated: float) -> Finding | None:
 
     """
     pairs = fit.reference.pairs
-    apart = _settled(fit, together)
+    apart = _fit_until_settled(fit, together)
     if apart is None or apart.split is None:
         return None
     in_order = apart.split.kind == "order"
     if in_order:
-        apart = _at_the_boundary(fit, apart)
+        apart = _try_beside_boundary(fit, apart)
     photos, split = apart.photos, apart.split
     assert split is not None
     # The camera is off by that for the larger group.
@@ -196,7 +196,7 @@ def _followed(fit: TargetFit, together: float, stated: float) -> Finding | None:
     )
     if severity is None:
         return None
-    second = _by_nearer_lens(photos, apart.second)
+    second = _put_to_nearer_lens(photos, apart.second)
     # A lens that was bumped stays so: photos that take turns are two cameras'.
     in_order = in_order and int(np.count_nonzero(np.diff(second))) == 1
     middle = (np.array(pairs.image_size, float) - 1) / 2
@@ -219,9 +219,9 @@ def _followed(fit: TargetFit, together: float, stated: float) -> Finding | None:
     return replace(found, severity=severity)
 
 
-def _by_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
+def _put_to_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
     """The same groups (K,), but for photos that are clearly nearer to the other one's lens."""
-    own, weight = photos.own[:, LENS], photos.told_of_lenses()
+    own, weight = photos.own[:, LENS], photos.lens_information()
     offs = [own - mean_of(own[group], weight[group]) for group in (~second, second)]
     far = np.stack([np.einsum("ki,kij,kj->k", off, weight, off) for off in offs])
     within, across = np.where(second, far[::-1], far)
@@ -230,7 +230,7 @@ def _by_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
     return moved if 0 < moved.sum() < len(moved) else second
 
 
-def _settled(fit: TargetFit, together: float) -> _Apart | None:
+def _fit_until_settled(fit: TargetFit, together: float) -> _Apart | None:
     """The fit apart; None where what it gains at once is not worth it, or photos do not split."""
     photos = lenses_of(fit)
     split = best_split(photos)
@@ -245,7 +245,7 @@ def _settled(fit: TargetFit, together: float) -> _Apart | None:
             return None
         wanted, whole = best.towards(best.split, longest)
         try:
-            apart = _fitted_apart(fit, best, wanted)
+            apart = _fit_apart(fit, best, wanted)
         except FitError:  # too far at once
             longest /= 2
             continue
@@ -299,7 +299,7 @@ def worth(
     return Severity.BAD if beyond or (foretold and split.explained >= _MOST) else Severity.NOTE
 
 
-def _fitted_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
+def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
     """Fit with a scale and a shift for some photos, and what each photo has of its own in all.
 
     Args:
@@ -312,7 +312,7 @@ def _fitted_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
 
     """
     pairs, photos = fit.reference.pairs, start.photos.photos
-    (old, _), (scale, shift) = (_of_photos(one, len(pairs.images)) for one in (start, wanted))
+    (old, _), (scale, shift) = (_spread_out(one, len(pairs.images)) for one in (start, wanted))
     middle = (np.array(pairs.image_size, float) - 1) / 2
     # Pixels as one lens would have taken them: smaller ones are of a target that is farther away.
     pixel = middle + (pairs.pixel - middle - shift[pairs.image]) / scale[pairs.image, None]
@@ -331,10 +331,10 @@ def _fitted_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
     total = found.own.copy()
     total[:, :3] += np.where(np.isin(found.photos, photos[wanted.second])[:, None], wanted.given, 0)
     found = replace(found, own=total)
-    return replace(apart, photos=found, split=_alike(best_split(found), wanted.second))
+    return replace(apart, photos=found, split=_match_groups(best_split(found), wanted.second))
 
 
-def _of_photos(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
+def _spread_out(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
     """Scale (M,) and shift (M, 2) of each of so many photos."""
     scale, shift = np.ones(count), np.zeros((count, 2))
     second = apart.photos.photos[apart.second]
@@ -342,14 +342,14 @@ def _of_photos(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
     return scale, shift
 
 
-def _alike(split: TwoLenses | None, second: BoolArray) -> TwoLenses | None:
+def _match_groups(split: TwoLenses | None, second: BoolArray) -> TwoLenses | None:
     """The same split with that group as the second one which has most of these photos (K,)."""
     if split is None or 2 * np.sum(split.second != second) <= len(second):
         return split
     return replace(split, second=~split.second, own=split.own[::-1])
 
 
-def _at_the_boundary(fit: TargetFit, apart: _Apart) -> _Apart:
+def _try_beside_boundary(fit: TargetFit, apart: _Apart) -> _Apart:
     """The change one photo earlier or later, where that fits better.
 
     A photo beside the change that was counted to the wrong side has bent the camera to itself.
@@ -360,7 +360,7 @@ def _at_the_boundary(fit: TargetFit, apart: _Apart) -> _Apart:
         second[place] = not second[place]
         if not 0 < second.sum() < len(second):
             continue
-        moved = _fitted_apart(fit, apart, replace(apart, second=second))
+        moved = _fit_apart(fit, apart, replace(apart, second=second))
         if moved.px**2 < (1 - WORTH) * apart.px**2:
             return replace(moved, split=apart.split)
     return apart
@@ -381,11 +381,11 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
     count = len(photos.photos)
     if count < FEWEST_TOLD_APART:
         return None
-    own, weight = photos.own[:, LENS], photos.told_of_lenses()
+    own, weight = photos.own[:, LENS], photos.lens_information()
     off = own - mean_of(own, weight)
     pull = (weight @ off[:, :, None])[:, :, 0]
     in_order = best_cut(np.arange(count)[None], weight, pull, _FEWEST_IN_GROUP)
-    mixed = best_cut(_sorted_along(own, weight), weight, pull, _FEWEST_IN_GROUP)
+    mixed = best_cut(_sort_along_axes(own, weight), weight, pull, _FEWEST_IN_GROUP)
     trials = {"order": count - 1, "mixed": sum(comb(count - 1, k) for k in range(4))}
     if in_order is None or mixed is None:
         return None
@@ -398,23 +398,23 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         kind=kind,
         chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
         own=np.stack([mean_of(own[part], weight[part]) for part in (~second, second)]),
-        share=between / (_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
+        share=between / (_sum_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
         explained=ratio / (ratio + count - 2),
-        along=_explained_along(own, weight, second),
+        along=_explain_along(own, weight, second),
     )
 
 
-def _explained_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> float:
+def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> float:
     """How much more groups explain on the way between their lenses than of one thing: a share."""
     means = [mean_of(own[group], weight[group]) for group in (~second, second)]
     way = means[1] - means[0]
     # How far along each photo is, by what it tells of that.
-    told = weight @ way
-    told_of_way = told @ way
-    place = np.sum(told * (own - means[0]), axis=1) / told_of_way
-    group_means = [np.average(place[one], weights=told_of_way[one]) for one in (~second, second)]
-    within = told_of_way @ np.square(place - np.where(second, group_means[1], group_means[0]))
-    in_all = told_of_way @ np.square(place - np.average(place, weights=told_of_way))
+    known = weight @ way
+    known_of_way = known @ way
+    place = np.sum(known * (own - means[0]), axis=1) / known_of_way
+    group_means = [np.average(place[one], weights=known_of_way[one]) for one in (~second, second)]
+    within = known_of_way @ np.square(place - np.where(second, group_means[1], group_means[0]))
+    in_all = known_of_way @ np.square(place - np.average(place, weights=known_of_way))
     return float(1 - within / in_all - 2 / np.pi - 1 / np.sqrt(len(own)))
 
 
@@ -431,11 +431,11 @@ def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
         The squared error over that with lenses that follow from all photos; 1 or more.
 
     """
-    own, weight = photos.own[:, LENS], photos.told_of_lenses()
+    own, weight = photos.own[:, LENS], photos.lens_information()
     pull = (weight @ own[:, :, None])[:, :, 0]
     known = unknown = float(photos.squares.sum()) + 1e-300
     for group in (np.flatnonzero(~second), np.flatnonzero(second)):
-        known += _scatter(own[group], weight[group])
+        known += _sum_scatter(own[group], weight[group])
         if len(group) < _FEWEST_IN_GROUP:
             continue
         others = weight[group].sum(axis=0) - weight[group]
@@ -445,12 +445,12 @@ def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
     return unknown / known
 
 
-def _scatter(own: FloatArray, weight: FloatArray) -> float:
+def _sum_scatter(own: FloatArray, weight: FloatArray) -> float:
     off = own - mean_of(own, weight)
     return float(np.einsum("ki,kij,kj->", off, weight, off))
 
 
-def _sorted_along(own: FloatArray, weight: FloatArray) -> IntArray:
+def _sort_along_axes(own: FloatArray, weight: FloatArray) -> IntArray:
     """(6, K) the photos sorted along the axes of their scatter: cuts are planes across them."""
     # A mean to which each photo adds alike; medians of single entries need not be a matrix of this
     # kind.

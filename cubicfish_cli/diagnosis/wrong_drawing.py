@@ -62,7 +62,7 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
         FitError: the boards by themselves do not fit a lens.
 
     """
-    views = _views(pairs, target)
+    views = _split_into_boards(pairs, target)
     if views is None:
         return {}
     lens = fit_radial(views)
@@ -83,7 +83,7 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
         if most < _FEWEST_LINKS:
             break
         both = (seen[:, -known] >= 0) & (seen[:, -new] >= 0)
-        step = _relative(lens.poses, seen[both, -known], seen[both, -new])
+        step = _place_beside(lens.poses, seen[both, -known], seen[both, -new])
         if step is None:
             break
         placed[-new] = placed[-known] @ step
@@ -95,7 +95,7 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
     return measured
 
 
-def _views(pairs: Observations, target: Target) -> Observations | None:
+def _split_into_boards(pairs: Observations, target: Target) -> Observations | None:
     """Each board in each photo as a photo of one flat board, in squares; None without any."""
     world, names, image = np.zeros_like(pairs.world), list[str](), np.full(len(pairs.image), -1)
     for photo, index in np.unique(np.stack([pairs.image, pairs.board]), axis=1).T.tolist():
@@ -113,7 +113,7 @@ def _views(pairs: Observations, target: Target) -> Observations | None:
     return replace(seen, board=np.zeros(len(seen.image), np.intp)).by_photo()
 
 
-def _relative(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None:
+def _place_beside(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None:
     """(4, 4) from another board's frame to one's, each in its squares.
 
     Medians by reweighting: a board nearly square to the camera may lean the wrong way in a photo.
@@ -146,17 +146,17 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     if nominal.target is None or len(nominal.target.boards) < 2:
         return []
     if fit.level != "off":
-        found = _of_refined(evidence.nominal_fit, fit, nominal)
+        found = _compare_refined(evidence.nominal_fit, fit, nominal)
         return [replace(finding, severity=Severity.CARE) for finding in found]
     pairs, residual = fit.reference.pairs, fit.cubic.residual
     times = times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
         return []
     own = nominal.of(pairs)
-    return _of_refined(fit, refine_object(fit, own, "shape", ()), own)
+    return _compare_refined(fit, refine_object(fit, own, "shape", ()), own)
 
 
-def _of_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) -> list[Finding]:
+def _compare_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) -> list[Finding]:
     """What is wrong with the drawing, where the target is free to be otherwise."""
     target, real = nominal.target, refined.refined_target(nominal)
     before, after = rms_px(drawn.cubic.errors), rms_px(refined.cubic.errors)
@@ -168,7 +168,7 @@ def _of_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) ->
     fault = object_fault(target, measured)
     if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
         return []
-    return [_told(fault, "refined", before_px=before, after_px=after)]
+    return [_add_evidence(fault, "refined", before_px=before, after_px=after)]
 
 
 def _stands_out(fault: Fault) -> bool:
@@ -179,7 +179,7 @@ def _stands_out(fault: Fault) -> bool:
     )
 
 
-def _told(fault: Fault, because: str, **figures: float) -> Finding:
+def _add_evidence(fault: Fault, because: str, **figures: float) -> Finding:
     finding = fault.finding
     return replace(finding, because=because, figures={**figures, **finding.figures})
 
@@ -204,7 +204,7 @@ def of_failure(evidence: FailedFit) -> list[Finding]:
     noise = local_noise_px(again.pairs, again.residual)
     if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
         return []
-    return [_told(fault, "corrected", after_px=noise_px(again.residual))]
+    return [_add_evidence(fault, "corrected", after_px=noise_px(again.residual))]
 
 
 # So many gaps tell, and so many of them must be off to the same side.
@@ -223,7 +223,7 @@ def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
     for index, board in enumerate(target.boards):
         if board.per_cell != 2 or board.markers is None:
             continue
-        gaps, off = _between_corners(evidence.corners, index), _OFF
+        gaps, off = _measure_gaps(evidence.corners, index), _OFF
         if len(gaps) < _LEAST_GAPS and not target.mirrored:
             photos = islice(richest(evidence), _PHOTOS)
             apart = [tags_apart(picture, target, index, grids) for picture, grids in photos]
@@ -232,7 +232,7 @@ def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
             continue
         low, middle, high = np.percentile(gaps, [100 - _MOST, 50, _MOST]) / board.spacing
         if low > 1 + off or high < 1 - off:
-            told = Finding(
+            finding = Finding(
                 code=Code.BOARD_SQUARE,
                 case="spacing",
                 severity=Severity.BAD,
@@ -243,11 +243,11 @@ def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
                     "drawn_spacing": board.spacing,
                 },
             )
-            findings.append(told)
+            findings.append(finding)
     return findings
 
 
-def _between_corners(corners: Observations, board: int) -> FloatArray:
+def _measure_gaps(corners: Observations, board: int) -> FloatArray:
     """Gaps between tags of a board, in sides of the tags on both sides of each, as photos show it.
 
     That of four corners in a line hardly depends on how the lens or the view stretches it.

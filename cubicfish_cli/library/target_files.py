@@ -63,7 +63,7 @@ def check_target(target: Target) -> TargetCheck:
 
     """
     facts = check_object(target)
-    return TargetCheck(target=target, facts=facts, advice=_advice(target, facts))
+    return TargetCheck(target=target, facts=facts, advice=_advise(target, facts))
 
 
 def print_size(board: Board) -> list[float]:
@@ -108,48 +108,48 @@ def _turn_record(turn: Turn) -> dict[str, Any]:
     }
 
 
-def _advice(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
+def _advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
     photos = "several" if facts.flat else "one"
     left = _FULL_RANK - facts.rank
     return [
-        ("Photos", _said(f"photos_{photos}")),
-        *(("Names", text) for text in _names(target, facts)),
-        *(("Places", _said("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
-        *(("Sizes", text) for text in _sizes(target)),
-        ("Point lift", _said(f"rank_less_{min(left, 2)}", rank=facts.rank, left=left)),
+        ("Photos", _say(f"photos_{photos}")),
+        *(("Names", text) for text in _advise_on_names(target, facts)),
+        *(("Places", _say("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
+        *(("Sizes", text) for text in _advise_on_sizes(target)),
+        ("Point lift", _say(f"rank_less_{min(left, 2)}", rank=facts.rank, left=left)),
     ]
 
 
-def _said(key: str, **figures: Any) -> str:
+def _say(key: str, **figures: Any) -> str:
     return _SENTENCES.vformat(catalogue().checks[key], (), figures)
 
 
-def _names(target: Target, facts: ObjectFacts) -> Iterator[str]:
+def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
     plain, alone = facts.plain, len(facts.plain) == 1
     if facts.named_by != "geometry":
-        yield _said(f"by_{facts.named_by}")
+        yield _say(f"by_{facts.named_by}")
         if plain and facts.named_by == "markers":
-            yield _said("without_markers", boards=", ".join(plain), count=len(plain))
+            yield _say("without_markers", boards=", ".join(plain), count=len(plain))
         return
     more = len(facts.symmetries) - _MOST
     for turn in facts.symmetries[:_MOST]:
-        yield _said("same", turned=_turned(turn, alone=alone), alone=alone)
+        yield _say("same", turned=_describe_turn(turn, alone=alone), alone=alone)
     if more > 0:
-        yield _said("same_more", more=more)
+        yield _say("same_more", more=more)
     oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
     if facts.symmetries:
-        yield _said("upright", oblong=alone and oblong)
+        yield _say("upright", oblong=alone and oblong)
     elif alone:
-        yield _said("by_colours", board=plain[0])
+        yield _say("by_colours", board=plain[0])
     if not alone:
-        groups = [_said("group", boards=own) for own in facts.look_alikes if len(own) > 1]
+        groups = [_say("group", boards=own) for own in facts.look_alikes if len(own) > 1]
         turned = [own[0] for own in facts.look_alikes if len(own) == 1]
-        alike = "; ".join([*groups, *([_said("itself", boards=turned)] if turned else [])])
-        yield _said("alike", alike=alike) if alike else _said("told_each")
+        alike = "; ".join([*groups, *([_say("itself", boards=turned)] if turned else [])])
+        yield _say("alike", alike=alike) if alike else _say("told_each")
 
 
-def _sizes(target: Target) -> Iterator[str]:
+def _advise_on_sizes(target: Target) -> Iterator[str]:
     """Lengths that look like those of another unit."""
     printed = [board for board in target.boards if board.points is None]
     if not printed:
@@ -160,14 +160,14 @@ def _sizes(target: Target) -> Iterator[str]:
     factor = MILLIMETRES.get(target.units.lower())
     if large.square > _ONE_UNIT * small.square:
         times = large.square / small.square
-        yield _said("two_units", **figures, times=times, one=large.name, other=small.name)
+        yield _say("two_units", **figures, times=times, one=large.name, other=small.name)
     elif factor is not None and not _FINEST_MM <= factor * large.square <= _LARGEST_MM:
-        yield _said("odd_unit", **figures, is_small=factor * large.square < _FINEST_MM)
+        yield _say("odd_unit", **figures, is_small=factor * large.square < _FINEST_MM)
 
 
-def _turned(turn: Turn, *, alone: bool) -> str:
+def _describe_turn(turn: Turn, *, alone: bool) -> str:
     if alone:
-        return _said("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
+        return _say("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
     axis = ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in turn.axis)
     moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
-    return _said("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
+    return _say("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)

@@ -392,7 +392,7 @@ def test_photos_that_had_no_say_tell_two_lenses_from_one(wild):
 def test_a_left_out_photo_costs_what_least_squares_without_it_says():
     photos = own_lenses(np.random.default_rng(15), 6)
     second = np.arange(6) >= 3
-    weight = photos.told_of_lenses()
+    weight = photos.lens_information()
     total = 0.0
     for photo in range(6):
         others = np.flatnonzero((second == second[photo]) & (np.arange(6) != photo))
@@ -400,7 +400,7 @@ def test_a_left_out_photo_costs_what_least_squares_without_it_says():
         off = photos.own[photo, :3] - mean
         total += off @ weight[photo] @ off
     known = photos.squares.sum() + sum(
-        two_lenses._scatter(photos.own[part, :3], weight[part]) for part in (second, ~second)
+        two_lenses._sum_scatter(photos.own[part, :3], weight[part]) for part in (second, ~second)
     )
     share = left_out_share(photos, second)
     assert share == pytest.approx((photos.squares.sum() + total) / known)
@@ -454,7 +454,7 @@ def test_two_lenses_explain_nearly_all_on_the_way_from_one_to_the_other(way):
 
 
 def test_what_is_stated_of_a_camera_is_what_its_record_has():
-    stated, nan = two_lenses._stated_px, np.nan
+    stated, nan = two_lenses._read_stated_px, np.nan
     assert stated(UncertaintyGrid(median_px=0.3, principal_point_px=(0.2, 0.4))) == 0.4
     assert stated(UncertaintyGrid(median_px=0.3, principal_point_px=(nan, 0.2))) == 0.3
     assert stated(UncertaintyGrid(median_px=nan, principal_point_px=(nan, nan))) == 0
@@ -469,7 +469,7 @@ def test_photos_are_put_to_the_lens_that_they_are_nearer_to():
     photos = replace(photos, own=own)
     behind = np.arange(14) >= 9
     for start in (second, behind):
-        np.testing.assert_array_equal(two_lenses._by_nearer_lens(photos, start), second)
+        np.testing.assert_array_equal(two_lenses._put_to_nearer_lens(photos, start), second)
 
 
 def test_photos_that_know_their_lenses_along_different_axes_are_sorted():
@@ -757,15 +757,15 @@ def test_what_a_photo_cannot_tell_from_its_pose_makes_it_no_odd_one(seed):
 def test_one_odd_photo_is_no_reason_to_doubt_a_camera(fitted, monkeypatch, odd, severity):
     fit = SimpleNamespace(reference=SimpleNamespace(pairs=fitted.pairs))
     told = [Unlike(photo=photo, chance=1e-9, share=0.6, gain_px=0.4 + photo) for photo in odd]
-    for name, answer in (("unlike", told), ("lenses_of", None), ("_without", None)):
+    for name, answer in (("unlike", told), ("lenses_of", None), ("_refit_without", None)):
         monkeypatch.setattr(odd_photos, name, lambda *_, answer=answer: answer)
-    monkeypatch.setattr(odd_photos, "_determined_without", lambda *_: True)
+    monkeypatch.setattr(odd_photos, "_can_do_without", lambda *_: True)
     (found,) = odd_photos.odd_photos(fit)
     assert (found.code, found.severity) == (Code.PHOTO_LENS, severity)
     assert found.images == tuple(fitted.pairs.images[photo] for photo in odd)
     assert found.figures["worst"] == found.images[-1]
     # Without the others nobody can say so.
-    monkeypatch.setattr(odd_photos, "_determined_without", lambda *_: False)
+    monkeypatch.setattr(odd_photos, "_can_do_without", lambda *_: False)
     assert odd_photos.odd_photos(fit) == []
 
 
@@ -823,7 +823,7 @@ def test_two_lenses_among_many_photos_are_named_with_all_of_them(many):
 @pytest.mark.parametrize("ratio", [1.0, 1.002])
 def test_many_right_photos_are_not_followed_up(many, monkeypatch, ratio):
     """A change of no worth is certain among so many photos, and costs nothing."""
-    monkeypatch.setattr(two_lenses, "_followed", lambda *_: pytest.fail("must not be tried"))
+    monkeypatch.setattr(two_lenses, "_follow_up", lambda *_: pytest.fail("must not be tried"))
     assert not calibrate(zoomed_from(many, 20, ratio), hold_out=False).findings
 
 

@@ -125,13 +125,17 @@ def test_one_board_drawn_wrongly_is_named(grids, target, cause, what):
 @pytest.fixture
 def few_trials(monkeypatch):
     """Mirrors and exchanged places alone are tried, to save time."""
-    monkeypatch.setattr(module, "_changes", lambda board: iter(()))
+    monkeypatch.setattr(module, "_change_board", lambda board: iter(()))
 
 
 @pytest.mark.slow
 def test_two_boards_places_exchanged(grids, few_trials):
     one, two = TARGET.boards[1], TARGET.boards[2]
-    boards = (TARGET.boards[0], module._placed(one, two), module._placed(two, one))
+    boards = (
+        TARGET.boards[0],
+        module._swap_place(one, two),
+        module._swap_place(two, one),
+    )
     finding = told(grids[:3], replace(TARGET, boards=boards))
     assert finding.code == "board_names"
     assert finding.boards == ("left", "right")
