@@ -625,9 +625,14 @@ def test_files_that_cannot_be_undistorted_are_refused(
     assert said in refusal(
         CubicfishError, lambda: undistort_files(photos, folder, fitted, UndistortOptions(**options))
     )
-    skipping, run = UndistortOptions(skip_existing=True), Run(overwrite=True)
+    assert not folder.exists()
+
+
+def test_nothing_is_both_left_and_replaced(fitted: Calibration, tmp_path: Path) -> None:
+    folder, skipping = tmp_path / "flat", UndistortOptions(skip_existing=True)
     assert "exclude each other" in refusal(
-        UsageError, lambda: undistort_files(photos, folder, fitted, skipping, run=run)
+        UsageError,
+        lambda: undistort_files(PHOTOS, folder, fitted, skipping, run=Run(overwrite=True)),
     )
     assert not folder.exists()
 

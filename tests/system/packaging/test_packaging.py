@@ -145,7 +145,7 @@ def test_a_home_that_cannot_be_made_costs_nothing_but_time(tmp_path: Path) -> No
 def test_nothing_is_kept_where_nothing_may_be(tmp_path: Path) -> None:
     kept = run_chain(
         tmp_path,
-        "calibrate {sample}/true_corners.csv --target {sample}/target.yaml --no-cache "
+        "calibrate {sample}/photos --target {sample}/target.yaml --no-cache "
         "--no-hold-out --refine-target off -o calibration",
     )
     assert [(step["code"], step["wrong"]) for step in kept.steps] == [(0, [])]
@@ -221,7 +221,7 @@ def test_what_the_metadata_promise() -> None:
     assert f"py{oldest.replace('.', '')}" in (PROJECT / "pyproject.toml").read_text()
     # Each library that the code imports is asked for, and the other way round.
     asked = {re.split(r"[=<>\[]", pin)[0].lower() for pin in lower_bounds(project)}
-    names = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
+    names = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "mpl_toolkits": "matplotlib"}
     used = {names.get(name, name.lower()) for name in imported_libraries()}
     assert used == asked
 
