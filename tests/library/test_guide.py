@@ -43,6 +43,7 @@ def test_what_counts_as_the_same(shown: str, printed: str, is_same: bool) -> Non
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("with_report")
 def test_the_guide_runs_and_prints_what_it_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
