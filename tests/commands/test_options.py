@@ -82,7 +82,7 @@ CASES = {
     "detect": Case(
         lines={"file": "{photos} -t {target} -o {out}/c.csv"},
         used={
-            "--target": ("{other}", {"file"}),
+            "--target": ("{flat}", {"file"}),
             "--board": ("8x5", set()),
             "--square": ("3cm", set()),
             "--output": ("{out}/d.csv", {"file"}),
