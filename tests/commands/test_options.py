@@ -16,14 +16,12 @@ import click
 import cv2
 import pytest
 import yaml
-from click.testing import CliRunner
 from command_tree import commands
 from pairs_csv import write_pairs
-from running import SAMPLE, run_cli
+from running import SAMPLE, invoke_cli, run_cli
 
 from cubicfish_cli import load_camera, save_camera
 from cubicfish_cli.advice import advise
-from cubicfish_cli.cli.main import cli
 from cubicfish_cli.corner_files.observations_csv import load_corners
 from cubicfish_cli.executors import pool
 from cubicfish_cli.target import load_target
@@ -276,7 +274,7 @@ def outcome(line: list[str], out: Path) -> Any:
     """All that comes of a command but what files say of the command line."""
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
-    done = CliRunner().invoke(cli, line, prog_name="cubicfish")
+    done = invoke_cli(*line)
     assert done.exit_code in (0, 1, 3), done.output
     files = {}
     for path in sorted(one for one in out.rglob("*") if one.is_file()):
