@@ -2,12 +2,12 @@
 
 `films/source.py` opens a film. `decoding.py` decodes, for undistortion too: it gives frames times
 that grow, and says which are damaged. `scan.py` measures every frame (`measure.py`) and keeps the
-best of every few as the picture that it would become (`frame_files.py`); `candidates.py` tells which are worth a look. `commands/frames.py` is
-the recipe, for `frames`, `calibrate FILM` and `--best`; `library/frame_search.py` looks round by
-round, at a glance (`identification/glance.py`), and as `detect` does where that shows too little.
-`choose.py` takes the pictures that add most and knows of corners only; what they add is told by
-`advice/worth.py`, which fits a first lens to all, or by its own coverage. `written.py` writes
-them.
+best of every few as the picture that it would become (`frame_files.py`); `candidates.py` tells
+which are worth a look. `commands/frames.py` is the recipe, for `frames`, `calibrate FILM` and
+`--best`; `library/frame_search.py` looks round by round, at a glance
+(`identification/glance.py`), and as `detect` does where that shows too little. `choose.py` takes
+the pictures that add most and knows of corners only; what they add is told by `advice/worth.py`,
+which fits a first lens to all, or by its own coverage. `written.py` writes them.
 """
 
 # So many frames, or photos, are chosen at the most unless another number is asked for.
