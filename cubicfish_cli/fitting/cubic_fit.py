@@ -228,7 +228,9 @@ def starts(
     yield held(lens, reference, prior, errors), poses
     pixel = camera.project(near.rays)
     for pull in SAFER_PULLS:
-        safer = CubicFit.linear(near.rays, pixel, camera, denominator_pull=pull)
+        safer = CubicFit.linear(
+            near.rays, pixel, camera, denominator_pull=pull, weights=near.weights
+        )
         yield held(safer, reference, prior, errors), reference.poses
 
 

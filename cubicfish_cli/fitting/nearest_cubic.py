@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from cubicfish_cli.fitting.lenses import CubicFit
+from cubicfish_cli.fitting.lenses import WEIGHT_BEYOND, CubicFit
 from cubicfish_cli.lenses.cubic import check_validity
 from cubicfish_cli.lenses.lift import lift, sphere_basis
 from cubicfish_cli.lenses.radial import RadialCamera
@@ -71,6 +71,11 @@ class NearestCubic:
     miss: FloatArray
 
     @property
+    def weights(self) -> FloatArray:
+        """(M,) what rays count in a linear solution: beyond corners the lens is a guess."""
+        return np.where(self.within, 1.0, WEIGHT_BEYOND)
+
+    @property
     def rms_px(self) -> float:
         """How near it comes among corners: RMS of the distances, pixels."""
         return float(np.sqrt(np.square(self.miss[self.within]).sum(axis=1).mean()))
@@ -96,8 +101,10 @@ def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> Nearest
         weights = np.where(within, 1.0, share)
         start = CubicFit.linear(rays, pixel, camera, denominator_pull=pull, weights=weights)
         lens = refined_cubic(start, rays, pixel, weights=weights)
-        if check_validity(lens.P, valid_deg).valid:
-            return NearestCubic(rays=rays, within=within, lens=lens, miss=lens.far(rays) - pixel)
+        miss = lens.far(rays) - pixel
+        # The rays reach beyond the valid cone, and no pole may be there either.
+        if np.isfinite(miss).all() and check_validity(lens.P, valid_deg).valid:
+            return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
     # No start is without a pole: the safest, whose P3Φ is nearly constant, and no miss is known.
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
 

@@ -115,7 +115,7 @@ CASES = {
         used={
             "--target": ("{other}", {"camera", "lens", "poses"}),
             "--model": ("{true}", {"camera", "poses"}),
-            "--lens": ("{lens}", {"lens"}),
+            "--lens": ("{chain}", {"lens"}),
             "--size": ("640x480", {"lens"}),
             "--number": ("2", {"camera", "lens"}),
             "--output": ("{out}/t", {"camera", "lens", "poses"}),
@@ -143,7 +143,7 @@ CASES = {
         },
         used={
             "--model": ("{true}", {"model"}),
-            "--target": ("{other}", {"folder", "model", "drawn"}),
+            "--target": ("{flat}", {"folder", "model", "drawn"}),
             "--corners": ("{few}", {"folder", "model", "drawn"}),
             "--output": ("{out}/b.svg", {"folder", "model", "drawn"}),
             "--poses": ("{out}/p.csv", {"folder", "model", "drawn"}),

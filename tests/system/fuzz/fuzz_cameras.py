@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -39,8 +40,7 @@ def camera_files() -> Sequence[bytes]:
     with tempfile.TemporaryDirectory() as folder:
         for number, made in enumerate((_calibration(), points)):
             path = Path(folder) / f"{number}.yaml"
-            record = made.as_record()
-            record["per_image"] = record["per_image"][:2]
-            path.write_text(camera_text(made.camera, fit=record, made_by=made_by))
+            fit = replace(made.fit, per_image=made.fit.per_image[:2])
+            path.write_text(camera_text(made.camera, fit=fit, made_by=made_by))
             files.append(path.read_bytes())
     return files
