@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from cubicfish_cli.advice.advise import Advice
 from cubicfish_cli.advice.field import reach_of
 from cubicfish_cli.advice.proposals import Proposal
-from cubicfish_cli.printing.extra import drawing
+from cubicfish_cli.printing.extra import drawing, lay_out
 from cubicfish_cli.printing.object_drawing import draw_board
 from cubicfish_cli.rendering.truth import camera_points
 from cubicfish_cli.types import FloatArray
@@ -61,6 +61,7 @@ def advice_picture(advice: Advice, suffix: str) -> bytes:
         _draw_map(panels[0], advice)
         for number, (axes, proposal) in enumerate(zip(panels[1:], shown, strict=False), start=1):
             _draw_photo(axes, advice, proposal, f"{number}  Put {proposal.words}")
+        lay_out(figure)
         made = io.BytesIO()
         undated = {"Date": None} if suffix == ".svg" else None
         figure.savefig(made, format=suffix[1:], metadata=undated)

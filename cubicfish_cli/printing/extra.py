@@ -10,7 +10,10 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 INSTALL = "pip install 'cubicfish[report]'"
 PRINTING = ("matplotlib",)
@@ -63,3 +66,17 @@ def drawing(style: dict[Any, Any]) -> Iterator[None]:
         }
         with mpl.rc_context({**defaults, **style}):
             yield
+
+
+def lay_out(figure: Figure) -> None:
+    """Place a figure's parts for good, on round numbers.
+
+    The solver that places them differs in the last digit from run to run, and matplotlib names
+    parts of an SVG after such numbers: the same picture would not be the same file.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        bounds = axes.get_position(original=True).bounds
+        left, bottom, width, height = (round(value, 6) for value in bounds)
+        axes.set_position((left, bottom, width, height))

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from cubicfish_cli.boards.board import Board
 from cubicfish_cli.lenses.sphere import all_around
-from cubicfish_cli.printing.extra import drawing
+from cubicfish_cli.printing.extra import drawing, lay_out
 from cubicfish_cli.target import Target
 from cubicfish_cli.types import FloatArray
 
@@ -64,6 +64,7 @@ def object_svg(target: Target) -> bytes:
             axes.plot([], [], kind, color=colour, label=text)
         figure.legend(loc="outside upper center", ncols=3, frameon=False)
         axes.margins(0.08)
+        lay_out(figure)
         data = io.BytesIO()
         figure.savefig(data, format="svg", metadata={"Date": None})
     return data.getvalue()

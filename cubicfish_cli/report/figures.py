@@ -19,7 +19,7 @@ from cubicfish_cli.fitting.statistics import rms_px
 from cubicfish_cli.geometry import inside_polygon
 from cubicfish_cli.lenses.cubic import CubicCamera
 from cubicfish_cli.lenses.sphere import ray_at
-from cubicfish_cli.printing.extra import drawing
+from cubicfish_cli.printing.extra import drawing, lay_out
 from cubicfish_cli.report.facts import ErrorFacts, Facts
 from cubicfish_cli.types import FloatArray, IntArray
 from cubicfish_cli.units import round_down, round_up
@@ -94,6 +94,7 @@ def new_figure(height: float = 3.3) -> Figure:
 
 def finished(figure: Figure, **more: Any) -> Drawn:
     """A figure that is finished; ``more`` as above."""
+    lay_out(figure)
     data = io.BytesIO()
     undated = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     figure.savefig(data, format="svg", metadata=undated)
