@@ -23,13 +23,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from cubicfish_cli.assess.verdict import verdict
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.fitting.subset import select_photos
-from cubicfish_cli.library.calibration import calibrate
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.commands.calibration import calibrate
+from cubicfish_cli.core.assess.verdict import verdict
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.subset import select_photos
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target, load_target
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from cubicfish_cli.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.checkerboard import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,10 +32,10 @@ import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
 
-from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.rendering.simulate import render
-from cubicfish_cli.rendering.truth import look_at, project_corners
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.extensions.simulation.simulate import render
+from cubicfish_cli.extensions.simulation.truth import look_at, project_corners
 
 NEAR, FAR = 1.0, 3.0
 # Image, corners that must be found, all corners that may be found.

@@ -34,22 +34,22 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish_cli.corner_files.observations_csv import load_corners, save_corners
-from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.films.decoding import decode
-from cubicfish_cli.films.source import opened
-from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.subset import select_photos
-from cubicfish_cli.frame_names import frame_name
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.library.detection import detect_corners
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Photo, find_photos
-from cubicfish_cli.rendering.options import LookOptions
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.photos import Photo, find_photos
+from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.subset import select_photos
+from cubicfish_cli.core.frame_names import frame_name
+from cubicfish_cli.core.io.observations_csv import load_corners, save_corners
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target, load_target
+from cubicfish_cli.extensions.films.decoding import decode
+from cubicfish_cli.extensions.films.source import opened
+from cubicfish_cli.extensions.simulation.options import LookOptions
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
 TARGETS = {

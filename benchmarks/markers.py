@@ -22,15 +22,15 @@ import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
 
-from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.boards.markers import Markers
-from cubicfish_cli.boards.types import BOARD_TYPES
-from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.markers import find_marked_corners
-from cubicfish_cli.detection.markers_pieces import How
-from cubicfish_cli.rendering.simulate import render
-from cubicfish_cli.rendering.truth import Pose, TrueCorners, look_at, project_corners
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.boards.markers import Markers
+from cubicfish_cli.core.boards.types import BOARD_TYPES
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.detection.markers import find_marked_corners
+from cubicfish_cli.corners.detection.markers_pieces import How
+from cubicfish_cli.extensions.simulation.simulate import render
+from cubicfish_cli.extensions.simulation.truth import Pose, TrueCorners, look_at, project_corners
 
 LENS = AsymmetricLens(
     image_size=(1280, 1280),

@@ -20,7 +20,7 @@ import time
 import warnings
 from pathlib import Path
 
-from cubicfish_cli.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.checkerboard import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -31,12 +31,12 @@ from asymmetric_lens import AsymmetricLens
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
-from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.simulate import chosen_poses
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
 SIZE = (960, 720)
 INSIDE = AsymmetricLens(

@@ -27,25 +27,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.folds import FOLDS
-from cubicfish_cli.fitting.lenses import FixedLens
-from cubicfish_cli.fitting.model_comparison import compare_models
-from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.fitting.subset import select_photos
-from cubicfish_cli.lenses.nearest import FreeLens
-from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.unified import UnifiedLens
-from cubicfish_cli.library.calibration import calibrate
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target, load_target
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.commands.calibration import calibrate
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.folds import FOLDS
+from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.model_comparison import compare_models
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.subset import select_photos
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.lenses.nearest import FreeLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.unified import UnifiedLens
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target, load_target
 
 FloatArray = npt.NDArray[np.float64]
 HERE = Path(__file__).parent
@@ -56,8 +56,8 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return load_corners(corners, target)
-    from cubicfish_cli.library.detection import detect_corners
-    from cubicfish_cli.photos import find_photos
+    from cubicfish_cli.app.detection import detect_corners
+    from cubicfish_cli.app.photos import find_photos
 
     return detect_corners(find_photos([data / "images"]), target, Work()).corners.with_target(
         target

@@ -23,12 +23,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.fitting.adjustment import WARM_DAMPING, adjust
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.cubic_fit import held, starts
-from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.target import load_target
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.cubic_fit import held, starts
+from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.target import load_target
 
 STARTS = 5
 AGREES = 1e-3

@@ -26,17 +26,17 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command l
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
-from cubicfish_cli.formats.camera_yaml import load_camera  # noqa: E402
-from cubicfish_cli.lenses.cubic import CubicCamera  # noqa: E402
-from cubicfish_cli.undistortion.batch import Job, write_many, write_one  # noqa: E402
-from cubicfish_cli.undistortion.choose import CENTRAL_KINDS  # noqa: E402
-from cubicfish_cli.undistortion.images import remap_picture  # noqa: E402
-from cubicfish_cli.undistortion.maps import (  # noqa: E402
+from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one  # noqa: E402
+from cubicfish_cli.app.undistortion.images import remap_picture  # noqa: E402
+from cubicfish_cli.core.io.camera_yaml import load_camera  # noqa: E402
+from cubicfish_cli.core.lenses.cubic import CubicCamera  # noqa: E402
+from cubicfish_cli.core.views.choose import CENTRAL_KINDS  # noqa: E402
+from cubicfish_cli.core.views.maps import (  # noqa: E402
     UndistortMap,
     build_map,
     camera_for_photos,
 )
-from cubicfish_cli.undistortion.projections import PerspectiveView  # noqa: E402
+from cubicfish_cli.core.views.projections import PerspectiveView  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
@@ -249,7 +249,7 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish_cli.undistortion.video import undistort_video
+    from cubicfish_cli.app.undistortion.video import undistort_video
 
     size = (1920, 1080)
     made = build_map(of_size(camera, size), PerspectiveView.with_field(110, size))
@@ -435,8 +435,8 @@ def measure_real(folder: Path) -> None:
     if not REAL.exists():
         print("real photos are not there: skipped")
         return
-    from cubicfish_cli.corner_files.observations_csv import load_corners
-    from cubicfish_cli.target import load_target
+    from cubicfish_cli.core.io.observations_csv import load_corners
+    from cubicfish_cli.core.target import load_target
 
     target = load_target(REAL / "target.yaml")
     corners = load_corners(REAL / "reference_corners.csv", target)

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import click
 
-from cubicfish_cli.cli.main import cli
-from cubicfish_cli.cli.options import Argument, JsonOption
-from cubicfish_cli.words.codes import Code, Remedy
+from cubicfish_cli.app.terminal.main import cli
+from cubicfish_cli.app.terminal.options import Argument, JsonOption
+from cubicfish_cli.core.codes import Code, Remedy
 
 PAGE = Path(__file__).with_name("cli.md")
 WIDTH = 100

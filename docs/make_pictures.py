@@ -146,7 +146,7 @@ def rig(folder: Path) -> None:
     from simulated_rig import combined, simulated_rig  # type: ignore[import-not-found]
 
     from cubicfish_cli import save_corners, save_target
-    from cubicfish_cli.rendering.simulate import render
+    from cubicfish_cli.extensions.simulation.simulate import render
 
     setup, names = SETUPS["four"], ("front", "right", "rear", "left")
     lenses = [lens_of(field, number) for number, field in enumerate(setup.fields)]

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.boards.board import Board, Face
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.boards.board import Board, Face
+from cubicfish_cli.core.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 Paint = Callable[[FloatArray], FloatArray]

@@ -39,10 +39,10 @@ import yaml
 from hypothesis import settings
 from running import MISSING, SAMPLE, Run, run_cli
 
-from cubicfish_cli.printing import extra
+from cubicfish_cli.extensions.printing import extra
 
 if TYPE_CHECKING:
-    from cubicfish_cli.fitting.calibration import Calibration
+    from cubicfish_cli.core.fit.calibration import Calibration
 
 # Tests read camera.yaml as often as commands do: by the quick loader where there is one.
 yaml.SafeLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -97,9 +97,9 @@ def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="session")
 def fitted() -> Calibration:
     """The fit of the sample's exact corners."""
-    from cubicfish_cli.corner_files.observations_csv import load_corners
-    from cubicfish_cli.fitting import calibrate
-    from cubicfish_cli.target import load_target
+    from cubicfish_cli.core.fit import calibrate
+    from cubicfish_cli.core.io.observations_csv import load_corners
+    from cubicfish_cli.core.target import load_target
 
     target = load_target(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
@@ -109,7 +109,7 @@ def fitted() -> Calibration:
 @pytest.fixture
 def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let ``cubicfish calibrate`` give that fit at once, whatever its input."""
-    from cubicfish_cli.fitting import calibrate
+    from cubicfish_cli.core.fit import calibrate
 
     monkeypatch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
 

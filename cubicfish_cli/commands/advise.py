@@ -6,20 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, option, record
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import print_wrote, result, say
-from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files
-from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder, path_or_none
-from cubicfish_cli.printing import extra
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import FloatRange, IntRange, as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
+from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
+from cubicfish_cli.extensions.printing import extra
 
 if TYPE_CHECKING:
-    from cubicfish_cli.advice.advise import Advice
-    from cubicfish_cli.advice.proposals import Proposal
-    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.extensions.advice.advise import Advice
+    from cubicfish_cli.extensions.advice.proposals import Proposal
 
 _MOST_PARTS = 4
 _PICTURES = (".svg", ".png", ".pdf")
@@ -113,10 +113,10 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.advice.advise import advise
-    from cubicfish_cli.lenses.cubic import CubicCamera
-    from cubicfish_cli.rendering.truth import pose_table_text
-    from cubicfish_cli.report.from_files import facts_of_files
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish_cli.extensions.advice.advise import advise
+    from cubicfish_cli.extensions.report.from_files import facts_of_files
+    from cubicfish_cli.extensions.simulation.truth import pose_table_text
 
     named = (asked.picture, asked.poses, asked.corners, asked.target)
     drawing, table, given, drawn = map(path_or_none, named)
@@ -153,7 +153,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     files: dict[Path, Content] = {}
     if drawing is not None:
         with extra.quiet():
-            from cubicfish_cli.advice.picture import advice_picture
+            from cubicfish_cli.extensions.advice.picture import advice_picture
         files[drawing] = advice_picture(advice, drawing.suffix.lower())
     if table is not None:
         poses = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
@@ -189,7 +189,7 @@ def command(given: AdviseOptions, how: How) -> None:
 
 
 def _print(advice: Advice, judged: Verdict) -> None:
-    from cubicfish_cli.assess.camera_facts import COVERED
+    from cubicfish_cli.core.assess.camera_facts import COVERED
 
     result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
     if advice.now is not None:
@@ -220,7 +220,7 @@ def _print(advice: Advice, judged: Verdict) -> None:
 
 
 def _how_many(advice: Advice) -> str:
-    from cubicfish_cli.advice.proposals import MOST_PHOTOS
+    from cubicfish_cli.extensions.advice.proposals import MOST_PHOTOS
 
     if advice.photos_needed is not None:
         more = count(advice.photos_needed, "more photo")

@@ -13,8 +13,21 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import (
+from cubicfish_cli.app.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    check_inputs,
+    holds_world_points,
+    made_at,
+    made_by_record,
+    path_or_none,
+    paths_of,
+    tables_among,
+)
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
     count,
     fitted_rows,
@@ -28,7 +41,7 @@ from cubicfish_cli.cli.figures import (
     px,
     why_lost,
 )
-from cubicfish_cli.cli.options import (
+from cubicfish_cli.app.terminal.options import (
     DEFAULT_MODEL,
     IntRange,
     as_command,
@@ -36,9 +49,8 @@ from cubicfish_cli.cli.options import (
     record,
     target_options,
 )
-from cubicfish_cli.cli.progress import How, say_left_out
-from cubicfish_cli.cli.report import report_option, say_if_no_page
-from cubicfish_cli.cli.terminal import (
+from cubicfish_cli.app.terminal.progress import How, say_left_out
+from cubicfish_cli.app.terminal.terminal import (
     apart,
     detail,
     print_next,
@@ -48,35 +60,23 @@ from cubicfish_cli.cli.terminal import (
     say,
 )
 from cubicfish_cli.commands.frames import with_frames
-from cubicfish_cli.errors import OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files
-from cubicfish_cli.films import MOST
-from cubicfish_cli.library.asked import (
-    RUN,
-    Run,
-    StrPath,
-    TargetSource,
-    check_inputs,
-    holds_world_points,
-    made_at,
-    made_by_record,
-    path_or_none,
-    paths_of,
-    tables_among,
-)
-from cubicfish_cli.printing import extra
-from cubicfish_cli.words.codes import Event
+from cubicfish_cli.commands.report import report_option, say_if_no_page
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import OutputError, UsageError
+from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
+from cubicfish_cli.extensions.films import MOST
+from cubicfish_cli.extensions.printing import extra
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.camera_facts import CameraFacts
-    from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.fitting.calibration import Calibration
-    from cubicfish_cli.fitting.model_selection import RefineTarget
-    from cubicfish_cli.fitting.point_fit import PointCalibration
-    from cubicfish_cli.lenses.cubic import CubicCamera
-    from cubicfish_cli.library.inputs import Inputs
-    from cubicfish_cli.observations import Observations
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.app.inputs import Inputs
+    from cubicfish_cli.core.assess.camera_facts import CameraFacts
+    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.core.fit.calibration import Calibration
+    from cubicfish_cli.core.fit.model_selection import RefineTarget
+    from cubicfish_cli.core.fit.point_fit import PointCalibration
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish_cli.core.observations import Observations
+    from cubicfish_cli.core.target import Target
 
 _LONGEST_TITLE = 100
 
@@ -273,9 +273,9 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     check_inputs(paths, pairs, source)
     asked.refuse_unused(run)
     made_at()  # said before the work if it cannot be
-    from cubicfish_cli.advice.enough import summary
-    from cubicfish_cli.fitting.calibration import Calibration
-    from cubicfish_cli.library.inputs import load_inputs, recorded_as
+    from cubicfish_cli.app.inputs import load_inputs, recorded_as
+    from cubicfish_cli.core.fit.calibration import Calibration
+    from cubicfish_cli.extensions.advice.enough import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     goals = {kind: folder / name for kind, name in NAMES.items()}
@@ -325,7 +325,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, fitted.fit, fitted.pairs)
         if asked.compare:
-            from cubicfish_cli.fitting.model_comparison import compare_models  # all lens models
+            from cubicfish_cli.core.fit.model_comparison import compare_models  # all lens models
 
             run.listener.tell(Event.OTHER_MODELS)
             run.listener.progress("Fitting other lens models")
@@ -358,9 +358,9 @@ def _contents(
 
     ``map`` is None where it would take gigabytes.
     """
-    from cubicfish_cli.corner_files.observations_csv import save_corners
-    from cubicfish_cli.fitting.calibration import Calibration
-    from cubicfish_cli.target import target_text
+    from cubicfish_cli.core.fit.calibration import Calibration
+    from cubicfish_cli.core.io.observations_csv import save_corners
+    from cubicfish_cli.core.target import target_text
 
     contents: dict[str, Content | None] = {"drawn": drawn, "camera": fitted.text()}
     if corners is not None:
@@ -373,9 +373,9 @@ def _contents(
 
 
 def _map(camera: CubicCamera) -> Content | None:
-    from cubicfish_cli.photos import MAX_PIXELS
-    from cubicfish_cli.undistortion.choose import build_view
-    from cubicfish_cli.undistortion.maps import build_map, save_map
+    from cubicfish_cli.app.photos import MAX_PIXELS
+    from cubicfish_cli.core.views.choose import build_view
+    from cubicfish_cli.core.views.maps import build_map, save_map
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
@@ -393,11 +393,11 @@ def _fit(
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
     if asked.lift == "point":
-        from cubicfish_cli.fitting.point_fit import calibrate_points
+        from cubicfish_cli.core.fit.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
         return calibrate_points(loaded.pairs, hold_out=hold_out), {"lift": asked.lift}
-    from cubicfish_cli.library.calibration import calibrate
+    from cubicfish_cli.commands.calibration import calibrate
 
     fitted = calibrate(
         loaded.given, refine_target=refine_target, hold_out=hold_out, listener=run.listener
@@ -415,8 +415,8 @@ def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> s
     run.listener.progress("Making the report")
     try:
         with extra.quiet():
-            from cubicfish_cli.report.from_files import facts_of_fit
-            from cubicfish_cli.report.page import report_html
+            from cubicfish_cli.extensions.report.from_files import facts_of_fit
+            from cubicfish_cli.extensions.report.page import report_html
 
         page = report_html(facts_of_fit(fitted, loaded.pairs, loaded.photos))
     except Exception as problem:  # matplotlib may be broken in ways of its own
@@ -447,7 +447,7 @@ def command(given: CalibrateOptions, how: How) -> None:
     folder goes.
     """
     made = how.do(calibrate_files, given)
-    from cubicfish_cli.fitting.calibration import Calibration
+    from cubicfish_cli.core.fit.calibration import Calibration
 
     fitted, printed = made.fitted, how.print(made)
     say_left_out(fitted.unfit)
@@ -506,7 +506,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
 
 
 def _print_figures(calibration: Calibration) -> None:
-    from cubicfish_cli.frame_names import counted
+    from cubicfish_cli.core.frame_names import counted
 
     fit = calibration.fit
     result(
@@ -607,7 +607,7 @@ def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | N
         report: the page about it, where there is one.
 
     """
-    from cubicfish_cli.words.finding import asks_for_photos
+    from cubicfish_cli.core.finding import asks_for_photos
 
     lines = []
     if judged.level == "bad":

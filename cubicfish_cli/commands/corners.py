@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import as_command, option, record
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import result, say
-from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of, target_in
-from cubicfish_cli.words.phrases import listed
+from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of, target_in
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.core.phrases import listed
 
 if TYPE_CHECKING:
-    from cubicfish_cli.observations import Observations
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.core.observations import Observations
+    from cubicfish_cli.core.target import Target
 
 _HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
 
@@ -99,9 +99,9 @@ def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCor
             replaced.
 
     """
-    from cubicfish_cli.corner_files.observations_csv import save_corners
-    from cubicfish_cli.corner_files.vnlog import read_vnlogs
-    from cubicfish_cli.files import refuse_existing
+    from cubicfish_cli.core.io.files import refuse_existing
+    from cubicfish_cli.core.io.observations_csv import save_corners
+    from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
     goal = Path(asked.table)
     refuse_existing(goal, overwrite=run.overwrite)

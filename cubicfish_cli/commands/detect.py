@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import (
+from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import (
     GOOD,
     PhotoRow,
     corners_by_board,
@@ -17,14 +18,13 @@ from cubicfish_cli.cli.figures import (
     mark_of,
     print_photo_table,
 )
-from cubicfish_cli.cli.options import as_command, option, record, target_options
-from cubicfish_cli.cli.progress import How, say_found
-from cubicfish_cli.cli.terminal import result, say
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
+from cubicfish_cli.app.terminal.options import as_command, option, record, target_options
+from cubicfish_cli.app.terminal.progress import How, say_found
+from cubicfish_cli.app.terminal.terminal import result, say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.identification.identified import Detection
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.core.target import Target
+    from cubicfish_cli.corners.identification.identified import Detection
 
 _FEW_CORNERS = 20
 
@@ -102,12 +102,12 @@ def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     """
     source, file = TargetSource.of(asked.target), Path(asked.table)
     source.check()
-    from cubicfish_cli.corner_files.observations_csv import save_corners
-    from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.library.detection import drawings, find_corners
-    from cubicfish_cli.overlay import draw_found
-    from cubicfish_cli.photos import read_grey
-    from cubicfish_cli.undistortion.images import write_picture
+    from cubicfish_cli.app.detection import drawings, find_corners
+    from cubicfish_cli.app.overlay import draw_found
+    from cubicfish_cli.app.photos import read_grey
+    from cubicfish_cli.app.undistortion.images import write_picture
+    from cubicfish_cli.core.io.files import refuse_existing
+    from cubicfish_cli.core.io.observations_csv import save_corners
 
     refuse_existing(file, overwrite=run.overwrite)
     found = named_photos(paths_of(asked.photos), run.listener)

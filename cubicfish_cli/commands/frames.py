@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import IntRange, as_command, option, record, target_options
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import print_next, result
-from cubicfish_cli.films import MOST
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, named_photos
-from cubicfish_cli.words.codes import Event
+from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record, target_options
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_next, result
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.extensions.films import MOST
 
 if TYPE_CHECKING:
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.core.target import Target
 
 
 @record
@@ -98,11 +98,11 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
             not installed.
 
     """
-    from cubicfish_cli.files import refuse_existing
-    from cubicfish_cli.films.scan import room_for_frames
-    from cubicfish_cli.films.source import open_films
-    from cubicfish_cli.films.written import SHEET, TABLE, depends_on, write_chosen
-    from cubicfish_cli.library import frames
+    from cubicfish_cli.core.io.files import refuse_existing
+    from cubicfish_cli.extensions.films import frames
+    from cubicfish_cli.extensions.films.scan import room_for_frames
+    from cubicfish_cli.extensions.films.source import open_films
+    from cubicfish_cli.extensions.films.written import SHEET, TABLE, depends_on, write_chosen
 
     folder, targets = Path(asked.folder), frames.targets_of(asked.target, run.listener)
     films = open_films(frames.expanded_films(asked.films))
@@ -146,12 +146,12 @@ def with_frames(
         CubicfishError: a film cannot be used, or photos are of another size.
 
     """
-    from cubicfish_cli.library.inputs import films_among
+    from cubicfish_cli.app.inputs import films_among
 
     films, most = films_among(inputs), best or MOST
     if not films:
         return inputs, None
-    from cubicfish_cli.library.frames import earlier_frames, refuse_other_photos
+    from cubicfish_cli.extensions.films.frames import earlier_frames, refuse_other_photos
 
     photos = [path for path in inputs if path not in films]
     if photos:

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import FloatRange, as_command, option, record
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import result
-from cubicfish_cli.formats.registry import READABLE
-from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, made_by_record
+from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at, made_by_record
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import result
+from cubicfish_cli.extensions.formats.registry import READABLE
 
 if TYPE_CHECKING:
-    from cubicfish_cli.library.importing import Imported
+    from cubicfish_cli.commands.importing import Imported
 
 _HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compare and others.
 
@@ -106,10 +106,10 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
             replaced.
 
     """
-    from cubicfish_cli.assess.fit_record import FitRecord
-    from cubicfish_cli.files import fingerprint, refuse_existing, write_text
-    from cubicfish_cli.formats.calibrated import camera_text
-    from cubicfish_cli.library.importing import import_camera
+    from cubicfish_cli.commands.importing import import_camera
+    from cubicfish_cli.core.assess.fit_record import FitRecord
+    from cubicfish_cli.core.io.calibrated import camera_text
+    from cubicfish_cli.core.io.files import fingerprint, refuse_existing, write_text
 
     made_at()  # said before the work if it cannot be
     goal = Path(asked.output)

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import as_command, record
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import say
-from cubicfish_cli.errors import CorrespondenceError, UsageError
-from cubicfish_cli.library.asked import RUN, Run, StrPath, in_folder
-from cubicfish_cli.reading import read_bytes
-from cubicfish_cli.wording import quoted
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import say
+from cubicfish_cli.core.errors import CorrespondenceError, UsageError
+from cubicfish_cli.core.io.reading import read_bytes
+from cubicfish_cli.core.wording import quoted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -164,7 +164,7 @@ def project_points(asked: ProjectOptions, *, run: Run = RUN) -> Points:
         CubicfishError: the camera or the points cannot be used.
 
     """
-    from cubicfish_cli.formats.camera_yaml import PointCameraFile, load_any_camera
+    from cubicfish_cli.core.io.camera_yaml import PointCameraFile, load_any_camera
 
     loaded = load_any_camera(in_folder(Path(asked.camera)))
     if isinstance(loaded, PointCameraFile) and asked.near:
@@ -225,7 +225,7 @@ def unproject_points(asked: UnprojectOptions, *, run: Run = RUN) -> Points:
         CubicfishError: the camera or the pixels cannot be used.
 
     """
-    from cubicfish_cli.formats.camera_yaml import load_camera
+    from cubicfish_cli.core.io.camera_yaml import load_camera
 
     camera = load_camera(in_folder(Path(asked.camera))).camera
     read = read_points(Path(asked.pixels), ("x", "y"))

@@ -10,21 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import FloatRange, IntRange, as_command, bundle, option, record
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import print_next, print_wrote, result
-from cubicfish_cli.errors import OutputError, UsageError
-from cubicfish_cli.library.asked import RUN, Run, StrPath, target_in
-from cubicfish_cli.rendering.options import FORMATS, LOOKS, LookOptions
-from cubicfish_cli.wording import did_you_mean, quoted
+from cubicfish_cli.app.asked import RUN, Run, StrPath, target_in
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import (
+    FloatRange,
+    IntRange,
+    as_command,
+    bundle,
+    option,
+    record,
+)
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_next, print_wrote, result
+from cubicfish_cli.core.errors import OutputError, UsageError
+from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.simulation.options import FORMATS, LOOKS, LookOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.files import Content
-    from cubicfish_cli.formats.calibrated import Calibrated
-    from cubicfish_cli.lenses.cubic import CubicCamera
-    from cubicfish_cli.target import Target
+    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.io.files import Content
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish_cli.core.target import Target
 
 _SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml"}
 _MOST_PHOTOS = 10_000
@@ -177,12 +184,16 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    from cubicfish_cli.files import write_files
-    from cubicfish_cli.library.simulation import poses_of_table, source_of
-    from cubicfish_cli.rendering.simulate import chosen_poses, photo_bytes, simulated_photos
-    from cubicfish_cli.rendering.truth import pose_table_text, true_corners_text
-    from cubicfish_cli.words.codes import Event
-    from cubicfish_cli.words.phrases import plural
+    from cubicfish_cli.commands.simulation import poses_of_table, source_of
+    from cubicfish_cli.core.codes import Event
+    from cubicfish_cli.core.io.files import write_files
+    from cubicfish_cli.core.phrases import plural
+    from cubicfish_cli.extensions.simulation.simulate import (
+        chosen_poses,
+        photo_bytes,
+        simulated_photos,
+    )
+    from cubicfish_cli.extensions.simulation.truth import pose_table_text, true_corners_text
 
     thing, form, look, listener = target_in(asked.target), asked.form, asked.look, run.listener
     listener.progress("Choosing where to take photos from")

@@ -15,12 +15,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.boards.registry import DESIGNED
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import count
-from cubicfish_cli.cli.options import COUNTS, as_command, common_options, examples, option, record
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import (
+from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at, path_or_none
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import (
+    COUNTS,
+    as_command,
+    common_options,
+    examples,
+    option,
+    record,
+)
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import (
     Column,
     Row,
     print_columns,
@@ -28,17 +35,17 @@ from cubicfish_cli.cli.terminal import (
     result,
     say,
 )
-from cubicfish_cli.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.files import Content, refuse_existing, write_files
-from cubicfish_cli.library.asked import RUN, Run, StrPath, made_at, path_or_none
-from cubicfish_cli.printing import extra
-from cubicfish_cli.words.codes import Event
+from cubicfish_cli.core.boards.registry import DESIGNED
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
+from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
+from cubicfish_cli.extensions.printing import extra
 
 if TYPE_CHECKING:
-    from cubicfish_cli.boards.board import Board
-    from cubicfish_cli.library.target_files import TargetCheck
-    from cubicfish_cli.printing.layout import Page
-    from cubicfish_cli.printing.paper import Paper
+    from cubicfish_cli.commands.target_files import TargetCheck
+    from cubicfish_cli.core.boards.board import Board
+    from cubicfish_cli.extensions.printing.layout import Page
+    from cubicfish_cli.extensions.printing.paper import Paper
 
 NAMES = {"boards": "boards.pdf", "target": "target.yaml"}
 _LABEL = 12
@@ -75,8 +82,8 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         OutputError: the drawing exists and may not be replaced, or has another suffix.
 
     """
-    from cubicfish_cli.library.target_files import check_target
-    from cubicfish_cli.target import load_target
+    from cubicfish_cli.commands.target_files import check_target
+    from cubicfish_cli.core.target import load_target
 
     path = path_or_none(asked.drawing)
     if path is None and run.overwrite:
@@ -92,7 +99,7 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     checked = check_target(loaded)
     if path is not None:
         with extra.quiet():
-            from cubicfish_cli.printing.object_drawing import object_svg
+            from cubicfish_cli.extensions.printing.object_drawing import object_svg
         write_files({path: object_svg(loaded)}, overwrite=run.overwrite)
     return replace(checked, drawing=path)
 
@@ -146,7 +153,7 @@ def _print(checked: TargetCheck) -> None:
 
 
 def _row(board: Board) -> tuple[str, ...]:
-    from cubicfish_cli.library.target_files import print_size
+    from cubicfish_cli.commands.target_files import print_size
 
     size = " x ".join(f"{side:g}" for side in print_size(board))
     if board.points is not None:
@@ -298,12 +305,12 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
             and may not be replaced.
 
     """
-    from cubicfish_cli.library.target_files import check_target
-    from cubicfish_cli.printing.layout import boards_in_millimetres, lay_out
-    from cubicfish_cli.printing.objects import Wanted, design
-    from cubicfish_cli.printing.paper import length_mm
-    from cubicfish_cli.printing.paper import paper as paper_of
-    from cubicfish_cli.target import load_target, target_text
+    from cubicfish_cli.commands.target_files import check_target
+    from cubicfish_cli.core.target import load_target, target_text
+    from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
+    from cubicfish_cli.extensions.printing.objects import Wanted, design
+    from cubicfish_cli.extensions.printing.paper import length_mm
+    from cubicfish_cli.extensions.printing.paper import paper as paper_of
 
     lacking = extra.missing(extra.PRINTING)
     if lacking:
@@ -337,7 +344,7 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     # Pages carry no date, so that they can be made again, or that of SOURCE_DATE_EPOCH.
     date = datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
     with extra.quiet():
-        from cubicfish_cli.printing.drawing import write_boards
+        from cubicfish_cli.extensions.printing.drawing import write_boards
 
     contents = {"boards": lambda path: write_boards(path, pages, date=date), **contents}
     outputs = {name: Path(asked.folder) / NAMES[name] for name in contents}
@@ -372,7 +379,7 @@ def print_boards(given: PrintOptions, how: How) -> None:
 
 
 def _print_written(made: PrintedFiles) -> None:
-    from cubicfish_cli.library.target_files import print_size
+    from cubicfish_cli.commands.target_files import print_size
 
     outputs, pages = made.files, made.pages
     rows = [

@@ -21,10 +21,10 @@ from pairs_csv import write_pairs
 from running import SAMPLE, invoke_cli, run_cli
 
 from cubicfish_cli import load_camera, save_camera
-from cubicfish_cli.advice import advise
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.executors import pool
-from cubicfish_cli.target import load_target
+from cubicfish_cli.app.executors import pool
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.target import load_target
+from cubicfish_cli.extensions.advice import advise
 
 TARGET, CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
 PHOTOS = sorted((SAMPLE / "photos").glob("*.jpg"))

@@ -13,8 +13,8 @@ import pytest
 from running import SAMPLE, Run
 
 import cubicfish_cli
-from cubicfish_cli import extension
-from cubicfish_cli.extension import Extension, extensions
+from cubicfish_cli.app import extensions as extension
+from cubicfish_cli.app.extensions import Extension, extensions
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
     extensions.cache_clear()
 
 
-HELLO = Extension(commands={"hello": "cubicfish_cli.cli.info:command"})
+HELLO = Extension(commands={"hello": "cubicfish_cli.commands.info:command"})
 
 
 def test_another_distribution_adds_a_command(installed: list[EntryPoint], run: Run) -> None:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from synthetic import checkerboard
 
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.errors import DetectionError
-from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.identification.identified import Decided, remark_lines
-from cubicfish_cli.library.detection import detect_corners
-from cubicfish_cli.photos import find_photos
-from cubicfish_cli.target import Target, load_target
-from cubicfish_cli.words.codes import Code
+from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.photos import find_photos
+from cubicfish_cli.core.codes import Code
+from cubicfish_cli.core.errors import DetectionError
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.target import Target, load_target
+from cubicfish_cli.corners.identification.identified import Decided, remark_lines
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 

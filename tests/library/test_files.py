@@ -39,9 +39,9 @@ from cubicfish_cli import (
     undistort_files,
     undistort_rig_files,
 )
-from cubicfish_cli.cli.terminal import print_json
-from cubicfish_cli.errors import OutputError, UsageError
-from cubicfish_cli.target import target_text
+from cubicfish_cli.app.terminal.terminal import print_json
+from cubicfish_cli.core.errors import OutputError, UsageError
+from cubicfish_cli.core.target import target_text
 from tests.extensions.rigs.test_export import made_rig
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"

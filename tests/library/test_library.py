@@ -52,8 +52,8 @@ from cubicfish_cli import (
     undistort,
     undistort_files,
 )
-from cubicfish_cli.assess.fit_record import FitRecord, fit_record
-from cubicfish_cli.errors import (
+from cubicfish_cli.core.assess.fit_record import FitRecord, fit_record
+from cubicfish_cli.core.errors import (
     CameraFileError,
     CorrespondenceError,
     DetectionError,
@@ -273,9 +273,9 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
 def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     monkeypatch: pytest.MonkeyPatch, corners: Observations, target: Target, fitted: Calibration
 ) -> None:
-    from cubicfish_cli.fitting import calibrate as fitting
-    from cubicfish_cli.identification.identified import Detection, PhotoReport
-    from cubicfish_cli.words.finding import Finding
+    from cubicfish_cli.core.finding import Finding
+    from cubicfish_cli.core.fit import calibrate as fitting
+    from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
 
     asked: list[dict[str, Any]] = []
     monkeypatch.setattr(fitting, "calibrate", lambda pairs, **given: asked.append(given) or fitted)

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.detection.grids import FoundGrids, Grid
-from cubicfish_cli.identification.identified import Decided, GridReport, PhotoReport, Place
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.overlay import BOARD_COLOURS, LEFT_OUT, REFUSED, _Canvas, draw_found
-from cubicfish_cli.words.codes import Code
-from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.app.overlay import BOARD_COLOURS, LEFT_OUT, REFUSED, _Canvas, draw_found
+from cubicfish_cli.core.codes import Code
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
+from cubicfish_cli.corners.identification.identified import Decided, GridReport, PhotoReport, Place
 
 STEP = 50.0
 WIDTH, HEIGHT = 1000, 400

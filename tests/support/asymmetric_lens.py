@@ -1,6 +1,6 @@
 """A Kannala–Brandt lens, decentred (Brown, 1966) and with a sensor not square to its axis.
 
-It is not the cubic's formula, but that of the lens which P is held to (`fitting/asymmetric.py`):
+It is not the cubic's formula, but that of the lens which P is held to (`core/fit/asymmetric.py`):
 what leans on the prior looks better with photos of such a lens than with those of real ones.
 """
 
@@ -14,17 +14,17 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import angle_from_axis, columns
-from cubicfish_cli.geometry import (
+from cubicfish_cli.core.angles import angle_from_axis, columns
+from cubicfish_cli.core.geometry import (
     decentring,
     decentring_slope,
     inverse_of_growing,
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish_cli.lenses.lens import HELD, FocalLens
-from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.types import FloatArray
+from cubicfish_cli.core.lenses.lens import HELD, FocalLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.types import FloatArray
 
 _CHECKED_ANGLES = 4096
 _DECENTRING_ROUNDS = 8

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from synthetic import lens_of_size
 
-from cubicfish_cli import files
-from cubicfish_cli.undistortion.images import remap_picture
-from cubicfish_cli.undistortion.maps import build_map
-from cubicfish_cli.undistortion.projections import PerspectiveView
+from cubicfish_cli.app.undistortion.images import remap_picture
+from cubicfish_cli.core.io import files
+from cubicfish_cli.core.views.maps import build_map
+from cubicfish_cli.core.views.projections import PerspectiveView
 
 LENS = lens_of_size(0.125)
 MAP = build_map(LENS, PerspectiveView.with_field(100, (40, 30)))

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from synthetic import checkerboard, lens_of_size
 
-from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.rendering.options import LookOptions
-from cubicfish_cli.rendering.simulate import chosen_poses, simulated_photos
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
 
 TARGET = """units: mm
 boards:

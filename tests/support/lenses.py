@@ -7,11 +7,11 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.fitting.linear import linear_coefficients
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.lenses.lift import sphere_basis
-from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.lenses.sphere import cone_rays
+from cubicfish_cli.core.fit.linear import linear_coefficients
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.lift import sphere_basis
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.sphere import cone_rays
 
 
 def radial_camera(

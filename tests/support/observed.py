@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.boards.checkerboard import Checkerboard
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
 
 SIZE = (1280, 800)
 

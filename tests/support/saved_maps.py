@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.undistortion.choose import CENTRAL_KINDS
-from cubicfish_cli.undistortion.view import CentralView
+from cubicfish_cli.core.views.choose import CENTRAL_KINDS
+from cubicfish_cli.core.views.view import CentralView
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import pytest
 
-from cubicfish_cli.diagnosis.counts import Count
-from cubicfish_cli.diagnosis.evidence import GridEvidence
-from cubicfish_cli.identification.identified import Identified
-from cubicfish_cli.target import Target
-from cubicfish_cli.words.finding import Finding
+from cubicfish_cli.app.diagnosis.counts import Count
+from cubicfish_cli.app.diagnosis.evidence import GridEvidence
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners.identification.identified import Identified
 
 
 def no_photo(_: int) -> None:

@@ -24,11 +24,11 @@ import numpy as np
 import numpy.typing as npt
 from synthetic_lenses import SyntheticLens
 
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.rendering.simulate import chosen_poses
-from cubicfish_cli.rendering.truth import AnyLens, Pose, project_corners
-from cubicfish_cli.rendering.views import WholeLens
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.extensions.simulation.simulate import chosen_poses
+from cubicfish_cli.extensions.simulation.truth import AnyLens, Pose, project_corners
+from cubicfish_cli.extensions.simulation.views import WholeLens
 
 FloatArray = npt.NDArray[np.float64]
 

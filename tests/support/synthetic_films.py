@@ -23,10 +23,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import angle_from_axis
-from cubicfish_cli.boards.board import Board
-from cubicfish_cli.rendering.options import LookOptions
-from cubicfish_cli.rendering.simulate import (
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.simulate import (
     AMBIENT,
     INK,
     LAMP,
@@ -37,15 +39,13 @@ from cubicfish_cli.rendering.simulate import (
     sensed,
     vignette,
 )
-from cubicfish_cli.rendering.truth import (
+from cubicfish_cli.extensions.simulation.truth import (
     MARGIN_SQUARES,
     Pose,
     project_corners,
     rotation_matrix,
 )
-from cubicfish_cli.rendering.views import WanderingPupil, WholeLens
-from cubicfish_cli.target import Target
-from cubicfish_cli.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.extensions.simulation.views import WanderingPupil, WholeLens
 
 Float32Array = npt.NDArray[np.float32]
 

@@ -14,7 +14,7 @@ import termios
 import time
 from dataclasses import dataclass
 
-from cubicfish_cli.cli.streams import cells
+from cubicfish_cli.app.terminal.streams import cells
 
 _STYLES = re.compile(r"\x1b\[[0-9;]*m")
 _LONGEST_SECONDS = 120

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cubicfish_cli import reading
-from cubicfish_cli.undistortion.images import write_picture
+from cubicfish_cli.app.undistortion.images import write_picture
+from cubicfish_cli.core.io import reading
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 TARGET, CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
@@ -163,8 +163,8 @@ def test_names_that_collide_once_their_kind_changes_do_not_replace_each_other(
         write_picture(here / name, np.zeros((4, 4), np.uint8), overwrite=False)
     arguments = ("detect", here, "--target", TARGET, "--draw", here / "seen", "--no-cache")
     run(*arguments, code=1)
-    from cubicfish_cli.library.detection import drawings
-    from cubicfish_cli.photos import find_photos
+    from cubicfish_cli.app.detection import drawings
+    from cubicfish_cli.app.photos import find_photos
 
     places = drawings(here / "seen", find_photos([here]))
     assert len(set(places.values())) == 3

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 import yaml
 
-from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.grids import negative_grids, negative_photo
-from cubicfish_cli.errors import DetectionError
-from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.library.detection import detect_corners
-from cubicfish_cli.photos import find_photos
-from cubicfish_cli.target import Target, target_text
-from tests.detection.test_markers import errors, find, mixed_photo, photo_of, wall
+from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.photos import find_photos
+from cubicfish_cli.core.errors import DetectionError
+from cubicfish_cli.core.target import Target, target_text
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.detection.grids import negative_grids, negative_photo
+from tests.corners.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 
 PLAIN = Target(
     units="mm",

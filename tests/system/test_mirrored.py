@@ -12,22 +12,22 @@ from scipy.spatial.transform import Rotation
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
-from cubicfish_cli.boards.shape import BoardShape
-from cubicfish_cli.detection.finder import find_grids
-from cubicfish_cli.detection.grids import grid_in_mirror
-from cubicfish_cli.detection.markers import find_marked_corners
-from cubicfish_cli.diagnosis.object_faults import misdrawn
-from cubicfish_cli.errors import TargetError
-from cubicfish_cli.executors.pool import Work
-from cubicfish_cli.fitting.radial_reference import fit_radial
-from cubicfish_cli.fitting.statistics import rms_px
-from cubicfish_cli.identification.identified import Decided
-from cubicfish_cli.identification.name_grids import name_grids
-from cubicfish_cli.library.detection import detect_corners
-from cubicfish_cli.photos import find_photos
-from cubicfish_cli.target import Target, target_text
-from tests.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
-from tests.identification.test_name_grids import names, seen
+from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.diagnosis.object_faults import misdrawn
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.photos import find_photos
+from cubicfish_cli.core.boards.shape import BoardShape
+from cubicfish_cli.core.errors import TargetError
+from cubicfish_cli.core.fit.radial_reference import fit_radial
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.target import Target, target_text
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.detection.grids import grid_in_mirror
+from cubicfish_cli.corners.detection.markers import find_marked_corners
+from cubicfish_cli.corners.identification.identified import Decided
+from cubicfish_cli.corners.identification.name_grids import name_grids
+from tests.corners.detection.test_markers import MIXED, POSE, errors, mixed_photo, photo_of
+from tests.corners.identification.test_name_grids import names, seen
 
 DATA = {
     "units": "mm",

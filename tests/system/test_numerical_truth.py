@@ -15,14 +15,14 @@ from asymmetric_lens import AsymmetricLens
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.evaluate import evaluate
-from cubicfish_cli.formats.calibrated import camera_text
-from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.evaluate import evaluate
+from cubicfish_cli.core.io.calibrated import camera_text
+from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.target import Target
 
 EXAMPLES = int(os.environ.get("CUBICFISH_TEST_EXAMPLES", "5"))
 NOISE = 0.1

@@ -13,10 +13,10 @@ import yaml
 from running import SAMPLE, run_cli
 from saved_maps import read_map
 
-from cubicfish_cli.cli.main import COMMANDS, cli
-from cubicfish_cli.extension import extension_commands
-from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.target import load_target
+from cubicfish_cli.app.extensions import extension_commands
+from cubicfish_cli.app.terminal.main import COMMANDS, cli
+from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.target import load_target
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from cubicfish_cli import photos, reading
+from cubicfish_cli.app import photos
+from cubicfish_cli.core.io import reading
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "SECURITY.md").read_text(encoding="utf-8")

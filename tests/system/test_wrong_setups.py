@@ -15,8 +15,8 @@ import pytest
 import wrong_setups as wrong
 from running import SAMPLE, Run
 
-from cubicfish_cli.diagnosis import diagnose
-from cubicfish_cli.formats.camera_yaml import load_camera
+from cubicfish_cli.app.diagnosis import diagnose
+from cubicfish_cli.core.io.camera_yaml import load_camera
 
 pytestmark = pytest.mark.slow
 

@@ -16,5 +16,5 @@ of its name there, with its options and its function.
 
 What is done with a rig reads that file. `stereo.py` turns two cameras so that rows agree;
 `mosaic.py` asks all cameras as one and blends them; `lens_rig.py` joins them to other tools'
-lenses, which the formats write from one `LensRig` (`formats/camera_format.py`).
+lenses, which the formats write from one `LensRig` (`core/io/camera_format.py`).
 """

@@ -7,25 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import hold_gate, mark_of, print_verdict
-from cubicfish_cli.cli.options import (
-    FILE,
-    IntRange,
-    Seconds,
-    option,
-    record,
-    target_options,
-)
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.report import PAGE, report_option
-from cubicfish_cli.cli.terminal import apart, print_wrote, result, say
-from cubicfish_cli.errors import UsageError
-from cubicfish_cli.extensions.rigs.options import as_rig_command
-from cubicfish_cli.extensions.rigs.printed import print_rig
-from cubicfish_cli.files import refuse_existing
-from cubicfish_cli.films import MOST
-from cubicfish_cli.library.asked import (
+from cubicfish_cli.app.asked import (
     RUN,
     Run,
     StrPath,
@@ -35,16 +17,34 @@ from cubicfish_cli.library.asked import (
     made_by_record,
     paths_of,
 )
-from cubicfish_cli.wording import quoted
-from cubicfish_cli.words.codes import Event
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import hold_gate, mark_of, print_verdict
+from cubicfish_cli.app.terminal.options import (
+    FILE,
+    IntRange,
+    Seconds,
+    option,
+    record,
+    target_options,
+)
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
+from cubicfish_cli.commands.report import PAGE, report_option
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.io.files import refuse_existing
+from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.extensions.films import MOST
+from cubicfish_cli.extensions.rigs.options import as_rig_command
+from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.core.fit.model_selection import RefineTarget
+    from cubicfish_cli.core.io.camera_yaml import CameraFile
+    from cubicfish_cli.core.target import Target
     from cubicfish_cli.extensions.rigs.films import RigFrames
     from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
-    from cubicfish_cli.fitting.model_selection import RefineTarget
-    from cubicfish_cli.formats.camera_yaml import CameraFile
-    from cubicfish_cli.target import Target
 
 
 @record
@@ -153,14 +153,14 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
             can be fitted.
 
     """
+    from cubicfish_cli.app.inputs import films_among
+    from cubicfish_cli.extensions.films.scan import room_for_frames
+    from cubicfish_cli.extensions.printing import extra
     from cubicfish_cli.extensions.rigs.films import rig_frames
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
     from cubicfish_cli.extensions.rigs.report import write_rig_page
     from cubicfish_cli.extensions.rigs.rigs import calibrate_rig, rig_record, save_rig
     from cubicfish_cli.extensions.rigs.verdict import rig_verdict
-    from cubicfish_cli.films.scan import room_for_frames
-    from cubicfish_cli.library.inputs import films_among
-    from cubicfish_cli.printing import extra
 
     source = TargetSource.of(asked.target)
     cameras, names = asked.cameras, asked.names
@@ -239,7 +239,7 @@ def _load_known(
     lenses: Mapping[str, CameraFile | StrPath] | Sequence[Path], called: Sequence[str]
 ) -> dict[str, CameraFile]:
     """Cameras that are calibrated already, by name."""
-    from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
+    from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
 
     if not isinstance(lenses, Mapping):
         lenses = dict(map(_parse_lens, lenses))

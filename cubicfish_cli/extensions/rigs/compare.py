@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import px
-from cubicfish_cli.cli.options import record
-from cubicfish_cli.cli.terminal import print_json, print_table, result
+from cubicfish_cli.app.asked import StrPath
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import px
+from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.terminal import print_json, print_table, result
 from cubicfish_cli.extensions.rigs.options import as_rig_command
-from cubicfish_cli.library.asked import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera

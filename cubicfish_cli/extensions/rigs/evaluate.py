@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.evaluate import say_unplaced
-from cubicfish_cli.cli.figures import count, hold_gate
-from cubicfish_cli.cli.options import record, target_options
-from cubicfish_cli.cli.progress import How
-from cubicfish_cli.cli.terminal import print_json, say
-from cubicfish_cli.errors import UsageError
+from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count, hold_gate
+from cubicfish_cli.app.terminal.options import record, target_options
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_json, say
+from cubicfish_cli.commands.evaluate import say_unplaced
+from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
-from cubicfish_cli.library.asked import RUN, Run, StrPath, TargetSource, paths_of
 
 if TYPE_CHECKING:
+    from cubicfish_cli.core.target import Target
     from cubicfish_cli.extensions.rigs.fit.evaluate import RigEvaluation
-    from cubicfish_cli.target import Target
 
 
 @record

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.diagnosis.diagnose import Cost, Hypothesis, find_faults
+from cubicfish_cli.app.diagnosis.diagnose import Cost, Hypothesis, find_faults
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import Finding, RigFinding
+from cubicfish_cli.core.fit.evidence import Evidence
+from cubicfish_cli.core.fit.robust import noise_px
 from cubicfish_cli.extensions.rigs.fit.evidence import Moved, RigEvidence
 from cubicfish_cli.extensions.rigs.fit.moved import explained, says
-from cubicfish_cli.fitting.evidence import Evidence
-from cubicfish_cli.fitting.robust import noise_px
-from cubicfish_cli.words.codes import Code, Severity
-from cubicfish_cli.words.finding import Finding, RigFinding
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5

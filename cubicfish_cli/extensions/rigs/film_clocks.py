@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 # Two films must share so long a time, in frames and as a share of the shorter one.
 _LEAST_COMMON, _LEAST_SHARE = 40, 0.4

@@ -9,24 +9,24 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.errors import DetectionError, PhotoError
+from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.photos import Photo, read_grey
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import DetectionError, PhotoError
+from cubicfish_cli.core.frame_names import frame_name
+from cubicfish_cli.core.io.files import refuse_existing, whole_files, write_text
+from cubicfish_cli.core.io.tables import csv_text
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.extensions.films.choose import Seen, choose_shots
+from cubicfish_cli.extensions.films.frame_search import found_in
+from cubicfish_cli.extensions.films.frames import tell_of_film, why_ended
+from cubicfish_cli.extensions.films.scan import Measured, scan, still_px
+from cubicfish_cli.extensions.films.source import open_films
 from cubicfish_cli.extensions.rigs.film_clocks import film_offset
 from cubicfish_cli.extensions.rigs.fit.clocks import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
-from cubicfish_cli.files import refuse_existing, whole_files, write_text
-from cubicfish_cli.films.choose import Seen, choose_shots
-from cubicfish_cli.films.scan import Measured, scan, still_px
-from cubicfish_cli.films.source import open_films
-from cubicfish_cli.frame_names import frame_name
-from cubicfish_cli.library.asked import Run
-from cubicfish_cli.library.frame_search import found_in
-from cubicfish_cli.library.frames import tell_of_film, why_ended
-from cubicfish_cli.listener import Listener
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.photos import Photo, read_grey
-from cubicfish_cli.tables import csv_text
-from cubicfish_cli.target import Target
-from cubicfish_cli.words.codes import Event
 
 _Beside = tuple[Path | None, float]
 

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import print_verdict
-from cubicfish_cli.cli.options import record
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.app.asked import StrPath
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import print_verdict
+from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.terminal import print_json, result
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
-from cubicfish_cli.library.asked import StrPath
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.verdict import Verdict
+    from cubicfish_cli.core.assess.verdict import Verdict
 
 
 @record

@@ -8,13 +8,13 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish_cli.errors import CorrespondenceError
-from cubicfish_cli.files import fingerprint
-from cubicfish_cli.films.recordings import is_recording, label_of
-from cubicfish_cli.formats.camera_yaml import CameraFile, load_camera
-from cubicfish_cli.library.asked import Run, TargetSource
-from cubicfish_cli.library.inputs import Inputs, load_inputs
-from cubicfish_cli.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.app.asked import Run, TargetSource
+from cubicfish_cli.app.inputs import Inputs, load_inputs
+from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.core.errors import CorrespondenceError
+from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
+from cubicfish_cli.core.io.files import fingerprint
+from cubicfish_cli.extensions.films.recordings import is_recording, label_of
 
 
 def named_by(path: Path) -> str:

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.errors import ViewError
+from cubicfish_cli.commands.exporting import Exported
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.io.camera_format import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.fit import sees
 from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.extensions.rigs.stereo import rectify
-from cubicfish_cli.formats.camera_format import FlatPair, LensRig, PlacedLens
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.library.exporting import Exported
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.fit import sees
 
 _OVERLAP_RAYS = 2000
 

@@ -15,22 +15,22 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.angles import unit_rays
-from cubicfish_cli.errors import ViewError
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, named_camera
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.photos import Picture
-from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.images import remap_picture
-from cubicfish_cli.undistortion.maps import UndistortMap, build_map
-from cubicfish_cli.undistortion.view import (
+from cubicfish_cli.app.photos import Picture
+from cubicfish_cli.app.undistortion.images import remap_picture
+from cubicfish_cli.core.angles import unit_rays
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.fit import sees
+from cubicfish_cli.core.views.maps import UndistortMap, build_map
+from cubicfish_cli.core.views.view import (
     CentralView,
     View,
     matrix_of_rotation,
     rotation_vector,
 )
+from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, named_camera
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration

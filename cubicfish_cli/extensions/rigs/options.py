@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.cli.options import FILE, Parsed, argument, as_command, option
+from cubicfish_cli.app.terminal.options import FILE, Parsed, argument, as_command, option
 
 as_rig_command = partial(as_command, keys=Path(__file__).parent)
 """A command whose ``--json`` is explained beside this module."""

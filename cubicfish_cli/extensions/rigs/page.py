@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from cubicfish_cli.assess.records import recorded_mappings, recorded_number
-from cubicfish_cli.assess.verdict import WORDS
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera
-from cubicfish_cli.extensions.rigs.verdict import rig_verdict
-from cubicfish_cli.printing.extra import drawing
-from cubicfish_cli.report.figures import (
+from cubicfish_cli.core.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.core.assess.verdict import WORDS
+from cubicfish_cli.core.codes import Severity
+from cubicfish_cli.core.finding import of_record
+from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.extensions.printing.extra import drawing
+from cubicfish_cli.extensions.report.figures import (
     BOARD_COLOURS,
     INK,
     MUTED,
@@ -26,11 +27,10 @@ from cubicfish_cli.report.figures import (
     finished,
     new_figure,
 )
-from cubicfish_cli.report.page import day_of, made_of, template
-from cubicfish_cli.report.scene import draw_cameras, show_evenly, upright
-from cubicfish_cli.types import BoolArray, FloatArray
-from cubicfish_cli.words.codes import Severity
-from cubicfish_cli.words.finding import of_record
+from cubicfish_cli.extensions.report.page import day_of, made_of, template
+from cubicfish_cli.extensions.report.scene import draw_cameras, show_evenly, upright
+from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.extensions.rigs.verdict import rig_verdict
 
 _MOST_SHOTS = 20
 COLOURS = (*BOARD_COLOURS, "#56b4e9", MUTED, INK)

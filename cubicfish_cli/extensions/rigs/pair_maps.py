@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.errors import CameraFileError, UsageError, ViewError
+from cubicfish_cli.app.asked import RUN, Run, StrPath
+from cubicfish_cli.app.undistortion.map_formats import map_paths, view_files
+from cubicfish_cli.app.undistortion.options import ViewOptions
+from cubicfish_cli.commands.map_files import MapFiles, contents_of, ffmpeg_commands, files_of
+from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
+from cubicfish_cli.core.io.files import refuse_existing, write_files
+from cubicfish_cli.core.io.plain_yaml import plain_yaml_text
+from cubicfish_cli.core.views.choose import ChosenView, chosen_view
+from cubicfish_cli.core.views.fit import sees
+from cubicfish_cli.core.views.maps import build_map, camera_for_photos
+from cubicfish_cli.core.views.view import CentralView, View
+from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, load_rig, rig_file
 from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, rectify
-from cubicfish_cli.files import refuse_existing, write_files
-from cubicfish_cli.library.asked import RUN, Run, StrPath
-from cubicfish_cli.library.map_files import MapFiles, contents_of, ffmpeg_commands, files_of
-from cubicfish_cli.plain_yaml import plain_yaml_text
-from cubicfish_cli.undistortion.choose import ChosenView, chosen_view
-from cubicfish_cli.undistortion.fit import sees
-from cubicfish_cli.undistortion.map_formats import map_paths, view_files
-from cubicfish_cli.undistortion.maps import build_map, camera_for_photos
-from cubicfish_cli.undistortion.options import ViewOptions
-from cubicfish_cli.undistortion.view import CentralView, View
-from cubicfish_cli.wording import either
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.cli.figures import count, print_errors, px
-from cubicfish_cli.cli.terminal import print_table, result
+from cubicfish_cli.app.terminal.figures import count, print_errors, px
+from cubicfish_cli.app.terminal.terminal import print_table, result
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.evaluate import RigEvaluation
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 def print_rig(record: Mapping[str, Any]) -> None:
     """Print where the cameras stand, and how well it fits."""
-    from cubicfish_cli.assess.fit_record import ErrorStatistics
-    from cubicfish_cli.assess.records import read_record
+    from cubicfish_cli.core.assess.fit_record import ErrorStatistics
+    from cubicfish_cli.core.assess.records import read_record
 
     units, fit = record["units"] or "", record["fit"]
     result(

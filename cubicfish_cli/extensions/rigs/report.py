@@ -5,19 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.figures import print_verdict
-from cubicfish_cli.cli.options import record
-from cubicfish_cli.cli.progress import keep_fonts, running
-from cubicfish_cli.cli.report import PAGE
-from cubicfish_cli.cli.terminal import print_json, result
+from cubicfish_cli.app.asked import RUN, Run, StrPath
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import print_verdict
+from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.progress import keep_fonts, running
+from cubicfish_cli.app.terminal.terminal import print_json, result
+from cubicfish_cli.commands.report import PAGE
+from cubicfish_cli.core.io.files import refuse_existing, write_text
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
-from cubicfish_cli.files import refuse_existing, write_text
-from cubicfish_cli.library.asked import RUN, Run, StrPath
 
 if TYPE_CHECKING:
-    from cubicfish_cli.assess.verdict import Verdict
-    from cubicfish_cli.library.report_files import ReportFiles
+    from cubicfish_cli.commands.report_files import ReportFiles
+    from cubicfish_cli.core.assess.verdict import Verdict
 
 
 @record
@@ -64,8 +64,8 @@ def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RU
             exists and may not be replaced.
 
     """
+    from cubicfish_cli.commands.report_files import ReportFiles, refuse_without_extra
     from cubicfish_cli.extensions.rigs.rig_yaml import rig_file
-    from cubicfish_cli.library.report_files import ReportFiles, refuse_without_extra
 
     refuse_without_extra()
     model = rig_file(rig)
@@ -82,10 +82,10 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
+    from cubicfish_cli.extensions.printing import extra
     from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
     from cubicfish_cli.extensions.rigs.rigs import loaded_record
     from cubicfish_cli.extensions.rigs.verdict import rig_verdict
-    from cubicfish_cli.printing import extra
 
     with extra.quiet():
         from cubicfish_cli.extensions.rigs.page import rig_html

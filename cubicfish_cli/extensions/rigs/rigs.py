@@ -11,8 +11,22 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.assess.fit_record import FitRecord
-from cubicfish_cli.errors import CorrespondenceError, FitError
+from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.commands.calibration import observed
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.errors import CorrespondenceError, FitError
+from cubicfish_cli.core.fit.model_selection import RefineTarget
+from cubicfish_cli.core.frame_names import time_of
+from cubicfish_cli.core.geometry import camera_centre, total_sigma
+from cubicfish_cli.core.io.calibrated import camera_text
+from cubicfish_cli.core.io.camera_yaml import CameraFile
+from cubicfish_cli.core.io.files import Content, write_files
+from cubicfish_cli.core.io.tables import read_table
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target, target_text
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.corners.identification.identified import Detection
 from cubicfish_cli.extensions.rigs.faults import find_rig_faults
 from cubicfish_cli.extensions.rigs.fit import calibrate as fitting
 from cubicfish_cli.extensions.rigs.fit import compare as rig_comparison
@@ -28,20 +42,6 @@ from cubicfish_cli.extensions.rigs.fit.shots import (
     shots_of_table,
 )
 from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera, rig_text
-from cubicfish_cli.files import Content, write_files
-from cubicfish_cli.fitting.model_selection import RefineTarget
-from cubicfish_cli.formats.calibrated import camera_text
-from cubicfish_cli.formats.camera_yaml import CameraFile
-from cubicfish_cli.frame_names import time_of
-from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.identification.identified import Detection
-from cubicfish_cli.library.calibration import observed
-from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.tables import read_table
-from cubicfish_cli.target import Target, target_text
-from cubicfish_cli.types import FloatArray
-from cubicfish_cli.wording import quoted
 
 Matching = Literal["name", "time"]
 TOLERANCE = 5e-3

@@ -8,16 +8,16 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from cubicfish_cli.errors import UsageError, ViewError
+from cubicfish_cli.app.asked import named_photos
+from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.app.photos import Picture, natural_key, photo_size, shown
+from cubicfish_cli.app.undistortion.batch import Job
+from cubicfish_cli.commands.views import Size, Views
+from cubicfish_cli.core.errors import UsageError, ViewError
+from cubicfish_cli.core.views.choose import ChosenView
+from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
 from cubicfish_cli.extensions.rigs.fit.shots import shots_by_name
 from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of
-from cubicfish_cli.library.asked import named_photos
-from cubicfish_cli.library.views import Size, Views
-from cubicfish_cli.listener import SILENT, Listener
-from cubicfish_cli.photos import Picture, natural_key, photo_size, shown
-from cubicfish_cli.undistortion.batch import Job
-from cubicfish_cli.undistortion.choose import ChosenView
-from cubicfish_cli.undistortion.maps import UndistortMap, camera_for_photos
 
 Shot = Mapping[str, Path]
 """Camera -> its photo."""

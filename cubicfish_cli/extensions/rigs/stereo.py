@@ -2,7 +2,7 @@
 
 In the rectified frame x points along the line between the cameras. Half-planes that end in that
 line hold what a row shows: flat pictures have such rows up to 180°, and pictures on a cylinder or a
-sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.undistortion.projections` are,
+sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.core.views.projections` are,
 all around it.
 """
 
@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.errors import ViewError
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, named_camera
-from cubicfish_cli.types import FloatArray
-from cubicfish_cli.undistortion.fit import seen_field_deg, sees
-from cubicfish_cli.undistortion.projections import (
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.fit import seen_field_deg, sees
+from cubicfish_cli.core.views.projections import (
     EpipolarCylindricalView,
     EpipolarEquirectangularView,
     PerspectiveView,
 )
-from cubicfish_cli.undistortion.view import Camera, CentralView, rotation_vector
+from cubicfish_cli.core.views.view import Camera, CentralView, rotation_vector
+from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, named_camera
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.cli import options
-from cubicfish_cli.cli.options import FloatRange, bundle, option, record
-from cubicfish_cli.cli.progress import SchedulerOptions, running, scheduler_options
-from cubicfish_cli.cli.undistort import end_with_pictures, named_sources
-from cubicfish_cli.cli.view_options import picture_options, view_options
+from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of
+from cubicfish_cli.app.asked_pictures import PictureOptions
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.options import FloatRange, bundle, option, record
+from cubicfish_cli.app.terminal.progress import SchedulerOptions, running, scheduler_options
+from cubicfish_cli.app.undistortion.options import ViewOptions
+from cubicfish_cli.commands.undistort import end_with_pictures, named_sources
+from cubicfish_cli.commands.view_options import picture_options, view_options
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_option
-from cubicfish_cli.library.asked import RUN, Run, StrPath, paths_of
-from cubicfish_cli.library.asked_pictures import PictureOptions
-from cubicfish_cli.undistortion.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.library.undistorting import UndistortedFiles
-    from cubicfish_cli.undistortion.view import View
+    from cubicfish_cli.commands.undistorting import UndistortedFiles
+    from cubicfish_cli.core.views.view import View
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,11 +126,11 @@ def undistort_rig_files(
         CubicfishError: the rig or the executor cannot be used.
 
     """
+    from cubicfish_cli.commands.undistorting import plan_pictures, write_pictures
+    from cubicfish_cli.core.views.choose import chosen_view
     from cubicfish_cli.extensions.rigs.mosaic import body_of_rig
     from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
-    from cubicfish_cli.library.undistorting import plan_pictures, write_pictures
-    from cubicfish_cli.undistortion.choose import chosen_view
 
     asked, model = options or ShotOptions(), rig_file(rig)
     known = load_rig(model)

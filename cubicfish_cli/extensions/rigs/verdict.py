@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.records import read_record
-from cubicfish_cli.assess.verdict import Verdict, ratio_above
-from cubicfish_cli.words.codes import Code, Severity
-from cubicfish_cli.words.finding import Finding, RigFinding, level_of
+from cubicfish_cli.core.assess.records import read_record
+from cubicfish_cli.core.assess.verdict import Verdict, ratio_above
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import Finding, RigFinding, level_of
 
 # A camera's error in the rig over that of its photos alone, and the error from which that matters.
 _STRAINED = ((1.5, 0.25), (3.0, 0.5))

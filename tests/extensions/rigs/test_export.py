@@ -14,12 +14,12 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import RigFile, load_rig
-from cubicfish_cli.cli.export import FORMATS
-from cubicfish_cli.cli.options import keys_of
+from cubicfish_cli.app.terminal.options import keys_of
+from cubicfish_cli.commands.export import FORMATS
+from cubicfish_cli.extensions.formats.foreign import WRITTEN
 from cubicfish_cli.extensions.rigs import group
 from cubicfish_cli.extensions.rigs.rig_yaml import rig_text
-from cubicfish_cli.formats.foreign import WRITTEN
-from tests.cli.test_export import kannala_brandt, project_kalibr
+from tests.commands.test_export import kannala_brandt, project_kalibr
 
 TURNS = [(0.0, 0.0, 0.0), (0.03, -0.4, 0.05), (0.1, 2.9, 0.0)]
 SHIFTS = [(0.0, 0.0, 0.0), (-120.0, 3.0, 20.0), (10.0, -5.0, -60.0)]

@@ -9,15 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import stitch
-from cubicfish_cli.errors import ViewError
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.views.maps import camera_for_photos
+from cubicfish_cli.core.views.projections import CylindricalView, EquirectangularView
 from cubicfish_cli.extensions.rigs.mosaic import Body, BodyCamera, edge_distance, mosaic_of
-from cubicfish_cli.fitting.alignment import aligned_difference
-from cubicfish_cli.formats.camera_yaml import load_camera
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.rendering.truth import rotation_matrix
-from cubicfish_cli.undistortion.maps import camera_for_photos
-from cubicfish_cli.undistortion.projections import CylindricalView, EquirectangularView
+from cubicfish_cli.extensions.simulation.truth import rotation_matrix
 from tests.extensions.rigs.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]

@@ -12,19 +12,19 @@ from synthetic import TRUE_LENS
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli import calibrate_rig, rectify
-from cubicfish_cli.errors import ViewError
-from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
-from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
-from cubicfish_cli.geometry import camera_centre
-from cubicfish_cli.rendering.truth import Pose, rotation_matrix
-from cubicfish_cli.target import Target
-from cubicfish_cli.undistortion.choose import build_view
-from cubicfish_cli.undistortion.maps import build_map
-from cubicfish_cli.undistortion.projections import (
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.geometry import camera_centre
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.maps import build_map
+from cubicfish_cli.core.views.projections import (
     EpipolarCylindricalView,
     EpipolarEquirectangularView,
     PerspectiveView,
 )
+from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
+from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
+from cubicfish_cli.extensions.simulation.truth import Pose, rotation_matrix
 
 BOARDS = [
     ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),

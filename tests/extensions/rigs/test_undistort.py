@@ -10,7 +10,7 @@ import pytest
 from running import Run
 
 from cubicfish_cli import load_rig
-from cubicfish_cli.cli.options import keys_of
+from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.extensions.rigs import group
 from tests.extensions.rigs.test_export import made_rig
 

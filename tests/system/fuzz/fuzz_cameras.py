@@ -6,13 +6,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from cubicfish_cli.corner_files.observations_csv import load_corners
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.calibration import Calibration
-from cubicfish_cli.fitting.point_fit import calibrate_points
-from cubicfish_cli.formats.calibrated import camera_text
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.target import load_target
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.point_fit import calibrate_points
+from cubicfish_cli.core.io.calibrated import camera_text
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.target import load_target
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.boards.checkerboard import Checkerboard
-from cubicfish_cli.corner_files.vnlog import read_vnlogs
-from cubicfish_cli.formats.mrcal_model import mrcal_text, read_mrcal
-from cubicfish_cli.formats.ocamcalib import ocamcalib_text, read_ocamcalib
-from cubicfish_cli.lenses.mrcal_splined import SplinedLens
-from cubicfish_cli.lenses.scaramuzza import ScaramuzzaLens
-from cubicfish_cli.target import Target
+from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
+from cubicfish_cli.core.lenses.scaramuzza import ScaramuzzaLens
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
+from cubicfish_cli.extensions.formats.ocamcalib import ocamcalib_text, read_ocamcalib
+from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
 SIZE = (640, 480)
 RAYS = np.array(

@@ -11,10 +11,10 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish_cli.fitting.conversion.to_lens import to_lens
-from cubicfish_cli.formats.colmap_cameras import MODELS as COLMAP_MODELS
-from cubicfish_cli.formats.foreign import WRITTEN, read_foreign
-from cubicfish_cli.formats.registry import ENTRIES, READABLE
+from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
+from cubicfish_cli.extensions.formats.conversion.to_lens import to_lens
+from cubicfish_cli.extensions.formats.foreign import WRITTEN, read_foreign
+from cubicfish_cli.extensions.formats.registry import ENTRIES, READABLE
 
 SIZE = (640, 480)
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])

@@ -9,12 +9,11 @@ import fuzz_foreign as foreign
 import pytest
 from fuzz_readers import READERS
 
-from cubicfish_cli import plain_yaml, tables
-from cubicfish_cli.corner_files import vnlog
-from cubicfish_cli.errors import CubicfishError
-from cubicfish_cli.formats import camera_format
-from cubicfish_cli.formats.foreign import read_foreign
-from cubicfish_cli.formats.nerfstudio_json import read_nerfstudio
+from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.io import camera_format, plain_yaml, tables
+from cubicfish_cli.extensions.formats import vnlog
+from cubicfish_cli.extensions.formats.foreign import read_foreign
+from cubicfish_cli.extensions.formats.nerfstudio_json import read_nerfstudio
 
 MOST = 1000
 _TOO_MUCH = r"more than [15],000|too much in it"

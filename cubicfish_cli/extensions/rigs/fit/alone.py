@@ -7,26 +7,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cubicfish_cli.assess.fit_record import FitRecord
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import RigFinding, of_camera
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
+from cubicfish_cli.core.fit.evidence import Diagnose
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.model_selection import RefineTarget
+from cubicfish_cli.core.fit.radial_reference import radial_near
+from cubicfish_cli.core.fit.refinement import Level
+from cubicfish_cli.core.fit.subset import with_mean_weight_one
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.clocks import Moving
 from cubicfish_cli.extensions.rigs.fit.gather import Placed, unplaced
-from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.calibrate import calibrate
-from cubicfish_cli.fitting.cubic_fit import fit_cubic, held
-from cubicfish_cli.fitting.evidence import Diagnose
-from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.known_lens import fit_poses
-from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
-from cubicfish_cli.fitting.model_selection import RefineTarget
-from cubicfish_cli.fitting.radial_reference import radial_near
-from cubicfish_cli.fitting.refinement import Level
-from cubicfish_cli.fitting.subset import with_mean_weight_one
-from cubicfish_cli.lenses.cubic import CubicCamera
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target
-from cubicfish_cli.types import FloatArray
-from cubicfish_cli.words.finding import RigFinding, of_camera
 
 # While photos are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

@@ -12,8 +12,43 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.fit_record import ErrorStatistics, FitRecord
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord
+from cubicfish_cli.core.codes import Severity
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import RigFinding
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.evidence import Diagnose
+from cubicfish_cli.core.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
+from cubicfish_cli.core.fit.frame import in_references_frame
+from cubicfish_cli.core.fit.left_out import LeaveOneOut
+from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.model_selection import RefineTarget
+from cubicfish_cli.core.fit.photo_noise import weighed
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.refinement import (
+    FIRST_SPREAD,
+    LEVELS,
+    Level,
+    NominalTarget,
+    estimate_spread,
+    free_target,
+)
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.fit.stages import Progress
+from cubicfish_cli.core.fit.statistics import (
+    error_statistics,
+    photo_records,
+    rms_px,
+)
+from cubicfish_cli.core.fit.subset import world_scale
+from cubicfish_cli.core.geometry import camera_centre, total_sigma
+from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.threads import one_blas_thread
+from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.alone import Alone, RigCamera, alone
 from cubicfish_cli.extensions.rigs.fit.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.extensions.rigs.fit.evaluate import (
@@ -29,41 +64,6 @@ from cubicfish_cli.extensions.rigs.fit.names import agreeing
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
 from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged, start_rig
-from cubicfish_cli.fitting.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.fitting.evidence import Diagnose
-from cubicfish_cli.fitting.folds import FOLDS, MIN_PHOTOS, dealt_out
-from cubicfish_cli.fitting.frame import in_references_frame
-from cubicfish_cli.fitting.left_out import LeaveOneOut
-from cubicfish_cli.fitting.lenses import CubicFit, FixedLens
-from cubicfish_cli.fitting.model_selection import RefineTarget
-from cubicfish_cli.fitting.photo_noise import weighed
-from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.refinement import (
-    FIRST_SPREAD,
-    LEVELS,
-    Level,
-    NominalTarget,
-    estimate_spread,
-    free_target,
-)
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.fitting.stages import Progress
-from cubicfish_cli.fitting.statistics import (
-    error_statistics,
-    photo_records,
-    rms_px,
-)
-from cubicfish_cli.fitting.subset import world_scale
-from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.lenses.cubic import CubicCamera, check_validity
-from cubicfish_cli.lenses.sphere import cone_rays
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.target import Target
-from cubicfish_cli.threads import one_blas_thread
-from cubicfish_cli.types import FloatArray
-from cubicfish_cli.words.codes import Severity
-from cubicfish_cli.words.finding import RigFinding
 
 # While cameras and shots are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

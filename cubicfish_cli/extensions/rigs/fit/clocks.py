@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment
-from cubicfish_cli.fitting.linearise import runs_linearised
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray
+from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.linearise import runs_linearised
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import FloatArray
 
 # Nobody's clocks differ by much more than that once films are matched: what holds a clock of which
 # still shots say nothing.

@@ -9,11 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.comparison import Comparison, compare
+from cubicfish_cli.core.geometry import camera_centre, total_sigma
+from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.evaluate import KnownCamera
-from cubicfish_cli.fitting.comparison import Comparison, compare
-from cubicfish_cli.geometry import camera_centre, total_sigma
-from cubicfish_cli.types import FloatArray
 
 
 class ComparedPlace(KnownCamera, Protocol):

@@ -11,26 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.assess.fit_record import ErrorStatistics
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
+from cubicfish_cli.core.fit.evaluate import named_as_refined
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
+from cubicfish_cli.core.fit.subset import select
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.threads import one_blas_thread
+from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.gather import Placed, gathered, unplaced
 from cubicfish_cli.extensions.rigs.fit.names import agreeing
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
 from cubicfish_cli.extensions.rigs.fit.start import place_shots
 from cubicfish_cli.extensions.rigs.rig_yaml import KnownCamera
-from cubicfish_cli.fitting.adjustment import Adjustment, adjust
-from cubicfish_cli.fitting.evaluate import named_as_refined
-from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.known_lens import fit_poses
-from cubicfish_cli.fitting.lenses import FixedLens
-from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.fitting.statistics import error_statistics, rms_px
-from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.threads import one_blas_thread
-from cubicfish_cli.types import FloatArray
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0

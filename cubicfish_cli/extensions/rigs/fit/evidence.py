@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment
-from cubicfish_cli.fitting.evidence import Evidence
-from cubicfish_cli.fitting.linearise import runs_linearised
-from cubicfish_cli.fitting.robust import huber_px
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.evidence import Evidence
+from cubicfish_cli.core.fit.linearise import runs_linearised
+from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 if TYPE_CHECKING:  # one camera alone is diagnosed without them
+    from cubicfish_cli.core.fit.rig_lens import RigLens
     from cubicfish_cli.extensions.rigs.fit.clocks import Clocks
     from cubicfish_cli.extensions.rigs.fit.start import RigStart
-    from cubicfish_cli.fitting.rig_lens import RigLens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.subset import select
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import IntArray
 from cubicfish_cli.extensions.rigs.fit.clocks import Moving
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
-from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

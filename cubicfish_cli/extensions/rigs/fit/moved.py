@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import fdtrc
 
+from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.two_groups import best_cut
+from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.evidence import Moved, RigEvidence
-from cubicfish_cli.fitting.robust import noise_px
-from cubicfish_cli.fitting.two_groups import best_cut
-from cubicfish_cli.types import FloatArray, IntArray
 
 # Shots on either side of where a camera may have moved.
 _LEAST_SHOTS = 3

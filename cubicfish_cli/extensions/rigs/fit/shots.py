@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cubicfish_cli.errors import FitError
-from cubicfish_cli.wording import quoted
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.wording import quoted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,17 +11,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.fitting.adjustment import Adjustment
-from cubicfish_cli.fitting.fit_lens import FitLens
-from cubicfish_cli.fitting.folds import MIN_PHOTOS, dealt_out
-from cubicfish_cli.fitting.left_out import LeaveOneOut
-from cubicfish_cli.fitting.lenses import CubicFit
-from cubicfish_cli.fitting.photo_spread import MOST_CLUSTERS, variance_of_few
-from cubicfish_cli.fitting.poses import cross_matrix
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.uncertainty import Gauge, corner_noise_px
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import FloatArray, IntArray
+from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.folds import MIN_PHOTOS, dealt_out
+from cubicfish_cli.core.fit.left_out import LeaveOneOut
+from cubicfish_cli.core.fit.lenses import CubicFit
+from cubicfish_cli.core.fit.photo_spread import MOST_CLUSTERS, variance_of_few
+from cubicfish_cli.core.fit.poses import cross_matrix
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 
 def place_covariances(

@@ -16,17 +16,17 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.phrases import listed, plural
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.alone import RigCamera
-from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.known_lens import fit_poses
-from cubicfish_cli.fitting.lenses import FixedLens
-from cubicfish_cli.fitting.poses import Poses
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.robust import huber_px, noise_px
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.words.phrases import listed, plural
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0

@@ -10,7 +10,19 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 from synthetic_lenses import SineProfile, synthetic_lens
 
-from cubicfish_cli.errors import FitError
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.folds import dealt_out
+from cubicfish_cli.core.fit.linearise import linearised
+from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.subset import select
+from cubicfish_cli.core.lenses.nearest import FreeLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.placement import renamed, symmetries
+from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.rigs.faults import find_rig_faults
 from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
 from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration, RigCamera, calibrate_rig
@@ -23,19 +35,7 @@ from cubicfish_cli.extensions.rigs.fit.shots import (
     shots_of_table,
 )
 from cubicfish_cli.extensions.rigs.fit.start import median_pose
-from cubicfish_cli.fitting.adjustment import adjust
-from cubicfish_cli.fitting.deformable_target import DeformableTarget
-from cubicfish_cli.fitting.folds import dealt_out
-from cubicfish_cli.fitting.linearise import linearised
-from cubicfish_cli.fitting.poses import Poses, rotation_from_vector
-from cubicfish_cli.fitting.rig_lens import RigLens
-from cubicfish_cli.fitting.subset import select
-from cubicfish_cli.lenses.nearest import FreeLens
-from cubicfish_cli.lenses.radial import RadialCamera
-from cubicfish_cli.observations import Observations
-from cubicfish_cli.placement import renamed, symmetries
-from cubicfish_cli.rendering.truth import Pose, pose_of_matrix, rotation_matrix
-from cubicfish_cli.target import Target
+from cubicfish_cli.extensions.simulation.truth import Pose, pose_of_matrix, rotation_matrix
 
 NAMES = ("left", "right")
 APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))

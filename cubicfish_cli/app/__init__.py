@@ -1,0 +1,1 @@
+"""What the commands share: photos, words, diagnosis, the terminal, extensions."""

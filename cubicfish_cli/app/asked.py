@@ -1,0 +1,323 @@
+"""What is asked of the library beside what it works on, and what files say of how they were made.
+
+Nothing is loaded for it, so that a command line can make it before it is known to be right.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from glob import has_magic
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.core.errors import MISSING, CameraFileError, CubicfishError, UsageError
+from cubicfish_cli.core.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.app.executors.pool import Executor, Work
+    from cubicfish_cli.app.photos import Photo
+    from cubicfish_cli.core.io.files import Fingerprint
+    from cubicfish_cli.core.target import Target
+
+
+StrPath = str | os.PathLike[str]
+
+# Kalibr's target files are a few lines.
+_FIRST_BYTES = 4096
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """How work is done; nothing here changes what is worked out.
+
+    Attributes:
+        jobs: photos to work on at a time; None for one per processor.
+        cache: a folder in which what is found in photos and frames is kept; None for nowhere.
+        anew: whether nothing that an earlier run found is used.
+        overwrite: whether files that exist may be replaced.
+        listener: who is told how far it is.
+        executor: who looks at photos instead of processes here.
+        command: the command line that is run, which files say of themselves.
+
+    """
+
+    jobs: int | None = None
+    cache: Path | None = None
+    anew: bool = False
+    overwrite: bool = False
+    listener: Listener = SILENT
+    executor: Executor | None = None
+    command: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.anew:
+            object.__setattr__(self, "cache", None)
+
+    def work(self, step: str) -> Work:
+        """Who looks at photos in a step, which begins now."""
+        from cubicfish_cli.app.executors.pool import Work
+
+        progress = self.listener.counting(step)
+        return Work(jobs=self.jobs, progress=progress, executor=self.executor)
+
+
+RUN: Run = Run()
+"""With all processors, silently; nothing is kept or replaced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetSource:
+    """What photos show.
+
+    Attributes:
+        path: the target's file.
+        counts: inner corners (columns, rows) of one flat checkerboard in the place of a file.
+        square: the side of its squares, millimetres.
+        given: a target in memory in the place of both.
+        told: whether nobody named the file, so that it is told which it is.
+
+    """
+
+    path: Path | None = None
+    counts: tuple[int, int] | None = None
+    square: float | None = None
+    given: Target | None = None
+    told: bool = False
+
+    @classmethod
+    def of(cls, target: TargetSource | Target | StrPath | None) -> TargetSource:
+        """What a caller names."""
+        if isinstance(target, TargetSource):
+            return target
+        if target is None or isinstance(target, str | os.PathLike):
+            return cls(path=None if target is None else Path(target))
+        return cls(given=target)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is any."""
+        return not (self.path is None and self.counts is None and self.given is None)
+
+    @property
+    def needs_file(self) -> bool:
+        """Whether it is in no file yet."""
+        return self.path is None and self.is_known
+
+    def check(self) -> None:
+        """Refuse before anything is done where there is none, or its file is not there.
+
+        Raises:
+            UsageError: no target was named.
+            CubicfishError: the file is not there.
+
+        """
+        if not self.is_known:
+            raise UsageError(
+                "the photos show an unknown target: name it with --target target.yaml (make and "
+                "print one with 'cubicfish target print --object corner'), or a flat checkerboard "
+                "with --board 9x6 --square 25mm (inner corners, side of a square)"
+            )
+        if self.path is not None and not os.path.lexists(self.path):
+            raise CubicfishError(
+                f"{self.path} {MISSING}, or name a flat checkerboard with --board 9x6 --square 25mm"
+            )
+
+    def load(self, listener: Listener = SILENT) -> list[Target]:
+        """The target; where nobody has said whether its outer squares are dark, light ones too.
+
+        Raises:
+            TargetError: its file cannot be used.
+
+        """
+        from cubicfish_cli.core.target import Target, colourings, load_target
+
+        self.check()
+        if self.told:
+            from cubicfish_cli.core.codes import Event
+
+            listener.tell(Event.TARGET, path=self.path)
+        if self.given is not None:
+            return [self.given]
+        if self.path is not None:
+            target = load_target(self.path)
+            return colourings(target) if _is_of_kalibr(self.path) else [target]
+        board = {
+            "name": "board",
+            "type": "checkerboard",
+            "corners": list(self.counts or ()),
+            "square": self.square,
+        }
+        return colourings(Target.from_data({"units": "mm", "boards": [board]}))
+
+    def fingerprint(self) -> Fingerprint | None:
+        """The file's, before it is read; None where there is none."""
+        from cubicfish_cli.core.io.files import fingerprint
+
+        return None if self.path is None else fingerprint(self.path)
+
+
+def target_in(given: Target | StrPath) -> Target:
+    """A target that a caller has, or has in a file.
+
+    Raises:
+        TargetError: its file cannot be used.
+
+    """
+    from cubicfish_cli.core.target import Target, load_target
+
+    return given if isinstance(given, Target) else load_target(Path(given))
+
+
+def _is_of_kalibr(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b"target_type" in file.read(_FIRST_BYTES)
+
+
+def in_folder(path: Path) -> Path:
+    """The camera file that is meant: a folder stands for the camera.yaml in it.
+
+    Raises:
+        CameraFileError: the folder has none.
+
+    """
+    if not path.is_dir():
+        return path
+    inside = path / "camera.yaml"
+    if not inside.exists():
+        raise CameraFileError(
+            f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
+            "calibrate' wrote, or a camera file"
+        )
+    return inside
+
+
+def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:
+    """Names that may come alone or several together."""
+    return [Path(given)] if isinstance(given, str | os.PathLike) else list(map(Path, given))
+
+
+def path_or_none(given: StrPath | None) -> Path | None:
+    """A name that may be left out."""
+    return None if given is None else Path(given)
+
+
+def check_inputs(
+    inputs: Sequence[Path], correspondences: Path | None, target: TargetSource
+) -> None:
+    """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
+
+    Raises:
+        UsageError: the inputs do not go together.
+        CubicfishError: one is not there.
+
+    """
+    if correspondences is not None:
+        if inputs:
+            raise UsageError("give photos (or corners.csv) or --correspondences, not both")
+        _refuse_missing([correspondences])
+        return
+    if not inputs:
+        raise UsageError("name photos, a folder of photos, or a corners.csv")
+    tables = tables_among(inputs)
+    if tables and len(inputs) > 1:
+        raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
+    _refuse_missing(inputs)
+    if not (tables and holds_world_points(tables[0])):
+        target.check()
+
+
+def tables_among(inputs: Sequence[Path]) -> list[Path]:
+    """Those of the inputs that are tables, by their names."""
+    return [path for path in inputs if path.suffix.lower() == ".csv"]
+
+
+def _refuse_missing(paths: Sequence[Path]) -> None:
+    for path in paths:
+        if not os.path.lexists(path) and not has_magic(str(path)):
+            raise CubicfishError(f"{path} {MISSING}")
+
+
+def holds_world_points(path: Path) -> bool:
+    """Whether the header of a CSV file is that of correspondences."""
+    try:
+        if not path.is_file():  # a pipe might be waited for
+            return False
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            lines = [file.readline(10_000) for _ in range(2)]
+    except OSError:
+        return False  # the reader says what is wrong with it
+    header = lines[1] if lines[0].startswith("#") else lines[0]
+    return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
+
+
+def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
+    """The photos that are named; what may be missed among them is told.
+
+    Raises:
+        PhotoError: there are none, or one cannot be used.
+
+    """
+    from cubicfish_cli.app.photos import find_photos
+    from cubicfish_cli.core.codes import Event
+
+    lines: list[str] = []
+    photos = find_photos(inputs, lines)
+    for line in lines:
+        listener.tell(Event.PASSED_OVER, line=line)
+    return photos
+
+
+def made_at() -> str:
+    """The time in UTC, or that of SOURCE_DATE_EPOCH, with which results can be made again.
+
+    Raises:
+        CubicfishError: SOURCE_DATE_EPOCH is set to something else than seconds.
+
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        moment = datetime.now(UTC) if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
+    except (ValueError, OverflowError, OSError) as error:
+        raise CubicfishError(
+            f"SOURCE_DATE_EPOCH={epoch!r} is not a time in seconds since 1970: correct or unset it"
+        ) from error
+    return moment.isoformat(timespec="seconds")
+
+
+def made_by_record(
+    command: str | None,
+    options: Mapping[str, Any],
+    target: Fingerprint | None,
+    files: Sequence[Fingerprint],
+) -> dict[str, Any]:
+    """Version, date, command and options, and the SHA-256 of the target and of every input.
+
+    Raises:
+        OutputError: a file is no longer what it was when it was read.
+
+    """
+    from cubicfish_cli import __version__
+
+    for file in (*files, *([target] if target else [])):
+        file.refuse_changed()
+    return {
+        "version": __version__,
+        "date": made_at(),
+        **({} if command is None else {"command": command}),
+        "options": dict(options),
+        "target": _of(target) if target else None,
+        "inputs": [_of(file) for file in files],
+    }
+
+
+def _of(file: Fingerprint) -> dict[str, str]:
+    return {"file": as_text(str(file.path)), "sha256": file.sha256}
+
+
+def as_text(words: str) -> str:
+    """What a name says, also where its bytes are no UTF-8, which no text file can hold."""
+    return words.encode("utf-8", "backslashreplace").decode("utf-8")

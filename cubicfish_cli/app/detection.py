@@ -1,0 +1,381 @@
+"""Pictures, in memory or in files -> named corners, with what became of each; and their files."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.asked import Run, StrPath
+from cubicfish_cli.app.diagnosis.diagnose import find_faults
+from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.app.photos import MAX_PIXELS, Photo, Picture, find_photos
+from cubicfish_cli.app.words.catalogue import catalogue
+from cubicfish_cli.core.arrays import Refusal
+from cubicfish_cli.core.codes import Code, Event, Severity
+from cubicfish_cli.core.errors import DetectionError, OutputError, PhotoError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.phrases import plural
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners.detection.grids import FoundGrids
+from cubicfish_cli.corners.detection.look import GridCache, Look, look_at, refused
+from cubicfish_cli.corners.detection.markers import MarkedCorners
+from cubicfish_cli.corners.identification.identified import (
+    FEWEST_CORNERS,
+    Detection,
+    GridReport,
+    PhotoReport,
+    drawing_fits,
+    marked_corners,
+    remark_of,
+)
+from cubicfish_cli.corners.identification.name_grids import name_grids
+from cubicfish_cli.corners.identification.second_pass import second_pass
+
+Image = npt.NDArray[Any]
+
+_CHANNELS = (1, 2, 3, 4)
+
+
+def detect(
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+    target: Target,
+    *,
+    jobs: int | None = 1,
+    cache: StrPath | None = None,
+    listener: Listener = SILENT,
+) -> Detection:
+    """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
+
+    A second look follows where a camera fitted to the corners expects more. Photos that cannot be
+    used are reported in the result, and passed over.
+
+    Args:
+        photos: arrays (H, W) or (H, W, 1 to 4), uint8 or uint16, colours in BGR order, by name or
+            in a list (then named ``photo_0`` and so on); or files, folders and globs. Pictures
+            must be as the sensor made them: :func:`read_picture` does not turn them, as cv2.imread
+            may.
+        target: the calibration target.
+        jobs: processes to use; None for one per processor. With more than one, a script must
+            start its work below ``if __name__ == "__main__":``.
+        cache: a folder in which what is found in files is kept; by default nothing is.
+        listener: who is told how far it is.
+
+    Returns:
+        Corners with pixels (N, 2) and their target, and what became of each photo.
+
+    Raises:
+        DetectionError: an array is no picture, or no corner could be named in any photo; the
+            text says what to check.
+        PhotoError: there is no such file, or it is no photo.
+
+    """
+    kept = None if cache is None else Path(cache)
+    run = Run(jobs=jobs, cache=kept, listener=listener)
+    return find_corners(_photos(photos), [target], run)
+
+
+def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
+    """Both looks of :func:`detect`; of several targets, for the one that explains most corners.
+
+    Raises:
+        DetectionError: no corner could be named in any photo.
+
+    """
+    run.listener.tell(Event.LOOKING, photos=len(photos))
+    detection = first_look(photos, targets, run.work("Finding corners"), run.cache)
+    target = detection.corners.target
+    if target is not None:
+        detection = second_pass(photos, detection, target, run.work("Looking again"))
+    added = sum(photo.added for photo in detection.photos)
+    if added:
+        run.listener.tell(Event.LOOKED_AGAIN, corners=added)
+    return detection
+
+
+def first_look(
+    photos: Sequence[Photo], targets: Sequence[Target], work: Work, cache: StrPath | None = None
+) -> Detection:
+    """Find and name the corners of the one of several targets that explains most of them.
+
+    Args:
+        photos: the photos.
+        targets: at least one; ``corners.target`` of the result says which it is.
+        work: who looks at the photos.
+        cache: a folder in which what is found in files is kept.
+
+    Raises:
+        DetectionError: no corner could be named by any of them; the text is that of the last.
+
+    """
+    with ExitStack() as stack:
+        if cache is None and len(targets) > 1:  # photos are searched once for all targets
+            cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+        grids = None if cache is None else GridCache(folder=Path(cache).absolute())
+        found: list[Detection] = []
+        for number, target in enumerate(targets, start=1):
+            try:
+                found.append(detect_corners(photos, target, work, grids))
+            except DetectionError:  # the last says why, where none does better
+                if number == len(targets) and not found:
+                    raise
+    return max(found, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
+
+
+def _photos(
+    photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
+) -> list[Photo]:
+    if isinstance(photos, str | os.PathLike):
+        return find_photos([photos])
+    if isinstance(photos, Mapping):
+        names, given = list(photos), list(photos.values())
+    else:
+        given = list(photos)
+        if given and all(isinstance(one, str | os.PathLike) for one in given):
+            return find_photos(given)
+        names = [f"photo_{index}" for index in range(len(given))]
+    if not given:
+        raise DetectionError("no photo was given: pass pictures, or the names of files")
+    names = list(Refusal(error=DetectionError).names(names, "photos"))
+    return [
+        Photo(name=name, path=Path(name), picture=_picture(one, name))
+        for name, one in zip(names, given, strict=True)
+    ]
+
+
+def _picture(value: object, name: str) -> Image:
+    if not isinstance(value, np.ndarray):
+        raise DetectionError(
+            f"{name} is no array but {type(value).__name__}: pass either arrays or names of files"
+        )
+    if value.ndim not in (2, 3) or (value.ndim == 3 and value.shape[2] not in _CHANNELS):
+        raise DetectionError(
+            f"{name} has the shape {value.shape}, not (H, W) or (H, W, 1 to 4): "
+            "pass a list of pictures"
+        )
+    if value.dtype not in (np.uint8, np.uint16):
+        raise DetectionError(f"{name} holds {value.dtype} numbers: pass uint8 or uint16")
+    if not 0 < value.shape[0] * value.shape[1] <= MAX_PIXELS:
+        raise DetectionError(
+            f"{name} has {value.shape[1]}x{value.shape[0]} pixels: 1 to "
+            f"{MAX_PIXELS / 1e6:g} million are allowed"
+        )
+    return np.ascontiguousarray(value)
+
+
+_NOT_NAMED = "no corner can be named"
+# With these, where they are bad, names would be those of other corners.
+_REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_MARKERS)
+
+
+def detect_corners(
+    photos: Sequence[Photo],
+    target: Target,
+    work: Work,
+    cache: GridCache | None = None,
+) -> Detection:
+    """Find and name the corners of ``target`` in photos.
+
+    Photos that cannot be read, or are not of the size that most have, are reported and passed
+    over. The result does not depend on who does the work.
+
+    Args:
+        photos: where the photos are.
+        target: the calibration target.
+        work: who looks at the photos.
+        cache: what was found in photos that were searched before; None searches them all.
+
+    Raises:
+        ClusterError: the executor cannot do the work.
+        DetectionError: no corner could be named in any photo; the text says what to check.
+
+    """
+    look = partial(look_at, target=target, cache=cache)
+    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
+    found = work.done(look, seen)
+    size = _common_size(found)
+    if size is None:
+        raise _refused(_nothing_read(found))
+    with_boards = [_shows_boards(one) for one in found]
+    found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
+    usable = [index for index, one in enumerate(found) if one.grids is not None]
+    looks = [found[index] for index in usable]
+    names = [photos[index].name for index in usable]
+    identified = None
+    if target.has_markers:
+        corners = marked_corners([_marked(look) for look in looks], target, size, names)
+        parts = [_by_markers(look, name, target) for look, name in zip(looks, names, strict=True)]
+    else:
+        identified = name_grids([_grids(look).grids for look in looks], target, size, names)
+        corners = identified.corners
+        fits = drawing_fits(identified.grids, target)
+        parts = [
+            _by_geometry(look, *of, fits=fits)
+            for look, *of in zip(looks, names, identified.grids, identified.exact, strict=True)
+        ]
+    reports = [
+        PhotoReport(name=photo.name, refusal=look.refusal)
+        for photo, look in zip(photos, found, strict=True)
+    ]
+    for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
+        board = corners.board[corners.image == number]
+        boards = tuple(corners.boards[one] for one in np.unique(board))
+        reports[index] = replace(part, boards=boards, corners=len(board))
+    about: dict[str, Any] = {
+        "photos": len(photos),
+        "names": names,
+        "picture": lambda number: _brightness(photos[usable[number]]),
+        "target": target,
+        "with_boards": sum(with_boards),
+        "lost": [
+            report.loss
+            for report, shows in zip(reports, with_boards, strict=True)
+            if shows and report.loss is not None
+        ],
+    }
+    findings = find_faults(
+        MarkerEvidence(**about, corners=corners, grids=list(map(_grids, looks)))
+        if identified is None
+        else GridEvidence(**about, identified=identified)
+    )
+    _refuse(findings, named=len(corners.pixel) > 0)
+    if not len(corners.pixel):
+        raise _no_checkerboard(found)
+    return Detection(
+        corners=corners.only_seen()[0],
+        photos=tuple(reports),
+        findings=tuple(findings),
+        other_colours=identified is not None and identified.other_colours,
+    )
+
+
+def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
+    """Refuse corners that would have the names of others; or none, where that is explained."""
+    for finding in findings:
+        if finding.severity is Severity.BAD and finding.code in _REFUSED:
+            raise _refused(finding)
+        if finding.severity is not Severity.NOTE and not named:
+            raise DetectionError(_NOT_NAMED, do=finding.line)
+
+
+def _shows_boards(look: Look) -> bool:
+    """Whether a photo shows squares in rows, and so many that they are likely a board's."""
+    grids = () if look.grids is None else look.grids.grids
+    return any(len(grid) >= FEWEST_CORNERS for grid in grids)
+
+
+def _common_size(found: Sequence[Look]) -> tuple[int, int] | None:
+    """The size that most photos have; of equally frequent ones the first."""
+    sizes = Counter(one.grids.image_size for one in found if one.grids is not None)
+    return sizes.most_common(1)[0][0] if sizes else None
+
+
+def _of_size(one: Look, name: str, size: tuple[int, int]) -> Look:
+    if one.grids is None or one.grids.image_size == size:
+        return one
+    width, height = one.grids.image_size
+    figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
+    case = "turned" if (height, width) == size else ""
+    return Look(grids=None, refusal=refused(name, Code.OTHER_SIZE, case, **figures))
+
+
+def _brightness(photo: Photo) -> Picture | None:
+    """What a photo shows, once more; None where it is there no longer."""
+    try:
+        return photo.read_grey()
+    except PhotoError:
+        return None
+
+
+def _grids(look: Look) -> FoundGrids:
+    if look.grids is None:
+        raise ValueError("a photo of no use has no grids")
+    return look.grids
+
+
+def _by_geometry(
+    look: Look, name: str, grids: tuple[GridReport, ...], exact: bool, *, fits: bool
+) -> PhotoReport:
+    remarks = (remark_of(name, grid, odd=fits) for grid in grids)
+    return PhotoReport(
+        name=name,
+        refusal=look.refusal,
+        remarks=tuple(remark for remark in remarks if remark is not None),
+        exact=bool(exact),
+        found=look.grids,
+        grids=grids,
+    )
+
+
+def _marked(look: Look) -> MarkedCorners:
+    if look.marked is None:
+        raise ValueError("a photo of a target with markers was not searched for them")
+    return look.marked
+
+
+def _by_markers(look: Look, name: str, target: Target) -> PhotoReport:
+    twice = partial(Finding, code=Code.TWICE_IN_VIEW, severity=Severity.CARE, images=(name,))
+    boards = [target.boards[board].name for board in _marked(look).contradictory]
+    return PhotoReport(
+        name=name,
+        refusal=look.refusal,
+        remarks=tuple(twice(boards=(board,)) for board in boards),
+        found=replace(_grids(look), grids=()),
+    )
+
+
+def _refused(finding: Finding) -> DetectionError:
+    return DetectionError(finding.why, do=finding.do)
+
+
+def _nothing_read(found: Sequence[Look]) -> Finding:
+    if not found:
+        return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
+    first = next(one.refusal.line for one in found if one.refusal)
+    case = "none_usable" if len(found) == 1 else "several"
+    figures = {"first": first, "more": len(found) - 1}
+    return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
+
+
+def _no_checkerboard(found: Sequence[Look]) -> DetectionError:
+    """Why no photo shows anything: what most of them say."""
+    refusals = [one.refusal for one in found if one.refusal]
+    lines = Counter(refusal.line for refusal in refusals)
+    most = max(refusals, key=lambda refusal: lines[refusal.line])
+    if (most.code, "all") in catalogue().sayings:
+        figures = {**most.figures, "photos": len(found)}
+        return DetectionError(replace(most, case="all", figures=figures).line)
+    return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")
+
+
+def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
+    """Where the drawing of each photo goes, by the photo's name.
+
+    The photo's suffix is left out, unless two drawings would then have one name or a drawing
+    would replace a photo.
+
+    Raises:
+        OutputError: a drawing would replace a photo whatever it is called.
+
+    """
+    taken = {os.path.realpath(photo.path) for photo in photos}
+    full = [photo.name for photo in photos]
+    short = [PurePath(name).with_suffix("").as_posix() for name in full]
+    for names in (short, full):
+        paths = [folder / f"{name}.png" for name in names]
+        # File systems may not tell a from A.
+        apart = names is full or len({name.casefold() for name in names}) == len(names)
+        if apart and taken.isdisjoint(map(os.path.realpath, paths)):
+            return dict(zip(full, paths, strict=True))
+    raise OutputError(f"drawings in {folder} would replace photos: choose another folder")

@@ -1,0 +1,91 @@
+"""What photos show of a set-up, before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.evidence import Evidence
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+
+if TYPE_CHECKING:
+    from cubicfish_cli.app.diagnosis.counts import Count
+    from cubicfish_cli.app.photos import Picture
+    from cubicfish_cli.corners.detection.grids import FoundGrids
+    from cubicfish_cli.corners.identification.identified import Identified
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoEvidence(Evidence):
+    """Photos in which corners were looked for.
+
+    Attributes:
+        photos: how many were given.
+        names: of those that can be used.
+        picture: the brightness (H, W) of the photo of this number, read once more; None where it
+            cannot be.
+        target: the drawing.
+        with_boards: in how many of the photos boards were found.
+        lost: why one of these gave no corners, for each that did not.
+
+    """
+
+    photos: int
+    names: Sequence[str]
+    picture: Callable[[int], Picture | None]
+    target: Target
+    with_boards: int
+    lost: Sequence[Finding]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridEvidence(PhotoEvidence):
+    """Grids that were named by geometry.
+
+    Attributes:
+        identified: what became of them.
+
+    """
+
+    identified: Identified
+
+    @property
+    def corners(self) -> Observations:
+        """Those that have a name."""
+        return self.identified.corners
+
+    @cached_property
+    def counts(self) -> list[Count]:
+        """Boards that have another number of corners than the target says, as photos show it."""
+        from cubicfish_cli.app.diagnosis.counts import count_corners  # for photos alone
+
+        return count_corners(self.identified, self.target)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MarkerEvidence(PhotoEvidence):
+    """Corners that were named by markers.
+
+    Attributes:
+        corners: the corners.
+        grids: what was found in each photo.
+
+    """
+
+    corners: Observations
+    grids: Sequence[FoundGrids]
+
+
+def boards_with_squares(target: Target) -> list[int]:
+    """Indices of the boards whose corners are where squares meet."""
+    return [index for index, board in enumerate(target.boards) if board.has_squares]
+
+
+def grid_boards(target: Target) -> list[Board]:
+    """The boards that show as a grid of squares."""
+    return [target.boards[index] for index in boards_with_squares(target)]

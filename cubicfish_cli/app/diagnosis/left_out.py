@@ -1,0 +1,259 @@
+"""Why photos, or boards in photos, do not fit the lens of the others."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.app.diagnosis.mirrored import handed
+from cubicfish_cli.app.diagnosis.object_faults import COUNTED, ORDERS, flat_points
+from cubicfish_cli.app.diagnosis.other_lens import left_out_lens
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.evidence import FitEvidence
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.refinement import TargetFit
+from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.subset import select, select_photos
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray
+
+# Other ways of counting that are tried: so many lines on, and every order of both axes.
+_REACH = range(-3, 4)
+_STEPS = sorted(
+    ((x, y) for x in _REACH for y in _REACH if x or y), key=lambda at: abs(at[0]) + abs(at[1])
+)
+FEWEST_CORNERS = 8
+"""A board of fewer corners in a photo is not judged."""
+# A corner under its right name is within this many standard deviations.
+_NEAR = 6.0
+# A board that moved is as sharp as the others: this many times as noisy, photos are blurred.
+_CLEAN = 3.0
+_FEWEST_PHOTOS = 3
+_MOST_LEFT_OUT = 30
+# A fault in so many of a board's photos is the drawing's.
+_NEARLY_ALL_PHOTOS = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misnaming:
+    """How the corners of a board are counted or named otherwise than the drawing says.
+
+    Attributes:
+        code: what kind of fault of the drawing it is, where it is so in all photos.
+        named: how, a key of the catalogue.
+        figures: what that needs, as pairs of name and value.
+
+    """
+
+    code: Code
+    named: str
+    figures: tuple[tuple[str, int | bool | str], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardFault:
+    """Why one photo does not fit.
+
+    Attributes:
+        photo: its name.
+        board: the board to blame; None for all boards alike.
+        misnaming: what its corners are; None where the board lies elsewhere.
+        error_px: how far, in the median, corners then are from where the rest puts them, pixels.
+
+    """
+
+    photo: str
+    board: str | None
+    misnaming: Misnaming | None
+    error_px: float
+
+
+def board_fault(
+    camera: RadialCamera, pairs: Observations, target: Target, scale: float, noise: float
+) -> BoardFault | None:
+    """Why one photo does not fit, if one of its boards is to blame.
+
+    Args:
+        camera: the lens of the photos that fit.
+        pairs: pairs of one photo, divided by ``scale``.
+        target: the calibration target.
+        scale: the target's units in one unit of the pairs.
+        noise: standard deviation of a corner's coordinate in photos that fit, pixels.
+
+    """
+    blamed = partial(BoardFault, photo=pairs.images[0])
+    boards, counts = np.unique(pairs.board, return_counts=True)
+    for board in boards[np.argsort(counts, kind="stable")]:
+        others, _ = select(pairs, pairs.board != board)
+        own, _ = select(pairs, pairs.board == board)
+        if min(len(others.pixel), len(own.pixel)) < FEWEST_CORNERS:
+            continue
+        fit = _fit_sharply(camera, others, noise)
+        if fit is None:
+            continue
+        best: tuple[Misnaming | None, float] = (None, np.inf)
+        for misnaming, points in _rename_corners(own, target):
+            miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
+            length = np.hypot(miss[:, 0], miss[:, 1])
+            error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
+            # Of two that fit the simpler one, unless the other fits clearly better.
+            if error < _NEAR * 2 * noise and error < 0.5 * best[1]:
+                best = (misnaming, error)
+        if best[0] is None:
+            # Corners that are no clean board by themselves are blurred, and say nothing of a place.
+            alone, _, _ = fit_poses(camera, own)
+            if alone is None:
+                continue
+            if noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
+                continue
+            best = (None, noise_px(fit.residual))
+        return blamed(board=target.boards[board].name, misnaming=best[0], error_px=best[1])
+    # Or the corners of all its boards are counted from one line further on.
+    plain = all(target.boards[board].points is None for board in boards)
+    for step in _STEPS[:8] if plain and len(boards) > 1 else []:
+        world = np.empty_like(pairs.world)
+        for board in boards:
+            here = pairs.board == board
+            counted = pairs.column[here] + float(step[0]), pairs.row[here] + float(step[1])
+            world[here] = flat_points(target.boards[board], *counted) / scale
+        fit = _fit_sharply(camera, pairs.with_world(world), noise)
+        if fit is not None:
+            error = noise_px(fit.residual)
+            return blamed(board=None, misnaming=_describe_step(step), error_px=error)
+    return None
+
+
+def board_findings(
+    faults: Sequence[BoardFault], is_usual: Callable[[str, int], bool]
+) -> list[Finding]:
+    """What is to be said of photos with the same fault together.
+
+    Args:
+        faults: of :func:`board_fault`, each of another photo.
+        is_usual: whether a fault of a board (by name) in so many photos is in nearly all that
+            show it, so that the drawing is to blame.
+
+    """
+    alike: defaultdict[tuple[str | None, Misnaming | None], list[BoardFault]] = defaultdict(list)
+    for fault in faults:
+        alike[fault.board, fault.misnaming].append(fault)
+    findings = []
+    for (board, misnaming), own in alike.items():
+        usual = board is not None and is_usual(board, len(own))
+        blame = partial(
+            Finding,
+            severity=Severity.CARE if usual else Severity.NOTE,
+            images=tuple(fault.photo for fault in own),
+            boards=() if board is None else (board,),
+        )
+        figures: dict[str, Any] = {"photos": len(own)} if usual else {}
+        if misnaming is None:
+            case = "in_most" if usual else "moved"
+            findings.append(blame(code=Code.BOARD_PLACE, case=case, figures=figures))
+            continue
+        error = max(fault.error_px for fault in own)
+        code, case = (misnaming.code, "of_photos") if usual else (Code.CORNER_NAMES, "")
+        key = "order" if code is Code.BOARD_ORDER else "named"
+        figures = {**figures, "error_px": error, **dict(misnaming.figures), key: misnaming.named}
+        findings.append(blame(code=code, case=case if board else "all_boards", figures=figures))
+    return findings
+
+
+def _describe_step(step: tuple[int, int]) -> Misnaming:
+    columns, rows = step
+    return Misnaming(
+        code=Code.BOARD_PLACE,
+        named="both" if columns and rows else "columns" if columns else "rows",
+        figures=(
+            ("column_steps", abs(columns)),
+            ("columns_far", columns < 0),
+            ("row_steps", abs(rows)),
+            ("rows_far", rows < 0),
+        ),
+    )
+
+
+def _rename_corners(own: Observations, target: Target) -> Iterator[tuple[Misnaming, FloatArray]]:
+    """Other names of the corners of one board, and the places of what is named so."""
+    board = target.boards[own.board[0]]
+    if board.points is not None:
+        return
+    c, r = own.column.astype(float), own.row.astype(float)
+    for step in _STEPS:
+        yield _describe_step(step), flat_points(board, c + step[0], r + step[1])
+    for order in COUNTED:
+        counted = ORDERS[order](c, r, board.columns, board.rows)
+        misnaming = Misnaming(code=Code.BOARD_ORDER, named=order.removesuffix("_back"))
+        yield misnaming, flat_points(board, *counted)
+    for other in target.boards:
+        if other is not board and other.points is None:
+            figures = (("other", other.name),)
+            misnaming = Misnaming(code=Code.BOARD_NAMES, named="other_board", figures=figures)
+            yield misnaming, flat_points(other, c, r)
+
+
+def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
+    """The poses of all photos, where their corners fit nearly as well as those of others."""
+    fit, placed, _ = fit_poses(camera, pairs)
+    if fit is None or len(placed.pixel) < len(pairs.pixel):
+        return None
+    return fit if noise_px(fit.residual) < _NEAR * noise else None
+
+
+def left_out(evidence: FitEvidence) -> list[Finding]:
+    """Why photos, or boards in photos, do not fit the lens of the others."""
+    pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.nominal
+    mirrored = {name for one in handed(pairs) for name in one.images}
+    names = _find_left_out(pairs, fit, evidence.dropped) - mirrored
+    photos = np.flatnonzero([name in names for name in pairs.images])
+    camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
+    scaled = pairs.with_world(pairs.world / nominal.scale)
+    findings: list[Finding] = []
+    unfit = np.array([p for p in photos if pairs.images[p] in fit.reference.unfit], np.intp)
+    if unfit.size:
+        own = left_out_lens(camera, select_photos(scaled, unfit), noise, order=pairs.images)
+        if own is not None:
+            findings.append(own)
+            photos = np.array([p for p in photos if pairs.images[p] not in own.images], np.intp)
+    target, tried = nominal.target, photos[:_MOST_LEFT_OUT]
+    if target is None:
+        return findings
+    singly = (select_photos(scaled, np.array([photo])) for photo in tried)
+    faults = [board_fault(camera, one, target, nominal.scale, noise) for one in singly]
+
+    def is_usual(name: str, times: int) -> bool:
+        """Whether so many of the photos that were tried show it of nearly all there are."""
+        own = pairs.image[pairs.board == pairs.boards.index(name)]
+        shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
+        among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
+        return bool(
+            times >= _FEWEST_PHOTOS and times * lost >= _NEARLY_ALL_PHOTOS * among * len(shown)
+        )
+
+    return findings + board_findings([fault for fault in faults if fault is not None], is_usual)
+
+
+def _find_left_out(
+    pairs: Observations, fit: TargetFit, dropped: Sequence[tuple[str, str | None]]
+) -> set[str]:
+    """Photos that were left out, and those of which a board lost half of its corners."""
+    unfit = fit.reference.unfit.items()
+    names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
+    for (image, board), lost in Counter(dropped).items():
+        if board is None:
+            continue
+        own = (pairs.image == pairs.images.index(image)) & (
+            pairs.board == pairs.boards.index(board)
+        )
+        if 2 * lost >= own.sum() > _FEWEST_PHOTOS:
+            names.add(image)
+    return names

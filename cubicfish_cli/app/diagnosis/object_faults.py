@@ -1,0 +1,435 @@
+"""What is wrong with a drawing, by comparing it with the target as it was measured.
+
+Hypotheses from the simplest on: corners counted in another order, names of boards exchanged, a
+wrong square, a wrong place. The first that explains the difference is accepted.
+
+Why grids fit no place on the target: the photos or the drawing with one thing put right.
+
+If many grids fit nowhere, in all photos or in some, they are named again as they would be were the
+photos mirrored, or the drawing wrong in one of the ways in which drawings are. What explains
+nearly all is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.diagnosis.evidence import GridEvidence
+from cubicfish_cli.core.boards.board import Board, FirstSquare
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.geometry import Similarity, similarity
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.corners.detection.grids import Grid, grid_in_mirror
+from cubicfish_cli.corners.identification.identified import FEWEST_CORNERS, Decided, GridReport
+
+_Numbers = npt.NDArray[Any]
+_Order = Callable[[_Numbers, _Numbers, int, int], tuple[_Numbers, _Numbers]]
+# Column and row of the corner that the drawing means, from those in the table. C and R are how
+# many the drawing has.
+ORDERS: Mapping[str, _Order] = {
+    "as_it_is": lambda c, r, C, R: (c, r),
+    "columns_backwards": lambda c, r, C, R: (C - 1 - c, r),
+    "rows_backwards": lambda c, r, C, R: (c, R - 1 - r),
+    "half_a_turn": lambda c, r, C, R: (C - 1 - c, R - 1 - r),
+    "exchanged": lambda c, r, C, R: (r, c),
+    "a_quarter_turn": lambda c, r, C, R: (R - 1 - r, c),
+    "a_quarter_turn_back": lambda c, r, C, R: (r, C - 1 - c),
+    "exchanged_backwards": lambda c, r, C, R: (R - 1 - r, C - 1 - c),
+}
+"""The eight ways to count a board's corners, by their keys in words/catalogue.toml."""
+COUNTED = tuple(ORDERS)[1:7]
+"""Those of them that one photo's corners may be in, where others are in none."""
+EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
+"""Orders that a drawing with rows and columns exchanged may have."""
+AXES: Mapping[str, Callable[[Board], Board]] = {
+    "x_axis": lambda board: replace(board, x_axis=-board.x_axis),
+    "y_axis": lambda board: replace(board, y_axis=-board.y_axis),
+    "both_axes": lambda board: replace(board, x_axis=-board.x_axis, y_axis=-board.y_axis),
+}
+"""Axes that are drawn the other way round from corner (0, 0), by their keys: the board as meant."""
+
+# A hypothesis is accepted when it leaves no more than this of the difference (RMS).
+_EXPLAINED = 1 / 3
+# In another order or under other names a board is off by much more than by this share of the
+# target; a drawing whose boards are nearer to their places has no such fault.
+_FAR = 0.02
+_LARGEST_RATIO = 2000.0
+_ROUNDS = 20
+_MIXED_UNITS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
+_bad = partial(Finding, severity=Severity.BAD)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fault:
+    """What is likely wrong with a drawing.
+
+    Attributes:
+        finding: that as it is told, without what says so.
+        before, after: RMS difference from the measured target as drawn and corrected, in the
+            target's units.
+        points: (corners, 3) where the corners really are, for each board that was measured, in
+            the drawing's frame.
+
+    """
+
+    finding: Finding
+    before: float
+    after: float
+    points: dict[int, FloatArray]
+
+
+def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
+    """The simplest fault of the drawing that explains where the corners were measured.
+
+    Args:
+        target: the drawing.
+        measured: for boards by index, (rows * columns, 3) where their corners are, row by row,
+            in any frame and unit.
+
+    Returns:
+        None where the drawing is right, or nothing simple explains the difference.
+
+    """
+    boards = {i: target.boards[i] for i in sorted(measured) if target.boards[i].points is None}
+    if len(boards) < 2:
+        return None
+    seen = _Measured(
+        target=target,
+        boards=boards,
+        drawn={index: flat_points(board, *board.places()) for index, board in boards.items()},
+        measured=measured,
+    )
+    before = seen.difference(seen.drawn)
+    size = float(np.linalg.norm(np.ptp(np.concatenate(list(seen.drawn.values())), axis=0)))
+    if before < 1e-9 * size:
+        return None
+    for level in (_try_orders, _try_squares, _try_places, partial(_try_places, scaled=True)):
+        if level is _try_orders and before < _FAR * size:
+            continue
+        found = []
+        for finding, changed in level(seen):
+            points = {**seen.drawn, **changed}
+            after = seen.difference(points, mirror=finding.code is Code.MIRRORED)
+            if after <= _EXPLAINED * before:
+                found.append(Fault(finding=finding, before=before, after=after, points=points))
+        if found:
+            return min(found, key=lambda fault: fault.after)
+    return None
+
+
+def flat_points(board: Board, column: _Numbers, row: _Numbers) -> FloatArray:
+    """World points of a board that is as flat as drawn, also beyond its edges."""
+    plane = board.plane_points(column, row)
+    return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
+
+
+_Hypotheses = Iterator[tuple[Finding, dict[int, FloatArray]]]
+"""What may be wrong, and where corners of boards are then."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Measured:
+    """The boards that are compared, and their corners as drawn and as measured."""
+
+    target: Target
+    boards: dict[int, Board]
+    drawn: dict[int, FloatArray]
+    measured: Mapping[int, FloatArray]
+
+    def onto(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> Similarity:
+        """The measured corners, turned, moved and scaled to lie as near to drawn ones as can be."""
+        source = np.concatenate([self.measured[index] for index in self.boards])
+        goal = np.concatenate([drawn[index] for index in self.boards])
+        return similarity(source * ([1, 1, -1] if mirror else 1), goal)
+
+    def difference(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> float:
+        """RMS distance of the measured corners from drawn ones, in the drawing's units."""
+        motion, flip = self.onto(drawn, mirror=mirror), [1, 1, -1] if mirror else 1
+        miss = [motion(self.measured[index] * flip) - drawn[index] for index in self.boards]
+        return float(np.sqrt(np.mean(np.sum(np.concatenate(miss) ** 2, axis=1))))
+
+    def names(self, boards: Sequence[int]) -> tuple[str, ...]:
+        return tuple(self.boards[index].name for index in boards)
+
+    def every(self, boards: Sequence[int]) -> bool:
+        return len(boards) == len(self.target.boards)
+
+
+def _try_orders(seen: _Measured) -> _Hypotheses:
+    yield _bad(code=Code.MIRRORED, case="target"), {}
+    everyone = tuple(seen.boards)
+    for boards in (everyone, *((index,) for index in everyone)):
+        for order in [*list(ORDERS)[1:], *AXES]:
+            finding = _bad(
+                code=Code.BOARD_ORDER,
+                boards=seen.names(boards),
+                figures=_describe_order(seen, boards, order),
+            )
+            yield finding, {index: _place_as_counted(seen.boards[index], order) for index in boards}
+    for one, other in combinations(everyone, 2):
+        a, b = seen.boards[one], seen.boards[other]
+        changed = {one: flat_points(b, *a.places()), other: flat_points(a, *b.places())}
+        yield _bad(code=Code.BOARD_NAMES, boards=(a.name, b.name)), changed
+
+
+def _place_as_counted(board: Board, order: str) -> FloatArray:
+    """Where a board's corners are if they are counted so, or its axes meant so."""
+    column, row = board.places()
+    if order in AXES:
+        return flat_points(AXES[order](board), column, row)
+    return flat_points(board, *ORDERS[order](column, row, board.columns, board.rows))
+
+
+def _describe_order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]:
+    """The figures of an order."""
+    oblong = [one for one in map(seen.boards.__getitem__, boards) if one.columns != one.rows]
+    size = {"columns": oblong[0].columns, "rows": oblong[0].rows} if oblong else {}
+    if order in EXCHANGED:
+        order = "exchanged_size" if oblong else "exchanged"
+    return {**size, "order": order, "which": "all" if seen.every(boards) else "one"}
+
+
+def _try_squares(seen: _Measured) -> _Hypotheses:
+    """Other squares, corner (0, 0) of each board where it is drawn."""
+    ratios: dict[tuple[int, ...], float] = {
+        (index,): _place_by_others(seen, index, scaled=True).scale for index in seen.boards
+    }
+    # All squares, by the distances between the boards' first corners.
+    own = [similarity(seen.drawn[index], seen.measured[index]) for index in seen.boards]
+    first = np.array([board.origin for board in seen.boards.values()])
+    there = np.concatenate([one(at[None]) for one, at in zip(own, first, strict=True)])
+    apart = [np.linalg.norm(at - at[:, None], axis=-1).sum() for at in (first, there)]
+    if apart[1] > 0:
+        scale = float(np.mean([one.scale for one in own]))
+        ratios[tuple(seen.boards)] = scale * float(apart[0] / apart[1])
+    for boards, start in ratios.items():
+        ratio, changed = _fit_ratio(seen, boards, start)
+        if not 1 / _LARGEST_RATIO < ratio < _LARGEST_RATIO:
+            continue
+        sizes, units = sorted({seen.boards[index].square for index in boards}), seen.target.units
+        times = max(ratio, 1 / ratio)
+        mixed = next(
+            (mix for known, mix in _MIXED_UNITS.items() if abs(times / known - 1) < 0.02), ""
+        )
+        figures = {
+            "off": ratio - 1,
+            "times": times,
+            "real": ", ".join(f"{ratio * size:.4g} {units} for {size:g}" for size in sizes),
+        }
+        finding = _bad(
+            code=Code.BOARD_SQUARE,
+            case="_".join(["all"] * seen.every(boards) + ["units"] * bool(mixed)),
+            boards=seen.names(boards),
+            figures={**figures, **({"units_mixed": mixed} if mixed else {})},
+        )
+        yield finding, changed
+
+
+def _fit_ratio(
+    seen: _Measured, boards: Sequence[int], ratio: float
+) -> tuple[float, dict[int, FloatArray]]:
+    """The ratio of squares that fits best, from one near to it, and where corners are then."""
+    origin = {index: seen.boards[index].origin for index in boards}
+    arm = {index: seen.drawn[index] - at for index, at in origin.items()}
+    size = sum(float(np.sum(one**2)) for one in arm.values())
+    for _ in range(_ROUNDS):
+        points = {index: at + ratio * arm[index] for index, at in origin.items()}
+        motion = seen.onto({**seen.drawn, **points})
+        seen_arm = {index: motion(seen.measured[index]) - at for index, at in origin.items()}
+        ratio = sum(float(np.sum(seen_arm[index] * arm[index])) for index in boards) / size
+    return ratio, {index: at + ratio * arm[index] for index, at in origin.items()}
+
+
+def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
+    """From where a board is drawn to where it is by where the others put it."""
+    others = [index for index in seen.boards if index != board]
+    source, goal = (np.concatenate([at[i] for i in others]) for at in (seen.measured, seen.drawn))
+    there = similarity(source, goal)(seen.measured[board])
+    return similarity(seen.drawn[board], there, scaled=scaled)
+
+
+def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
+    """Each board by itself elsewhere, by where the others put it."""
+    case = ["of", "two"] * (len(seen.boards) == 2) + ["and", "square"] * scaled
+    for index, drawn in seen.drawn.items():
+        motion = _place_by_others(seen, index, scaled=scaled)
+        middle = drawn.mean(axis=0)
+        cosine = (np.trace(motion.rotation) - 1) / 2
+        finding = _bad(
+            code=Code.BOARD_PLACE,
+            case="_".join(case),
+            boards=seen.names([index]),
+            figures={
+                "shift": float(np.linalg.norm(motion(middle) - middle)),
+                "turn_deg": float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))),
+                "units": seen.target.units,
+                "off": motion.scale - 1,
+                "both": list(seen.names(list(seen.boards))),
+            },
+        )
+        yield finding, {index: motion(drawn)}
+
+
+# So much of the corners must fit nowhere before anything is tried, and so much must fit after it.
+_LOST = 0.15
+_FITS = 0.9
+# What is tried later must explain so much more of the corners.
+_CLEARLY = 0.02
+# Photos that take part: those that show most.
+_PHOTOS = 6
+_MOST_BOARDS = 6
+_UNITS = {25.4: "inches_for_mm", 10.0: "cm_for_mm"}
+# The order of several boards, where their sizes or colours differ.
+_IN_GENERAL = {"exchanged_size": "exchanged", "colours": "some_colours"}
+_NO_PLACE = (Decided.NO_FIT, Decided.NOT_PLANE, Decided.TOO_LARGE, Decided.COLOURS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Trial:
+    """One thing put right: the target to name with, and which photos are taken as mirrored."""
+
+    finding: Finding
+    target: Target
+    mirrored: IntArray = field(default_factory=lambda: np.zeros(0, np.intp))
+
+
+def misdrawn(evidence: GridEvidence) -> list[Finding]:
+    """What is likely wrong with photos or drawing, as the grids that fit nowhere show it.
+
+    Nothing where most grids have a place, or nothing simple explains why they have none.
+    """
+    from cubicfish_cli.corners.identification.name_grids import name_again  # for photos alone
+
+    identified, target = evidence.identified, evidence.target
+    boards = [board for board in target.boards if board.points is None]
+    named, lost = _count_named(identified.grids)
+    odd = np.flatnonzero(lost > _LOST * (named + lost))
+    if not len(odd) or not 2 <= len(boards) <= _MOST_BOARDS:
+        return []
+    large = [_keep_large(own) for own in identified.found]
+    sizes = np.array([sum(map(len, own)) for own in large], np.intp)
+    width = identified.corners.image_size[0]
+
+    def named_by(trial: _Trial, photos: IntArray) -> IntArray:
+        """Corners of each of some photos that have a place, with that put right."""
+        own = [
+            tuple(grid_in_mirror(grid, width) for grid in large[photo])
+            if photo in trial.mirrored
+            else large[photo]
+            for photo in photos
+        ]
+        return _count_named(name_again(identified, photos, trial.target, own).grids)[0]
+
+    def describe(trial: _Trial, photos: IntArray, again: float) -> list[Finding]:
+        total = sizes[photos].sum()
+        shares = {"before": float(named[photos].sum() / total), "after": float(again / total)}
+        figures = {**trial.finding.figures, **shares}
+        return [replace(trial.finding, because="put_right", figures=figures)]
+
+    fullest = np.argsort(-(named + lost), kind="stable")
+    if 2 * len(odd) < len(fullest):
+        names = tuple(identified.corners.images[photo] for photo in odd)
+        finding = _bad(code=Code.MIRRORED, case="some_grids", images=names)
+        some = _Trial(finding=finding, target=target, mirrored=odd)
+        is_odd = np.isin(fullest, odd)
+        photos = np.sort(np.concatenate([fullest[one][:_PHOTOS] for one in (is_odd, ~is_odd)]))
+        again = named_by(some, photos)
+        # Each of them by itself: one that shows something else does not speak for the others.
+        right = np.where(np.isin(photos, odd), sizes[photos], named[photos])
+        if (again > _FITS * right).all():
+            return describe(some, photos, again.sum())
+    if lost.sum() <= _LOST * (named + lost).sum():
+        return []
+    chosen = np.sort(fullest[:_PHOTOS])
+    if not lost[chosen].any():
+        chosen = np.flatnonzero(lost)[:_PHOTOS]
+    total = sizes[chosen].sum()
+    best: tuple[float, _Trial] | None = None
+    for trial in _make_trials(target, chosen):
+        share = named_by(trial, chosen).sum() / total
+        if share > _FITS and (best is None or share > best[0] + _CLEARLY):
+            best = (share, trial)
+        if best is not None and best[0] >= 1 - _CLEARLY:
+            break
+    return [] if best is None else describe(best[1], chosen, best[0] * total)
+
+
+def _count_named(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
+    """For each photo, corners of grids with a place, and of those that fit nowhere."""
+    large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in reports]
+    named = [sum(grid.corners for grid in own if grid.named) for own in large]
+    lost = [sum(grid.corners for grid in own if grid.verdict in _NO_PLACE) for own in large]
+    return np.array(named, np.intp), np.array(lost, np.intp)
+
+
+def _keep_large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
+    return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
+
+
+def _make_trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
+    case = "none" if target.mirrored else "all_grids"
+    yield _Trial(finding=_bad(code=Code.MIRRORED, case=case), target=target, mirrored=photos)
+    plain = [index for index, board in enumerate(target.boards) if board.points is None]
+    changes = [list(_change_board(target.boards[index])) for index in plain]
+    for index, own in zip(plain, changes, strict=True):
+        for code, figures, board in own:
+            yield _try_drawing(target, code, {**figures, "which": "one"}, {index: board})
+    for every in zip(*changes, strict=False):
+        code, figures, _ = every[0]
+        if any(other != figures for _, other, _ in every):
+            figures = {**figures, "order": _IN_GENERAL[figures["order"]]}
+        boards = (board for *_, board in every)
+        redrawn = dict(zip(plain, boards, strict=True))
+        yield _try_drawing(target, code, {**figures, "which": "all"}, redrawn)
+    for one, other in combinations(plain, 2):
+        a, b = target.boards[one], target.boards[other]
+        yield _Trial(
+            finding=_bad(code=Code.BOARD_NAMES, case="places", boards=(a.name, b.name)),
+            target=target.with_boards({one: _swap_place(a, b), other: _swap_place(b, a)}),
+        )
+
+
+def _try_drawing(
+    target: Target, code: Code, figures: Mapping[str, Any], boards: Mapping[int, Board]
+) -> _Trial:
+    names = tuple(board.name for board in boards.values())
+    finding = _bad(code=code, case="grids", boards=names, figures=figures)
+    return _Trial(finding=finding, target=target.with_boards(boards))
+
+
+def _change_board(board: Board) -> Iterator[tuple[Code, dict[str, Any], Board]]:
+    """One thing of a board put right: what was wrong, the figures of that, and the board."""
+
+    def order(key: str, **changed: Any) -> tuple[Code, dict[str, Any], Board]:
+        size = {"columns": board.columns, "rows": board.rows} if "columns" in changed else {}
+        return Code.BOARD_ORDER, {"order": key, **size}, replace(board, **changed)
+
+    yield order("exchanged_size", columns=board.rows, rows=board.columns)
+    if board.has_squares:
+        other: FirstSquare = "light" if board.first_square == "dark" else "dark"
+        drawn = board.in_mirror() if board.mirrored else board
+        says = "light" if drawn.first_square == "dark" else "dark"
+        code, figures, own = order("colours", first_square=other)
+        yield code, {**figures, "first_square": says}, own
+    for key in ("y_axis", "x_axis", "both_axes"):
+        yield Code.BOARD_ORDER, {"order": key}, AXES[key](board)
+    last = board.world_points(board.columns - 1, 0)
+    yield order("other_end", origin=last, x_axis=-board.x_axis)
+    for ratio, mixed in _UNITS.items():
+        for factor in (ratio, 1 / ratio):
+            figures = {"times": ratio, "small": factor > 1, "units_mixed": mixed}
+            resized = replace(board, square=board.square * factor)
+            yield Code.BOARD_SQUARE, figures, resized
+
+
+def _swap_place(board: Board, other: Board) -> Board:
+    return replace(board, origin=other.origin, x_axis=other.x_axis, y_axis=other.y_axis)

@@ -1,0 +1,266 @@
+"""What is wrong with the drawing of several boards, by the target as it was measured.
+
+Where there is no fit, it is measured with no drawing but each board's own grid of squares.
+Every board in every photo is taken as a flat thing of its own: a lens and a pose for each follow
+from that. Where two boards are in one photo, their poses give one's place in the other's frame,
+and that it is the same in all photos gives the ratio of their squares.
+
+Grids of tags whose gaps are wider or narrower than the target says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from cubicfish_cli.app.diagnosis.evidence import MarkerEvidence
+from cubicfish_cli.app.diagnosis.mirrored import in_mirror, richest
+from cubicfish_cli.app.diagnosis.object_faults import Fault, object_fault
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.evidence import FailedFit, FitEvidence
+from cubicfish_cli.core.fit.local_noise import local_noise_px, neighbours, times_noise
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.radial_reference import fit_radial
+from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
+from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.geometry import mean_rotation
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+
+_FEWEST_CORNERS = 12
+_FEWEST_LINES = 3
+_FEWEST_LINKS = 3
+_ROUNDS = 20
+# Photos must agree on where a board is to this many squares, or it moved between them.
+_AGREE = 0.5
+# The target as drawn is to blame where it makes the error this many times larger; or somewhat
+# larger, where one fault is nearly all of what is wrong with it and beyond what a ruler misses, as
+# a share of the target's extent.
+_TIMES_WORSE = 2.0
+_SOMEWHAT_WORSE = 1.3
+_NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
+# A fit so much worse than its corners' noise, and the target is measured to see whether it is as
+# drawn.
+_WORTH_MEASURING = 1.2
+# Photos agree with a lens when their noise is within this many times the best ones'.
+_AGREES = 6.0
+
+
+def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
+    """Measure the target.
+
+    Returns:
+        (rows * columns, 3) corners of each board that could be measured, by index, row by row, in
+        one frame; none where there are no boards, or too little of them is seen.
+
+    Raises:
+        FitError: the boards by themselves do not fit a lens.
+
+    """
+    views = _split_into_boards(pairs, target)
+    if views is None:
+        return {}
+    lens = fit_radial(views)
+    photo, board = np.array([name.split(":") for name in lens.pairs.images], np.intp).T
+    seen = np.zeros((len(pairs.images), len(target.boards)), np.intp) - 1
+    seen[photo, board] = np.arange(len(photo))
+    together = (seen >= 0).T.astype(np.intp) @ (seen >= 0)
+    # From a board's own frame, in its squares, to that of the one that most photos show.
+    placed = {int(np.argmax(together.diagonal())): np.eye(4)}
+    while True:
+        links = [
+            (together[known, new], -known, -new)
+            for known in placed
+            for new in np.unique(board).tolist()
+            if new not in placed
+        ]
+        most, known, new = max(links, default=(0, 0, 0))
+        if most < _FEWEST_LINKS:
+            break
+        both = (seen[:, -known] >= 0) & (seen[:, -new] >= 0)
+        step = _place_beside(lens.poses, seen[both, -known], seen[both, -new])
+        if step is None:
+            break
+        placed[-new] = placed[-known] @ step
+    measured = {}
+    for index, frame in placed.items():
+        one = target.boards[index]
+        plane = one.plane_points(*one.places()) / one.square
+        measured[index] = plane @ frame[:3, :2].T + frame[:3, 3]
+    return measured
+
+
+def _split_into_boards(pairs: Observations, target: Target) -> Observations | None:
+    """Each board in each photo as a photo of one flat board, in squares; None without any."""
+    world, names, image = np.zeros_like(pairs.world), list[str](), np.full(len(pairs.image), -1)
+    for photo, index in np.unique(np.stack([pairs.image, pairs.board]), axis=1).T.tolist():
+        own = np.flatnonzero((pairs.image == photo) & (pairs.board == index))
+        board, column, row = target.boards[index], pairs.column[own], pairs.row[own]
+        lines = min(len(np.unique(column)), len(np.unique(row)))
+        if board.points is None and len(own) >= _FEWEST_CORNERS and lines >= _FEWEST_LINES:
+            world[own, :2] = board.plane_points(column, row) / board.square
+            image[own] = len(names)
+            names.append(f"{photo}:{index}")
+    if not names:
+        return None
+    seen = replace(pairs, images=tuple(names), image=image, boards=("board",)).with_world(world)
+    seen = seen.select(image >= 0)
+    return replace(seen, board=np.zeros(len(seen.image), np.intp)).by_photo()
+
+
+def _place_beside(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None:
+    """(4, 4) from another board's frame to one's, each in its squares.
+
+    Medians by reweighting: a board nearly square to the camera may lean the wrong way in a photo.
+    """
+    back = poses.rotation[one].transpose(0, 2, 1)
+    turns = back @ poses.rotation[other]
+    system = np.zeros((len(one), 3, 4))
+    system[:, :, 0] = (back @ poses.translation[other][:, :, None])[:, :, 0]
+    system[:, :, 1:] = -np.eye(3)
+    goal = (back @ poses.translation[one][:, :, None])[:, :, 0]
+    weight = miss_weight = np.ones(len(one))
+    for _ in range(_ROUNDS):
+        rotation = mean_rotation(turns, weight)
+        weight = 1 / np.maximum(np.linalg.norm(turns - rotation, axis=(1, 2)), 1e-6)
+        root = np.sqrt(miss_weight)[:, None]
+        rows = (system * root[:, :, None]).reshape(-1, 4)
+        scale, *shift = np.linalg.lstsq(rows, (goal * root).reshape(-1), rcond=None)[0]
+        miss = np.linalg.norm(system @ [scale, *shift] - goal, axis=1)
+        miss_weight = 1 / np.maximum(miss, 1e-6)
+    if scale <= 0 or np.median(miss) > _AGREE:
+        return None
+    step = np.eye(4)
+    step[:3, :3], step[:3, 3] = scale * rotation, shift
+    return step
+
+
+def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
+    """What is wrong with the drawing, where the target as fitted shows it."""
+    fit, nominal = evidence.fit, evidence.nominal
+    if nominal.target is None or len(nominal.target.boards) < 2:
+        return []
+    if fit.level != "off":
+        found = _compare_refined(evidence.nominal_fit, fit, nominal)
+        return [replace(finding, severity=Severity.CARE) for finding in found]
+    pairs, residual = fit.reference.pairs, fit.cubic.residual
+    times = times_noise(pairs, residual)
+    if times is None or times < _WORTH_MEASURING:
+        return []
+    own = nominal.of(pairs)
+    return _compare_refined(fit, refine_object(fit, own, "shape", ()), own)
+
+
+def _compare_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) -> list[Finding]:
+    """What is wrong with the drawing, where the target is free to be otherwise."""
+    target, real = nominal.target, refined.refined_target(nominal)
+    before, after = rms_px(drawn.cubic.errors), rms_px(refined.cubic.errors)
+    if before < _SOMEWHAT_WORSE * after or target is None or real is None:
+        return []
+    measured = {}
+    for index in np.unique(nominal.pairs.board).tolist():
+        measured[index] = real.boards[index].world_points(*target.boards[index].places())
+    fault = object_fault(target, measured)
+    if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
+        return []
+    return [_add_evidence(fault, "refined", before_px=before, after_px=after)]
+
+
+def _stands_out(fault: Fault) -> bool:
+    """Whether a fault is large, and what else is wrong with the drawing is little beside it."""
+    extent = np.linalg.norm(np.ptp(np.concatenate(list(fault.points.values())), axis=0))
+    return bool(
+        fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
+    )
+
+
+def _add_evidence(fault: Fault, because: str, **figures: float) -> Finding:
+    finding = fault.finding
+    return replace(finding, because=because, figures={**figures, **finding.figures})
+
+
+def of_failure(evidence: FailedFit) -> list[Finding]:
+    """The fault of the drawing without which the corners fit."""
+    target = evidence.target
+    if target is None or len(target.boards) < 2:
+        return []
+    pairs, scale = evidence.scaled
+    fault = object_fault(target, measured_object(pairs, target))
+    if fault is None:
+        return []
+    world = pairs.world.copy()
+    for index, real in fault.points.items():
+        own = pairs.board == index
+        world[own] = real[pairs.row[own] * target.boards[index].columns + pairs.column[own]] / scale
+    corrected = pairs.with_world(world)
+    if fault.finding.code is Code.MIRRORED:
+        corrected = in_mirror(corrected)
+    again = fit_radial(corrected)
+    noise = local_noise_px(again.pairs, again.residual)
+    if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
+        return []
+    return [_add_evidence(fault, "corrected", after_px=noise_px(again.residual))]
+
+
+# So many gaps tell, and so many of them must be off to the same side.
+_LEAST_GAPS, _MOST = 12, 80
+# By how much, as a share: corners are good to a hundredth of a gap, outlines of tags are not.
+_OFF, _OFF_OUTLINES = 0.05, 0.2
+# Photos in which tags are read again.
+_PHOTOS = 3
+
+
+def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
+    """Boards of tags with another spacing, by gaps between corners or between tags themselves."""
+    from cubicfish_cli.corners.detection.markers_measure import tags_apart  # for photos alone
+
+    target, findings = evidence.target, []
+    for index, board in enumerate(target.boards):
+        if board.per_cell != 2 or board.markers is None:
+            continue
+        gaps, off = _measure_gaps(evidence.corners, index), _OFF
+        if len(gaps) < _LEAST_GAPS and not target.mirrored:
+            photos = islice(richest(evidence), _PHOTOS)
+            apart = [tags_apart(picture, target, index, grids) for picture, grids in photos]
+            gaps, off = np.concatenate([np.zeros(0), *apart]) - 1, _OFF_OUTLINES
+        if len(gaps) < _LEAST_GAPS:
+            continue
+        low, middle, high = np.percentile(gaps, [100 - _MOST, 50, _MOST]) / board.spacing
+        if low > 1 + off or high < 1 - off:
+            finding = Finding(
+                code=Code.BOARD_SQUARE,
+                case="spacing",
+                severity=Severity.BAD,
+                boards=(board.name,),
+                figures={
+                    "gaps": len(gaps),
+                    "spacing": float(middle * board.spacing),
+                    "drawn_spacing": board.spacing,
+                },
+            )
+            findings.append(finding)
+    return findings
+
+
+def _measure_gaps(corners: Observations, board: int) -> FloatArray:
+    """Gaps between tags of a board, in sides of the tags on both sides of each, as photos show it.
+
+    That of four corners in a line hardly depends on how the lens or the view stretches it.
+    """
+    own = corners.select(corners.board == board)
+    if not len(own.pixel):
+        return np.zeros(0)
+    parts = []
+    for following, place in zip(neighbours(own), (own.column, own.row), strict=True):
+        line = np.flatnonzero(place % 2 == 0)[None]
+        for _ in range(3):
+            line = line[:, following[line[-1]] >= 0]
+            line = np.concatenate([line, following[line[-1]][None]])
+        first, gap, last = np.linalg.norm(np.diff(own.pixel[line], axis=0), axis=-1)
+        parts.append(gap / (0.5 * (first + last)))
+    return np.concatenate(parts)

@@ -1,0 +1,289 @@
+"""Executor on a dask cluster: each photo is a task.
+
+The work travels once to each process, a photo's path with each task, and what comes back is
+small: photos and pictures themselves stay on a file system that all machines share. An order is
+pickled as (versions, proof, pickled work): those who cannot do the work find out before they
+unpickle it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import logging
+import os
+import pickle
+import platform
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+
+from cubicfish_cli import __version__
+from cubicfish_cli.app.photos import one_opencv_thread, shown
+from cubicfish_cli.core.errors import ClusterError, CubicfishError
+from cubicfish_cli.core.io.files import temporary_name, working_on, write_text
+
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
+
+CANCELLED = (concurrent.futures.CancelledError, asyncio.CancelledError)
+"""What becomes of a task whose scheduler is gone."""
+WAIT_S = 60.0
+"""How long to wait for a worker where there is none."""
+
+# A scheduler that is there answers within milliseconds.
+_CONNECT_S, _SLACK_S = 5.0, 1.0
+_CLOSE_S = 5.0
+_POLL_S, _LOOK_S = 1.0, 0.01
+_INSTALL = "pip install 'cubicfish[scale]'"
+
+
+def versions_here() -> dict[str, str]:
+    """The versions that decide what comes out to the last digit, by name."""
+    return {"cubicfish": __version__, "OpenCV": cv2.__version__, "numpy": np.__version__}
+
+
+@contextmanager
+def order(work: Callable[[Any], Any], writes_below: Path | None) -> Iterator[bytes]:
+    """What asks for the work, while the block runs."""
+    with _proof(writes_below) as proof:
+        yield pickle.dumps((versions_here(), proof, pickle.dumps(work)))
+
+
+@contextmanager
+def _proof(folder: Path | None) -> Iterator[Path | None]:
+    """A file in a folder, or in the nearest above that exists: who sees it sees that folder too."""
+    if folder is None:
+        yield None
+        return
+    below = Path(os.path.abspath(folder))
+    there = next(path for path in (below, *below.parents) if path.exists())
+    path = temporary_name(there / "cubicfish")
+    write_text(path, "", overwrite=False)
+    try:
+        yield path
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+_one_at_a_time = threading.Lock()
+
+
+@lru_cache(maxsize=2)  # processes serve several runs one after the other; their maps are large
+def _work_of(wanted: bytes) -> Callable[[Any], Any]:
+    """The work that an order asks for, the same object for the same order."""
+    host = platform.node()
+    versions, proof, work = pickle.loads(wanted)
+    for name, has in versions_here().items():
+        if has != versions[name]:
+            raise ClusterError(
+                f"a worker on {host} has {name} {has} and this machine has {versions[name]}, whose "
+                "results may differ: install the same version"
+            )
+    if proof is not None and not proof.exists():
+        raise ClusterError(
+            f"a worker on {host} does not see the {shown(proof.parent)} of this machine: all need "
+            "the same folders, on a shared file system"
+        )
+    chosen: Callable[[Any], Any] = pickle.loads(work)
+    return chosen
+
+
+def do_one(wanted: bytes, item: bytes) -> Any:
+    """Run on a worker: the work on one pickled item, or what is wrong with that item."""
+    with _one_at_a_time:
+        work = _work_of(wanted)
+    with one_opencv_thread(), working_on(platform.node()):
+        try:
+            return work(pickle.loads(item))
+        except CubicfishError as error:
+            return error
+
+
+def task() -> Callable[[bytes, bytes], tuple[Any]]:
+    """What is sent as a task: a function in a function travels as code, which all can read.
+
+    It puts the answer into a tuple of one, by which it is told from what became of a task that
+    failed.
+    """
+
+    def do(wanted: bytes, item: bytes) -> tuple[Any]:
+        from cubicfish_cli.app.executors.cluster import do_one
+
+        return (do_one(wanted, item),)
+
+    return do
+
+
+class Cluster:
+    """The workers of a scheduler; see :class:`cubicfish_cli.app.executors.pool.Executor`."""
+
+    def __init__(self, client: Any, address: str, wait_s: float) -> None:
+        """Use a ``distributed.Client`` that is connected to ``address``."""
+        self._client, self._address, self._wait_s = client, address, wait_s
+        self._asked = self._seen = time.monotonic()
+        self.workers = self.threads = 0
+
+    def ask(self, so_far: str = "") -> None:
+        """Learn which workers there are; not to have one for too long is an error."""
+        try:
+            threads = self._client.nthreads().values()
+        except (OSError, RuntimeError, concurrent.futures.TimeoutError, *CANCELLED) as problem:
+            raise self._lost(so_far) from problem
+        self.workers, self.threads = len(threads), sum(threads)
+        self._asked = time.monotonic()
+        if self.workers:
+            self._seen = self._asked
+        elif self._asked > self._seen + self._wait_s:
+            raise ClusterError(
+                f"{self._address} has had no worker for {self._wait_s:g} s{so_far}: start some "
+                f"with 'dask worker {self._address}' and run this again"
+            )
+
+    def each(
+        self,
+        work: Callable[[Item], Answer],
+        items: Sequence[Item],
+        *,
+        writes_below: Path | None = None,
+    ) -> Iterator[tuple[int, Answer | CubicfishError]]:
+        """Do the work on every item; see :meth:`cubicfish_cli.app.executors.pool.Executor.each`.
+
+        A task is done again elsewhere when its worker is lost. An item that ends several workers
+        one after the other gets a :class:`ClusterError` for an answer.
+
+        Raises:
+            ClusterError: the scheduler or all workers are lost, a worker has other versions, or
+                does not see the folder.
+
+        """
+        from distributed import as_completed
+
+        so_far = ""
+        with order(work, writes_below) as wanted:
+            # The answer of a task, unlike data that is scattered, is made again when it is lost.
+            kept = self._client.submit(bytes, wanted, pure=False)
+            pickled = [pickle.dumps(item) for item in items]
+            futures = self._client.map(task(), [kept] * len(items), pickled, pure=False)
+            numbers = {future: number for number, future in enumerate(futures)}
+            # It fetches answers on its own thread: one that is lost with its worker may never come.
+            finished = as_completed(
+                futures, loop=self._client.loop, with_results=True, raise_errors=False
+            )
+            try:
+                while numbers:
+                    so_far = f" ({len(items) - len(numbers)} of {len(items)} done)"
+                    if time.monotonic() > self._asked + _POLL_S:
+                        self.ask(so_far)
+                    some = finished.next_batch(block=False)
+                    if not some:
+                        time.sleep(_LOOK_S)
+                    for future, told in some:
+                        # Its status may have changed since: answers are lost with their workers.
+                        if isinstance(told, tuple) and len(told) == 1:
+                            answer = told[0]
+                        else:  # of what failed: its type, the exception and its traceback
+                            why = told if isinstance(told, BaseException) else told[1]
+                            answer = self._explained(why, so_far)
+                        yield numbers.pop(future), answer
+            except CANCELLED as problem:
+                raise self._lost(so_far) from problem
+
+    def _explained(self, problem: BaseException, so_far: str) -> ClusterError:
+        """What became of a task that gave no answer, where the others may go on."""
+        from distributed import KilledWorker
+        from distributed.comm import CommClosedError
+
+        if isinstance(problem, CommClosedError):
+            raise self._lost(so_far) from problem
+        if isinstance(problem, KilledWorker):
+            return ClusterError(
+                "each worker that tried it was ended from outside, as happens when memory runs "
+                "out: give the workers more memory or fewer threads"
+            )
+        if isinstance(problem, ImportError):
+            raise ClusterError(
+                f"a worker cannot load cubicfish ({problem}): install cubicfish {__version__} "
+                "there as it is here"
+            ) from problem
+        raise problem
+
+    def _lost(self, so_far: str) -> ClusterError:
+        return ClusterError(
+            f"the scheduler at {self._address} does not answer any more{so_far}: start it and its "
+            "workers, and run this again"
+        )
+
+
+@contextmanager
+def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
+    """Reach a scheduler and wait for a worker; on leaving, what has not begun is cancelled.
+
+    Args:
+        address: such as ``tcp://host:8786``. Whoever runs the scheduler can run anything here.
+        wait_s: how long to wait, now and later, while there is no worker.
+
+    Raises:
+        ClusterError: dask is missing here, nobody answers, or no worker comes.
+
+    """
+    try:
+        from distributed import Client
+    except ImportError as problem:
+        raise ClusterError(f"a scheduler needs dask ({problem}): {_INSTALL}") from problem
+    with ExitStack() as stack:
+        # What goes wrong is said once, by an error: dask's own log goes nowhere meanwhile.
+        stack.callback(logging.disable, logging.root.manager.disable)
+        logging.disable(logging.CRITICAL)
+        stack.enter_context(warnings.catch_warnings())
+        # It compares versions too, of more than what matters here.
+        warnings.filterwarnings("ignore", message="Mismatched versions found")
+        reach = partial(Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
+        try:
+            client = _within(_CONNECT_S + _SLACK_S, reach)
+        except Exception as problem:  # whatever the other side does not understand
+            said = " ".join(str(problem).split()) or "it is silent"
+            raise ClusterError(
+                f"no scheduler answers at {shown(address)} ({said}): is 'dask scheduler' of this "
+                "version running there, and is this its address?"
+            ) from problem
+        stack.callback(_close, client)
+        cluster = Cluster(client, shown(address), wait_s)
+        cluster.ask()
+        while not cluster.workers:
+            time.sleep(min(_POLL_S, wait_s) / 5)
+            cluster.ask()
+        yield cluster
+
+
+def _close(client: Any) -> None:
+    with suppress(OSError, RuntimeError, *CANCELLED):
+        client.close(timeout=_CLOSE_S)
+
+
+def _within(limit_s: float, start: Callable[[], Any]) -> Any:
+    """Call a function that may never return, as where something else listens.
+
+    Raises:
+        TimeoutError: it did not return in time.
+
+    """
+    outcome: concurrent.futures.Future[Any] = concurrent.futures.Future()
+
+    def run() -> None:
+        try:
+            outcome.set_result(start())
+        except Exception as problem:
+            outcome.set_exception(problem)
+
+    threading.Thread(target=run, daemon=True).start()
+    return outcome.result(limit_s)

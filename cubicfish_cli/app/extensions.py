@@ -1,0 +1,79 @@
+"""The table of extensions: what stands around the core, and what each of them adds to it.
+
+An extension is a folder below ``extensions/`` and a line of the table here, or another
+distribution with an entry point of the group ``cubicfish.extensions``. Nothing of it is loaded
+before it is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.core.errors import CubicfishError
+
+GROUP = "cubicfish.extensions"
+"""Entry points of this group name the :class:`Extension` of another distribution."""
+
+TABLE = {
+    "rigs": "cubicfish_cli.extensions.rigs.extension:EXTENSION",
+}
+"""The extensions that come with the package, and where their records are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extension:
+    """What an extension adds.
+
+    Attributes:
+        commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named.
+        words: a file of its sentences, as words/catalogue.toml has them.
+
+    """
+
+    commands: Mapping[str, str]
+    words: Path | None = None
+
+
+def load_place(place: str) -> Any:
+    """What ``module:name`` is."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
+@cache
+def extensions() -> tuple[Extension, ...]:
+    """Those of the table, and those that are installed beside the package.
+
+    Raises:
+        CubicfishError: an installed one cannot be loaded.
+
+    """
+    own = map(load_place, TABLE.values())
+    return (*own, *map(_load_installed, entry_points(group=GROUP)))
+
+
+def _load_installed(entry: EntryPoint) -> Extension:
+    try:
+        found = entry.load()
+    except Exception as problem:
+        raise CubicfishError(
+            f"the extension {entry.name} ({entry.value}) cannot be loaded: {problem}: install it "
+            "again, or remove it"
+        ) from problem
+    if not isinstance(found, Extension):
+        raise CubicfishError(
+            f"the extension {entry.name} ({entry.value}) is no cubicfish_cli.app.extensions.Extension: "
+            "update it, or remove it"
+        )
+    return found
+
+
+def extension_commands() -> dict[str, str]:
+    """The commands of all extensions: name -> ``module:command``."""
+    return {name: place for one in extensions() for name, place in one.commands.items()}

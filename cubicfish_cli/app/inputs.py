@@ -1,0 +1,217 @@
+"""What a camera is calibrated from or measured on: photos, films or tables -> 2D-3D pairs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.app.asked import (
+    Run,
+    TargetSource,
+    check_inputs,
+    holds_world_points,
+    named_photos,
+    tables_among,
+)
+from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.photos import find_photos, photo_size
+from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import (
+    CorrespondenceError,
+    PhotoError,
+)
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.io.files import Fingerprint, fingerprint
+from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.phrases import plural
+from cubicfish_cli.core.target import target_text
+from cubicfish_cli.corners.identification.identified import Detection, line_of
+from cubicfish_cli.extensions.films.recordings import is_recording
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.point_fit import PointCalibration
+
+# Of more photos than these, some are as good as all.
+_MANY = 200
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """Corners or points with their world points, and what they came from.
+
+    Attributes:
+        pairs: the corners or points, sorted by photo.
+        corners: the named corners in the order that they came in; None for points without names.
+        detection: what was found in each photo; None for CSV files.
+        files: every file that was read, in order, as it was before.
+        target_file: the target's.
+        chosen: why no more photos were chosen, in a sentence; None where all were taken.
+
+    """
+
+    pairs: Observations
+    files: tuple[Fingerprint, ...]
+    corners: Observations | None = None
+    detection: Detection | None = None
+    target_file: Fingerprint | None = None
+    chosen: str | None = None
+
+    @property
+    def given(self) -> Detection | Observations:
+        """What was given, as a fit takes it."""
+        return self.detection or self.pairs
+
+    @property
+    def photos(self) -> list[Path]:
+        """The photos' files; none of CSV files."""
+        return [] if self.detection is None else [file.path for file in self.files]
+
+    @property
+    def photo_findings(self) -> list[Finding]:
+        """What is told of photos and grids."""
+        photos = () if self.detection is None else self.detection.photos
+        return [one for photo in photos for one in photo.findings]
+
+    def named_by(self, fitted: Calibration | PointCalibration) -> Inputs:
+        """The same with the names that a fit gave the corners."""
+        corners = self.corners and fitted.named(self.corners)
+        return replace(self, pairs=fitted.named(self.pairs), corners=corners)
+
+    def drawn(self, target: TargetSource) -> str | None:
+        """The text of a target that is in no file yet."""
+        thing = self.pairs.target
+        return target_text(thing) if target.needs_file and thing is not None else None
+
+    def remarks(self, more: Sequence[Finding] = ()) -> dict[str, Any]:
+        """What is told of photos and grids, in lines and as records, and records of others."""
+        found = self.photo_findings
+        return {
+            "photo_problems": None if self.detection is None else list(map(line_of, found)),
+            "remarks": [one.as_record() for one in (*found, *more)],
+        }
+
+
+def load_inputs(
+    inputs: Sequence[Path],
+    target: TargetSource,
+    run: Run,
+    *,
+    correspondences: Path | None = None,
+    image_size: tuple[int, int] | None = None,
+    best: int | None = None,
+) -> Inputs:
+    """Read pairs from photos, from one corners.csv, or from one correspondences.csv.
+
+    Args:
+        inputs: the photos, or the table.
+        target: what they show.
+        run: how the work is done.
+        correspondences: a table of 2D-3D pairs instead.
+        image_size: (width, height) of the photos, for tables that do not say.
+        best: of more photos than these, those that add most are taken.
+
+    Raises:
+        UsageError: the inputs do not go together.
+        CubicfishError: an input cannot be used.
+
+    """
+    check_inputs(inputs, correspondences, target)
+    tables = tables_among(inputs)
+    if correspondences is not None:
+        loaded = _from_correspondences(correspondences, image_size)
+    elif not tables:
+        loaded = _from_photos(inputs, target, run, best)
+    elif holds_world_points(tables[0]):
+        loaded = _from_correspondences(tables[0], image_size)
+    else:
+        loaded = _from_corners(tables[0], target, image_size, run.listener)
+    pixel = loaded.pairs.pixel
+    if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
+        x, y = pixel[0]
+        raise CorrespondenceError(
+            f"all {plural(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
+        )
+    return loaded
+
+
+def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Inputs:
+    file = fingerprint(path)
+    return Inputs(pairs=load_correspondences(path, image_size=size), files=(file,))
+
+
+def _from_corners(
+    path: Path, target: TargetSource, size: tuple[int, int] | None, listener: Listener
+) -> Inputs:
+    target_file, file = target.fingerprint(), fingerprint(path)
+    corners = load_corners(path, target.load(listener)[0], image_size=size)
+    return Inputs(pairs=corners.by_photo(), corners=corners, files=(file,), target_file=target_file)
+
+
+def _from_photos(
+    inputs: Sequence[Path], target: TargetSource, run: Run, best: int | None
+) -> Inputs:
+    # Tables need no finder of corners, and begin at once without it.
+    from cubicfish_cli.app.detection import find_corners
+    from cubicfish_cli.extensions.films.frames import choose_photos
+
+    target_file = target.fingerprint()
+    targets = target.load(run.listener)
+    photos = named_photos(inputs, run.listener)
+    count, ended = len(photos), None
+    if best is not None and count > best:
+        photos, ended = choose_photos(photos, targets, run, most=best)
+        run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
+    elif best is None and count > _MANY:
+        run.listener.tell(Event.MANY_PHOTOS, photos=count)
+    files = tuple(fingerprint(photo.path) for photo in photos)
+    detection = find_corners(photos, targets, run)
+    return Inputs(
+        pairs=detection.corners,
+        corners=detection.corners,
+        detection=detection,
+        files=files,
+        target_file=target_file,
+        chosen=ended,
+    )
+
+
+def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
+    """Refuse photos none of which a camera is for, before they are searched.
+
+    Raises:
+        PhotoError: there are none that can be read, or all are of another size.
+
+    """
+    seen = None
+    for photo in find_photos(inputs) if not tables_among(inputs) else ():
+        try:
+            seen = photo_size(photo.path)
+        except PhotoError:  # a damaged one is left out with a word later
+            continue
+        if seen == size:
+            return
+    if seen is not None:
+        raise PhotoError(
+            "the photos have {}x{} pixels and the camera is for {}x{}: use photos of the camera's "
+            "own size, or name its camera with --model".format(*seen, *size)
+        )
+
+
+def films_among(inputs: Sequence[Path]) -> list[Path]:
+    """Those of the inputs that are films, recordings or patterns of such, by their names."""
+    return [
+        path
+        for path in inputs
+        if (path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir()) or is_recording(path)
+    ]
+
+
+def recorded_as(text: str, path: Path) -> dict[str, str]:
+    """What camera.yaml has of a target whose file is written together with it."""
+    return {"file": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}

@@ -1,0 +1,435 @@
+"""Photos on disk: which files are meant, and what is in them.
+
+Pictures are read as the sensor saw them: an orientation noted in the file (EXIF) is not
+applied, since the lens does not turn with the note.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from base64 import b64encode
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.picture_headers import (
+    OTHER_SUFFIXES,
+    RAW_SUFFIXES,
+    VIDEO_SUFFIXES,
+    Claim,
+    as_stored,
+    claimed,
+    is_picture,
+    other_kind,
+)
+from cubicfish_cli.core.errors import MISSING, PhotoError
+from cubicfish_cli.core.io.files import on_host
+from cubicfish_cli.core.threads import Shared
+from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.corners.mosaic import evened
+
+Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
+
+_NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .pgm .ppm .pnm"
+SUFFIXES = frozenset(_NAMES.split())
+_MISSED_SUFFIXES = VIDEO_SUFFIXES | OTHER_SUFFIXES | RAW_SUFFIXES
+_FEW_NAMES = 4
+
+MAX_PIXELS = 200_000_000
+"""More than any camera has; a small file that claims more is refused before it fills memory."""
+MAX_PICTURE_BYTES = 1_200_000_000
+"""As many pixels in colour of 16 bits: what a decoder may have to make room for, about twice."""
+MAX_FILE_BYTES = 2_000_000_000
+
+_READABLE = "PNG, JPEG, TIFF, BMP, WebP or PNM"
+_DAMAGED = "is cut short or damaged: copy it again or leave it out"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Photo:
+    """A photo on disk, or in memory.
+
+    Attributes:
+        name: what files and reports call it: the file's name, or its path below the photos'
+            common folder where two photos have the same file name.
+        path: where it is.
+        picture: what it shows, in the place of the file; None for a photo on disk.
+
+    """
+
+    name: str
+    path: Path
+    picture: Picture | None = field(default=None, compare=False, repr=False)
+
+    def absolute(self) -> Photo:
+        """The same photo, by a path that holds in any current folder."""
+        return replace(self, path=Path(os.path.abspath(self.path)))
+
+    def read_grey(self) -> Picture:
+        """Its brightness (H, W), uint8 or uint16.
+
+        Raises:
+            PhotoError: as :func:`read_picture`.
+
+        """
+        return read_grey(self.path) if self.picture is None else grey(self.picture)
+
+
+def is_photo_name(path: Path) -> bool:
+    """Whether a file's name is that of a photo: a known suffix, and not hidden."""
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def natural_key(text: str) -> tuple[tuple[int, int | str], ...]:
+    """Sort key under which ``img2`` comes before ``img10``."""
+    parts = re.split(r"([0-9]+)", text)
+    return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
+
+
+def shown(path: str | os.PathLike[str]) -> str:
+    """A path for a message of one line: control characters escaped."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in os.fspath(path))
+
+
+def find_photos(
+    arguments: Iterable[str | os.PathLike[str]], remarks: list[str] | None = None
+) -> list[Photo]:
+    """The photos that the arguments mean, in natural order, each once.
+
+    An argument is a folder (its photos, not those in folders below), a file, or a glob
+    pattern (``**`` goes down folders). In folders and patterns, hidden files and files that
+    are no photos are passed over; a file given by name is taken whatever its suffix.
+
+    Args:
+        arguments: folders, files and patterns.
+        remarks: a line is added for each kind of what was passed over and may be missed: raw
+            files, videos, photos whose names cannot be used.
+
+    Raises:
+        PhotoError: an argument does not exist or holds no photo, or the name of a photo that was
+            given by name cannot be used in a table.
+
+    """
+    paths: dict[Path, Path] = {}
+    missed: list[Path] = []
+    for argument in [os.fspath(one) for one in arguments]:
+        for path in _expand(argument, missed):
+            if not _is_plain(path.name):
+                if str(path) == argument:
+                    raise _not_plain(path.name, "file")
+                missed.append(path)
+                continue
+            paths.setdefault(_identity(path), path)
+    if not paths:
+        raise _not_plain(missed[0].name, "file")
+    if remarks is not None:
+        remarks += _missed(missed)
+    ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
+    names = _names(ordered)
+    for name in names:
+        if not _is_plain(name):  # a folder's name is part of it
+            raise _not_plain(name, "folder")
+    return [Photo(name=name, path=path) for name, path in zip(names, ordered, strict=True)]
+
+
+def _is_plain(name: str) -> bool:
+    return name.isprintable() and name == name.strip()
+
+
+def _not_plain(name: str, what: str) -> PhotoError:
+    return PhotoError(f"{quoted(name)}: a photo's name must be plain text: rename the {what}")
+
+
+def _missed(paths: Iterable[Path]) -> list[str]:
+    """A line for each kind of file that was passed over."""
+    kinds: dict[str, list[str]] = {}
+    for path in dict.fromkeys(paths):
+        suffix = path.suffix.lower()
+        if suffix in VIDEO_SUFFIXES:
+            kind = "{} left out: frames have to be taken from a video first ('cubicfish frames')"
+        elif suffix in SUFFIXES:
+            kind = "{} left out: a photo's name must be plain text, so rename"
+        else:
+            kind = "{} left out: save as PNG or JPEG, in full size and without lens correction"
+        kinds.setdefault(kind, []).append(shown(path.name))
+    lines = []
+    for kind, names in kinds.items():
+        files = f"{len(names)} file{'s' * (len(names) > 1)}"
+        more = f" and {len(names) - _FEW_NAMES} more" * (len(names) > _FEW_NAMES)
+        lines.append(kind.format(f"{files} ({', '.join(names[:_FEW_NAMES])}{more})"))
+    return lines
+
+
+def expanded(name: str | os.PathLike[str]) -> list[Path]:
+    """What a name stands for: itself, or where it is a pattern and no file, what that matches."""
+    name = os.fspath(name)
+    if os.path.lexists(name) or not glob.has_magic(name):
+        return [Path(name)]
+    return [Path(match) for match in sorted(glob.glob(name, recursive=True))]
+
+
+def _expand(argument: str, missed: list[Path]) -> list[Path]:
+    path = Path(argument)
+    if not argument:
+        raise PhotoError("a photo's name is empty: give a folder, files or a pattern")
+    try:
+        if path.is_dir():
+            return _in_folder(path, missed)
+        if os.path.lexists(path):
+            return [path]
+        matches = expanded(argument)
+    except PhotoError:  # an OSError too
+        raise
+    except (OSError, ValueError) as problem:  # no permission; a name that no file can have
+        what = getattr(problem, "strerror", None) or problem
+        raise PhotoError(f"{shown(argument)} cannot be read: {what}") from problem
+    if not glob.has_magic(argument):
+        raise PhotoError(f"{shown(argument)} {MISSING}")
+    photos = [match for match in matches if is_photo_name(match) and not match.is_dir()]
+    if not photos:
+        raise PhotoError(f"{shown(argument)} matches no photo: photos are {_READABLE} files")
+    missed += [match for match in matches if _may_be_missed(match)]
+    return photos
+
+
+def _may_be_missed(path: Path) -> bool:
+    """Whether a file that is no photo here may be one for its owner."""
+    return path.suffix.lower() in _MISSED_SUFFIXES and not path.name.startswith(".")
+
+
+def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
+    entries = sorted(folder.iterdir(), key=lambda path: natural_key(path.name))
+    files = [path for path in entries if not path.is_dir()]
+    photos = [path for path in files if is_photo_name(path)]
+    if not photos:
+        others = sorted({path.suffix.lower() for path in files if path.suffix})
+        there = f", only {', '.join(others[:5])}" if others else ""
+        if not (OTHER_SUFFIXES | RAW_SUFFIXES).isdisjoint(others):
+            raise PhotoError(
+                f"{shown(folder)} holds no photos that can be read{there}: save photos as PNG or "
+                "JPEG, in full size and without lens correction"
+            )
+        below = [shown(path) for path in entries if path.is_dir() and path.name[:1] != "."]
+        if below and not others:
+            more = f" and {len(below) - _FEW_NAMES} more" * (len(below) > _FEW_NAMES)
+            raise PhotoError(
+                f"{shown(folder)} holds no photos, only folders: name one of "
+                f"{', '.join(below[:_FEW_NAMES])}{more}"
+            )
+        raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
+    missed += [path for path in files if _may_be_missed(path)]
+    return photos
+
+
+def _identity(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # a loop of links: reading it will say so
+        return path.absolute()
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    names = [path.name for path in paths]
+    if len(set(names)) == len(names):
+        return names
+    absolute = [os.path.abspath(path) for path in paths]
+    try:
+        common = os.path.commonpath([os.path.dirname(path) for path in absolute])
+    except ValueError:  # on different drives
+        common = ""
+    names = [Path(os.path.relpath(path, common or None)).as_posix() for path in absolute]
+    for index, name in enumerate(names):
+        if not common or name in names[:index]:
+            raise PhotoError(
+                f"{shown(paths[index])}: another photo has the same name: rename one of them"
+            )
+    return names
+
+
+def read_picture(path: Path | str) -> Picture:
+    """Read a picture as it is stored: (H, W) or (H, W, 3 or 4), 8 or 16 bit, BGR order.
+
+    Raises:
+        PhotoError: the file is missing, unreadable, empty, cut short, no picture, has more
+            than :data:`MAX_PIXELS`, or holds numbers other than 8 or 16 bit unsigned.
+
+    """
+    path = Path(path)
+    return decode_picture(path, read_file(path))
+
+
+def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
+    """Decode a picture file's bytes, as :func:`read_picture` does; ``path`` is for messages.
+
+    Args:
+        path: where the bytes came from.
+        data: the file.
+        floats: whether 32-bit floating point numbers may come back too.
+
+    Raises:
+        PhotoError: as :func:`read_picture`.
+
+    """
+    data = as_stored(data)
+    _claim_of(path, data)
+    with quiet_stderr():
+        try:
+            picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        except cv2.error:
+            picture = None
+    if picture is None or picture.size == 0:
+        raise PhotoError(_DAMAGED, about=shown(path))
+    if picture.dtype not in (np.uint8, np.uint16) and not (floats and picture.dtype == np.float32):
+        raise PhotoError(
+            f"holds {picture.dtype} numbers: save it with 8 or 16 bits", about=shown(path)
+        )
+    return picture
+
+
+def read_grey(path: Path) -> Picture:
+    """Read a picture in grey: (H, W), uint8 or uint16 as stored; transparency is ignored.
+
+    Raises:
+        PhotoError: as :func:`read_picture`.
+
+    """
+    return grey(read_picture(path))
+
+
+def grey(picture: Picture) -> Picture:
+    """A picture in BGR order, (H, W) or (H, W, 1 to 4) -> its brightness (H, W)."""
+    if picture.ndim == 2:
+        return evened(picture)
+    if picture.shape[2] < 3:  # grey, with or without transparency
+        return evened(np.ascontiguousarray(picture[..., 0]))
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+
+
+def thumbnail(picture: npt.NDArray[Any], longest: int) -> npt.NDArray[np.uint8]:
+    """A copy whose longer side has at most so many pixels: 8 bits, grey or BGR.
+
+    Args:
+        picture: (H, W) or (H, W, 1 to 4), 8 or 16 bits; transparency is dropped.
+        longest: pixels.
+
+    """
+    if picture.ndim == 3:
+        picture = picture[..., 0] if picture.shape[2] < 3 else picture[..., :3]
+    height, width = picture.shape[:2]
+    scale = min(1.0, longest / max(width, height))
+    if scale < 1:
+        size = (max(1, round(scale * width)), max(1, round(scale * height)))
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    if picture.dtype == np.uint16:
+        picture = picture // 257
+    return np.ascontiguousarray(picture, np.uint8)
+
+
+def data_uri(picture: npt.NDArray[np.uint8], quality: int) -> str:
+    """A picture, grey or BGR, as the URI of a JPEG file that a page holds."""
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return "data:image/jpeg;base64," + b64encode(data.tobytes()).decode()
+
+
+def photo_size(path: Path) -> tuple[int, int]:
+    """(width, height) of a picture, from its header.
+
+    Raises:
+        PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
+
+    """
+    claim = _claim_of(path, read_file(path))
+    return claim.width, claim.height
+
+
+def read_file(path: Path) -> bytes:
+    """The bytes of a picture file.
+
+    Raises:
+        PhotoError: the file is missing, unreadable, empty or too large.
+
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise PhotoError(
+                "is not a file: give photos, or the folder they are in", about=shown(path)
+            )
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise PhotoError(f"has {size / 1e9:.1f} GB: is it a photo?", about=shown(path))
+        data = path.read_bytes()
+    except PhotoError:
+        raise
+    except (OSError, ValueError) as problem:
+        what = getattr(problem, "strerror", None) or problem
+        raise PhotoError(f"cannot be read{on_host()}: {what}", about=shown(path)) from problem
+    if not data:
+        raise PhotoError("is empty: copy it again or leave it out", about=shown(path))
+    return data
+
+
+def _claim_of(path: Path, data: bytes) -> Claim:
+    """What a picture's header claims, if it is within bounds: small files can claim huge ones.
+
+    A decoder is never asked before: it makes room for whatever is claimed.
+    """
+    other = other_kind(data, path.suffix)
+    if other is not None:
+        raise PhotoError(other, about=shown(path))
+    claim = claimed(data)
+    if claim is None:
+        if is_picture(data):
+            raise PhotoError(_DAMAGED, about=shown(path))
+        raise PhotoError(
+            f"is not a picture that can be read: save it as {_READABLE}", about=shown(path)
+        )
+    size = f"{claim.width}x{claim.height} pixels"
+    if claim.width * claim.height > MAX_PIXELS:
+        raise PhotoError(
+            f"claims {size}, more than the {MAX_PIXELS / 1e6:g} million allowed: is it a photo?",
+            about=shown(path),
+        )
+    if claim.memory > MAX_PICTURE_BYTES:
+        raise PhotoError(
+            f"claims {size} that need {claim.memory / 1e9:.3g} GB, more than the "
+            f"{MAX_PICTURE_BYTES / 1e9:g} GB allowed: is it a photo?",
+            about=shown(path),
+        )
+    return claim
+
+
+def _one_thread() -> int:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    return before
+
+
+one_opencv_thread = Shared(_one_thread, cv2.setNumThreads)
+"""``with one_opencv_thread():`` several pictures are at work: none takes several threads."""
+
+
+def _stderr_nowhere() -> int | None:
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        return None
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    return kept
+
+
+def _stderr_again(kept: int | None) -> None:
+    if kept is not None:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+quiet_stderr = Shared(_stderr_nowhere, _stderr_again)
+"""``with quiet_stderr():`` what C libraries write to stderr goes nowhere, as decoders do."""

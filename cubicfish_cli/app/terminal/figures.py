@@ -1,0 +1,343 @@
+"""The figures of a fit in words: the same words wherever an RMS is shown.
+
+The table of photos that calibrate, evaluate and detect print.
+
+A terminal shows of many photos the odd ones and those with the largest errors; ``--verbose``,
+pipes and files have them all.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.app.terminal.options import verbosity
+from cubicfish_cli.app.terminal.streams import Style, columns_of
+from cubicfish_cli.app.terminal.terminal import Column, Row, print_columns, result, tell
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
+    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.core.finding import Finding, Level
+    from cubicfish_cli.core.observations import Observations
+    from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
+
+
+EXIT_GATE = 3
+
+
+def px(value: float | None) -> str:
+    """Pixels to three decimals; a dash for what is not known."""
+    return "-" if value is None or math.isnan(value) else f"{value:.3f}"
+
+
+def count(number: int, what: str) -> str:
+    """``1 photo``, ``2 photos``."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def print_figure(name: str, value: str, unit: str = "px", meaning: str = "") -> None:
+    """Print what a figure is called, its value and what it means, in columns."""
+    result(f"{name:<24}{value:>7} {unit:<2}  {meaning}".rstrip())
+
+
+def print_errors(errors: ErrorStatistics, more: Sequence[tuple[str, float, str]]) -> None:
+    """Print reprojection errors: the RMS and what it means, other RMS beside it, the spread."""
+    lines = [
+        ("RMS reprojection error", errors.rms_px, "sqrt(mean(dx² + dy²)) over all corners used"),
+        *more,
+    ]
+    for name, value, meaning in lines:
+        print_figure(name, px(value), "" if math.isnan(value) else "px", meaning)
+    print_spread(errors)
+
+
+def print_spread(errors: ErrorStatistics) -> None:
+    """Print the median, what 95 % are within and the largest, a line each."""
+    print_figure("median", px(errors.median_px))
+    print_figure("95 % within", px(errors.p95_px))
+    print_figure("largest", px(errors.max_px))
+
+
+def print_verdict(judged: Verdict) -> None:
+    """Print the verdict in a line, and what else is against the camera in a line each."""
+    result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
+    for reason in judged.reasons[1:]:
+        result(f"  also: {reason.why}; {reason.do}")
+
+
+def print_models(records: Sequence[Mapping[str, Any]]) -> None:
+    """Print one row per lens model: how large it is, how well it does, how far it reaches."""
+    result("Lens models: the same corners, loss and folds, the target as drawn")
+    print_columns(
+        [
+            "model",
+            Column(title="parameters", drop=2),
+            "rms px",
+            "held-out px",
+            Column(title="usable to °", drop=1),
+            Column(title="seconds", drop=3),
+        ],
+        [
+            Row(
+                cells=(
+                    str(record["model"]),
+                    str(record["parameters"]),
+                    px(record["rms_px"]),
+                    px(record["held_out_rms_px"]),
+                    _degrees(record["largest_angle_deg"]),
+                    f"{record['seconds']:.2f}",
+                )
+            )
+            for record in records
+        ],
+    )
+
+
+def _degrees(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
+def mark_of(finding: Finding) -> str:
+    """How a line about a finding begins."""
+    return "note" if finding.severity.value == "note" else "warning"
+
+
+def hold_gate(rms_px: float, max_rms: float | None) -> None:
+    """Exit with 3 when the RMS is above the gate that the user set."""
+    if max_rms is not None and not rms_px <= max_rms:
+        tell(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")
+        click.get_current_context().exit(EXIT_GATE)
+
+
+ByBoard = Mapping[str, Mapping[str, int]]
+
+GOOD = "good"
+_MOST_ROWS = 12
+_RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
+_STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
+# Below so many columns words of judgement are said shorter, and many boards are counted.
+_ROOMY, _FEW_BOARDS = 100, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoRow:
+    """What is said of a photo.
+
+    Attributes:
+        name: of the photo.
+        words: a word of judgement.
+        short: the same where there is little room; empty where there is no shorter one.
+        level: how bad that is.
+        boards: corners used of each board in it.
+        corners: corners used; None for a photo that takes no part.
+        dropped: corners left out.
+        errors: reprojection errors, where there are any.
+
+    """
+
+    name: str
+    words: str
+    level: Level
+    short: str = ""
+    boards: Mapping[str, int] = field(default_factory=dict)
+    corners: int | None = None
+    dropped: int = 0
+    errors: ErrorStatistics | PhotoRecord | None = None
+
+    @property
+    def rms_px(self) -> float:
+        """RMS of its errors; NaN where there are none."""
+        return math.nan if self.errors is None else self.errors.rms_px
+
+
+def corners_by_board(corners: Observations) -> dict[str, dict[str, int]]:
+    """How many corners each photo has of each board, in the target's order of the boards."""
+    import numpy as np
+
+    if not corners.boards:
+        return {}
+    counts = np.zeros((len(corners.images), len(corners.boards)), int)
+    np.add.at(counts, (corners.image, corners.board), 1)
+    return {
+        image: {board: n for board, n in zip(corners.boards, row, strict=True) if n}
+        for image, row in zip(corners.images, counts.tolist(), strict=True)
+    }
+
+
+def lost_word(photo: PhotoReport) -> str:
+    """A word for why a photo gave no corners."""
+    from cubicfish_cli.core.codes import Code
+
+    why = photo.refusal.code if photo.refusal is not None else None
+    if why in (Code.OTHER_SIZE, Code.CANNOT_BE_READ):
+        return "another size" if why is Code.OTHER_SIZE else "cannot be read"
+    return "left out" if why is None else "nothing found"
+
+
+def why_lost(detection: Detection | None) -> dict[str, str]:
+    """Photos that gave nothing, and a word for why."""
+    photos = () if detection is None else detection.photos
+    return {photo.name: lost_word(photo) for photo in photos if photo.lost}
+
+
+def fitted_rows(
+    photos: Sequence[PhotoRecord],
+    dropped: Sequence[DroppedCorner],
+    image_size: tuple[int, int],
+    by_board: ByBoard,
+    lost: Mapping[str, str],
+) -> list[PhotoRow]:
+    """Rows of photos with reprojection errors, and of those that take no part.
+
+    Args:
+        photos: that were placed.
+        dropped: corners that were left out.
+        image_size: (width, height), pixels.
+        by_board: corners used, by photo and board.
+        lost: photos that take no part, and a word for why.
+
+    """
+    from cubicfish_cli.core.assess.verdict import photo_verdicts
+    from cubicfish_cli.core.finding import joined, level_of
+
+    out = Counter(corner.image for corner in dropped)
+    rows = [
+        PhotoRow(
+            name=one.image,
+            words=joined(told),
+            short="; ".join(one.short for one in told),
+            level=level_of(told),
+            boards=by_board.get(one.image, {}),
+            corners=one.corners,
+            dropped=out[one.image],
+            errors=one,
+        )
+        for one, told in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
+    ]
+    known = {row.name for row in rows}
+    rows += [
+        PhotoRow(name=name, words=why, level="bad", dropped=out[name])
+        for name, why in lost.items()
+        if name not in known
+    ]
+    return rows
+
+
+def print_photo_table(
+    rows: Sequence[PhotoRow],
+    boards: Sequence[str],
+    total: ErrorStatistics | None = None,
+    *,
+    everything: str = "--json",
+    apart: bool = False,
+) -> None:
+    """Print one row per photo.
+
+    Args:
+        rows: the photos.
+        boards: names of the boards, in the target's order.
+        total: the same figures of all photos together; None for corners alone.
+        everything: where all photos are, for who sees a few of them.
+        apart: whether something stands before it; on a terminal something does in any case.
+
+    """
+    room = columns_of(sys.stdout)
+    chosen = list(rows)
+    if apart or room is not None:
+        result()
+    if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
+        order = sorted(rows, key=_badness)
+        chosen = order[:_MOST_ROWS]
+        result(f"The odd ones and the worst of {len(rows):,} photos:\n")
+    if room is not None and room < _ROOMY:
+        chosen = [replace(row, words=row.short or row.words) for row in chosen]
+    columns = _columns(rows, boards, room)
+    table = [
+        Row(cells=[cell(row) for _, cell in columns], style=_STYLE[row.level]) for row in chosen
+    ]
+    if len(rows) > 1:
+        every = _together(rows, boards, total)
+        table.append(Row(cells=[cell(every) for _, cell in columns], total=True))
+    print_columns([column for column, _ in columns], table)
+    if len(chosen) < len(rows):
+        result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
+
+
+def _badness(row: PhotoRow) -> tuple[int, float]:
+    return _RANK[row.level], 0.0 if math.isnan(row.rms_px) else -row.rms_px
+
+
+def _columns(
+    rows: Sequence[PhotoRow], boards: Sequence[str], room: int | None
+) -> list[tuple[Column, Callable[[PhotoRow], str]]]:
+    """The table's columns, each with what its cells say of a photo."""
+    with_errors = any(math.isfinite(row.rms_px) for row in rows)
+    columns: list[tuple[Column, Callable[[PhotoRow], str]]] = [
+        (Column(title="photo", least=12), lambda row: row.name),
+        (
+            Column(title="corners", drop=3 if with_errors else 0),
+            lambda row: "-" if row.corners is None else str(row.corners),
+        ),
+    ]
+    if room is None or room >= _ROOMY or len(boards) <= _FEW_BOARDS:
+        columns += [
+            (Column(title=board, drop=5), partial(_of_board, board=board)) for board in boards
+        ]
+    else:
+        columns.append(
+            (Column(title="boards", drop=5), lambda row: f"{len(row.boards)} of {len(boards)}")
+        )
+    if any(row.dropped for row in rows):
+        columns.append((Column(title="dropped", drop=4), lambda row: str(row.dropped or "-")))
+    if with_errors:
+        columns += [
+            (Column(title="rms px"), lambda row: px(row.rms_px)),
+            (
+                Column(title="median", drop=8),
+                lambda row: _px_of(row, lambda of: of.median_px),
+            ),
+            (
+                Column(title="95 %", drop=7),
+                lambda row: _px_of(row, lambda of: of.p95_px),
+            ),
+            (
+                Column(title="largest", drop=2),
+                lambda row: _px_of(row, lambda of: of.max_px),
+            ),
+        ]
+    return [*columns, (Column(title="verdict", least=14), lambda row: row.words)]
+
+
+def _px_of(row: PhotoRow, figure: Callable[[ErrorStatistics | PhotoRecord], float]) -> str:
+    return px(None if row.errors is None else figure(row.errors))
+
+
+def _of_board(row: PhotoRow, board: str) -> str:
+    return str(row.boards.get(board, "-"))
+
+
+def _together(
+    rows: Sequence[PhotoRow], boards: Sequence[str], total: ErrorStatistics | None
+) -> PhotoRow:
+    return PhotoRow(
+        name=f"all {len(rows):,}",
+        words="",
+        short="",
+        level="good",
+        boards={
+            board: found
+            for board in boards
+            if (found := sum(row.boards.get(board, 0) for row in rows))
+        },
+        corners=sum(row.corners or 0 for row in rows),
+        dropped=sum(row.dropped for row in rows),
+        errors=total,
+    )

@@ -1,0 +1,172 @@
+"""The entry point: the group of commands, and the one place where errors become exit codes.
+
+Command modules are imported when they are named, and they import the libraries that do the
+work inside their bodies: help and usage errors answer at once.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, NoReturn
+
+import click
+
+from cubicfish_cli import __version__
+from cubicfish_cli.app.extensions import extension_commands
+from cubicfish_cli.app.terminal.group import LazyGroup
+from cubicfish_cli.app.terminal.options import DEBUG_KEY, common_options, examples
+from cubicfish_cli.app.terminal.standard_streams import EXIT_SIGNAL, asked
+from cubicfish_cli.app.terminal.streams import safe
+from cubicfish_cli.app.terminal.terminal import Failure, say_interrupted, tell
+from cubicfish_cli.core.errors import CubicfishError
+
+EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
+
+COMMANDS = {
+    "target": "commands.target:command",
+    "calibrate": "commands.calibrate:command",
+    "frames": "commands.frames:command",
+    "detect": "commands.detect:command",
+    "corners": "commands.corners:command",
+    "evaluate": "cli.evaluate:command",
+    "compare": "cli.compare:command",
+    "info": "cli.info:command",
+    "report": "cli.report:command",
+    "advise": "commands.advise:command",
+    "undistort": "cli.undistort:command",
+    "map": "cli.map:command",
+    "project": "commands.points:project",
+    "unproject": "commands.points:unproject",
+    "export": "cli.export:command",
+    "import": "commands.import_camera:command",
+    "simulate": "commands.simulate:command",
+}
+"""The commands in the order of the work, and where each is."""
+
+
+# What newer releases of click raise where a command is missing: its message is the help.
+_HelpInstead: type[click.UsageError] | tuple[()] = getattr(
+    click.exceptions, "NoArgsIsHelpError", ()
+)
+
+
+@contextmanager
+def _harmless() -> Iterator[None]:
+    """What click says of a command line may repeat a file's name, which may steer a terminal."""
+    try:
+        yield
+    except _HelpInstead:
+        raise  # all of it is ours
+    except click.ClickException as error:
+        vars(error)["message"] = safe(error.message)
+        if isinstance(error, click.UsageError):
+            vars(error)["show"] = partial(_show_usage_error, error)
+        raise
+
+
+def _show_usage_error(error: click.UsageError, file: Any = None) -> None:
+    """As click does, but with lines that fit the terminal."""
+    shown = io.StringIO()
+    type(error).show(error, shown)
+    usage, word, what = shown.getvalue().rstrip("\n").partition("Error: ")
+    click.echo(usage, file=file, err=True, nl=False)
+    tell(word + what)
+
+
+class Program(LazyGroup):
+    """All commands; what goes wrong in them is told in one line."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """As click does, with what is wrong said harmlessly."""
+        try:
+            with _harmless():
+                return super().make_context(*args, **kwargs)
+        except KeyboardInterrupt:
+            _end_as_asked()
+
+    @_harmless()
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; what a user can cause ends in one line and an exit code."""
+        try:
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+        except KeyboardInterrupt:
+            _end_as_asked()
+        except Exception as error:
+            if asked() is not None:
+                _end_as_asked()
+            if isinstance(error, BrokenPipeError):
+                # The reader has gone. Python flushes stdout once more on exit: give it a place
+                # to go.
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                ctx.exit(EXIT_BROKEN_PIPE)
+            why = _why(error)
+            if why is None or ctx.meta.get(DEBUG_KEY):
+                raise
+            raise Failure(why) from error
+        return result
+
+
+def _end_as_asked() -> NoReturn:
+    """End as Ctrl-C or another signal has asked for."""
+    number = asked() or signal.SIGINT
+    if asked() is not None:  # once more ends it at once: all is cleaned up
+        signal.signal(number, signal.SIG_DFL)
+    if number == signal.SIGINT:
+        say_interrupted()
+    sys.exit(EXIT_SIGNAL + number)
+
+
+def _why(error: Exception) -> str | None:
+    """Why the work could not be done, in one line; None where it is no user's doing."""
+    if isinstance(error, CubicfishError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "not enough memory: use smaller photos or views, or fewer --jobs"
+    if isinstance(error, OSError):
+        what = error.strerror or str(error)
+        return f"{error.filename}: {what}" if error.filename else what
+    return None
+
+
+@click.group(
+    cls=Program,
+    own={name: f"cubicfish_cli.{place}" for name, place in COMMANDS.items()},
+    more=extension_commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog=examples(
+        "cubicfish calibrate photos/ --target target.yaml",
+        "cubicfish undistort photo.png flat.png",
+        "cubicfish calibrate -h",
+    ),
+)
+@click.version_option(__version__, "-V", "--version", prog_name="cubicfish")
+@common_options
+def cli() -> None:
+    """Calibrate fisheye cameras from photos of checkerboards, and undistort what they see.
+
+    The camera is a ratio of cubic polynomials in the viewing ray (Zhu & Yin, 2010). Results go
+    to stdout, everything else to stderr. Exit codes: 0 done, 1 the work could not be done,
+    2 wrong usage, 3 done but a --max-rms gate failed, 130 interrupted.
+    """
+
+
+def run() -> int:
+    """Run the command line, and return its exit code."""
+    try:
+        code = cli.main(prog_name="cubicfish", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (OSError, CubicfishError) as error:  # help or a version that cannot be printed
+        tell(f"Error: {_why(error)}")
+        return 1
+    except click.Abort:  # click's word for a signal that came before or after the command
+        _end_as_asked()
+    return code if isinstance(code, int) else 0

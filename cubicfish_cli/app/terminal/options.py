@@ -1,0 +1,658 @@
+"""Options that several commands share, each defined once."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import re
+import shlex
+import sys
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from inspect import signature
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, dataclass_transform
+
+import click
+
+from cubicfish_cli.app.asked import TargetSource, in_folder
+from cubicfish_cli.core.errors import CameraFileError, UsageError
+from cubicfish_cli.core.wording import quoted
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+
+class FloatRange(click.FloatRange):
+    """A finite number within bounds.
+
+    Args:
+        least, most: the bounds.
+        min_open: whether it must be more than ``least``.
+        unit: what it counts, in the plural.
+
+    """
+
+    def __init__(
+        self,
+        min: float | None = None,
+        max: float | None = None,
+        *,
+        min_open: bool = False,
+        unit: str = "",
+    ) -> None:
+        super().__init__(min=min, max=max, min_open=min_open)
+        self.unit = unit
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Parse, or fail as a usage error that says the bounds."""
+        try:
+            number: float = super().convert(value, param, ctx)
+        except click.BadParameter:
+            number = math.nan
+        if not math.isfinite(number):
+            _fail(self, "a number", self.unit, value, param, ctx)
+        return number
+
+
+class IntRange(click.IntRange):
+    """A whole number within bounds."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Parse, or fail as a usage error that says the bounds."""
+        try:
+            number: int = super().convert(value, param, ctx)
+        except click.BadParameter:
+            _fail(self, "a whole number", "", value, param, ctx)
+        return number
+
+
+class Seconds(click.ParamType):
+    """A length of time with its unit, such as 5ms, as seconds."""
+
+    name = "time"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Parse, or fail as a usage error."""
+        if isinstance(value, float):
+            return value
+        found = re.fullmatch(r"([0-9]*\.?[0-9]+) *(us|ms|s)", str(value).strip())
+        if found is None or not float(found[1]) > 0:
+            self.fail(f"{quoted(str(value))} is no time: write 5ms, 200us or 0.01s", param, ctx)
+        return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
+
+
+def _fail(
+    kind: click.FloatRange | click.IntRange,
+    what: str,
+    unit: str,
+    value: Any,
+    param: click.Parameter | None,
+    ctx: click.Context | None,
+) -> NoReturn:
+    of = f" of {unit}" if unit else ""
+    kind.fail(f"{quoted(str(value))} is not {what}{of} {_bounds(kind)}".rstrip(), param, ctx)
+
+
+def _bounds(kind: click.FloatRange | click.IntRange) -> str:
+    low, high = (None if end is None else f"{end:,}" for end in (kind.min, kind.max))
+    if low is None:
+        return "" if high is None else f"up to {high}"
+    if high is None:
+        return f"above {low}" if kind.min_open else f"from {low} on"
+    return f"above {low} and up to {high}" if kind.min_open else f"from {low} to {high}"
+
+
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+
+Kind = TypeVar("Kind")
+
+_OPTIONS = "options"
+_CHANGES_NO_CAMERA = {
+    "as_json", "compare", "folder", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
+}  # fmt: skip
+DEBUG_KEY = "cubicfish.debug"
+VERBOSITY_KEY = "cubicfish.verbosity"
+DEFAULT_MODEL = Path("calibration") / "camera.yaml"
+DEFAULT_TARGET = Path("target.yaml")
+
+FILE = click.Path(path_type=Path)
+_ENDS_OF_FILES = {
+    ".csv", ".html", ".jpg", ".json", ".npz", ".pdf", ".png", ".svg", ".yaml", ".yml", ".zip",
+}  # fmt: skip
+
+
+class OutputFile(click.Path):
+    """A path of a file to write: one that ends in a slash is refused, as it names a folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse the name of a folder."""
+        if str(value).endswith(("/", os.sep)):
+            self.fail(f"{quoted(str(value))} is a folder: give the name of a file", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class FolderType(click.Path):
+    """A path that shells complete with folders only; what it names is checked where it is used."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse the name of a file, of which a folder would be made."""
+        path = Path(value)
+        if path.suffix.lower() in _ENDS_OF_FILES and not path.is_dir():
+            self.fail(
+                f"{quoted(str(value))} is the name of a file, and several files are written: name "
+                f"their folder, such as {quoted(str(path.with_suffix('')))}",
+                param,
+                ctx,
+            )
+        return super().convert(value, param, ctx)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Leave it to the shell."""
+        from click.shell_completion import CompletionItem
+
+        return [CompletionItem(incomplete, type="dir")]
+
+
+FOLDER = FolderType(path_type=Path)
+
+NAME = click.Path(readable=False)
+"""The name of a file or several, as text: what it means is found out where it is used."""
+
+
+class Argument(click.Argument):
+    """An argument with a meaning, in a few words, for the reference page docs/cli.md.
+
+    ``--help`` says it in the command's description. What is said when it is missing may be given,
+    where more than its name is needed to understand it.
+    """
+
+    def __init__(self, *args: Any, meaning: str, missing: str | None = None, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.meaning = meaning
+        self.missing = missing
+
+    def process_value(self, ctx: click.Context, value: Any) -> Any:
+        """As click does, but for what is said of a missing value."""
+        try:
+            return super().process_value(ctx, value)
+        except click.MissingParameter:
+            if self.missing is None:
+                raise
+            raise click.UsageError(self.missing, ctx) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """What a field of a record is on the command line.
+
+    Attributes:
+        add: adds it to a function, under a name, as click's decorators do.
+        default: the field's value where a program does not say.
+        is_required: whether a program must say.
+
+    """
+
+    add: Callable[[Any, str], Any]
+    default: Any = None
+    is_required: bool = False
+
+
+def argument(meaning: str, *, type: click.ParamType = FILE, **more: Any) -> Any:
+    """An argument of a record, by default the name of a file; ``more`` as click has it."""
+
+    def add(function: Any, to: str) -> Any:
+        return click.argument(to, type=type, cls=Argument, meaning=meaning, **more)(function)
+
+    several = more.get("nargs") == -1
+    needed = more.get("required", not several and "default" not in more)
+    return Option(add=add, default=more.get("default", () if several else None), is_required=needed)
+
+
+class Parsed(click.ParamType):
+    """What a function makes of a word of the command line.
+
+    Args:
+        name: what help calls it.
+        parse: raises a ValueError that says what is wrong, such as a :class:`ViewError`.
+
+    """
+
+    def __init__(self, name: str, parse: Callable[[str], Any]) -> None:
+        self.name = name
+        self._parse = parse
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse, or fail as a usage error."""
+        # A shell completes the line: nothing uses the value, and numpy takes time.
+        if not isinstance(value, str) or (ctx is not None and ctx.resilient_parsing):
+            return value
+        try:
+            return self._parse(value)
+        except ValueError as problem:
+            self.fail(str(problem), param, ctx)
+
+
+def examples(*lines: str) -> str:
+    """An epilog that shows command lines as they are."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+def as_command(
+    name: str,
+    short_help: str,
+    *lines: str,
+    how: Sequence[str] = (),
+    json: str = "",
+    keys: Path = Path(__file__).parent,
+    **more: Any,
+) -> Callable[[Callable[..., None]], click.Command]:
+    """A command, with what all have in common.
+
+    Its function takes one record, ``given``, whose class says the options; and where some are named
+    in ``how``, another one of these.
+
+    Args:
+        name: of the command.
+        short_help: what it is for, in the list of commands.
+        lines: command lines that show it at work.
+        how: fields of the record ``how`` that it has.
+        json: what json_keys.toml calls it, where that is not its name.
+        keys: the folder of that file.
+        more: as click has it.
+
+    """
+
+    def decorate(function: Callable[..., None]) -> click.Command:
+        known = vars(sys.modules[function.__module__])
+        kinds = {to: known[kind] for to, kind in function.__annotations__.items() if to != "return"}
+        with_options: Any = function
+        for to, kind in reversed(kinds.items()):
+            fields = vars(kind)[_OPTIONS]
+            if to == "how":
+                fields = {one: fields[one] for one in how}
+            with_options = _adding(kind, fields)(with_options, to)
+        made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)(
+            common_options(with_options)
+        )
+        for parameter in made.params:
+            if isinstance(parameter, JsonOption):
+                parameter.of(json or name, keys)
+        return made
+
+    return decorate
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+def record(kind: type[Kind]) -> type[Kind]:
+    """A frozen record of options: each field is an :class:`Option`, or has a plain default."""
+    given = {name: vars(kind).get(name) for name in kind.__annotations__}
+    options = {name: one for name, one in given.items() if isinstance(one, Option)}
+    for name, one in options.items():
+        if one.is_required:
+            delattr(kind, name)
+        else:
+            setattr(kind, name, one.default)
+    setattr(kind, _OPTIONS, options)
+    return dataclass(frozen=True, kw_only=True)(kind)
+
+
+def bundle(kind: Callable[..., Any], *options: Any) -> Any:
+    """Options that come together as one field of a record.
+
+    Args:
+        kind: a :func:`record`, or what makes one of the options' values by their names.
+        options: of what is no record, in the order of ``--help``.
+
+    """
+    fields = getattr(kind, _OPTIONS, None) or dict(
+        zip(signature(kind).parameters, options, strict=True)
+    )
+    default = kind() if isinstance(kind, type) else None
+    return Option(add=_adding(kind, fields), default=default)
+
+
+def _adding(kind: Callable[..., Any], fields: Mapping[str, Option]) -> Callable[[Any, str], Any]:
+    """What adds options to a function that takes what they make together."""
+
+    def add(function: Any, to: str) -> Any:
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            try:
+                together = kind(**{one: values.pop(one) for one in fields})
+                return function(**{to: together}, **values)
+            except UsageError as problem:
+                raise click.UsageError(str(problem)) from problem
+
+        for name, one in reversed([*fields.items()]):
+            command = one.add(command, name)
+        return command
+
+    return add
+
+
+def option(words: str, help: str, type: Any = None, default: Any = None, **more: Any) -> Any:
+    """An option of a record, whose default its help shows.
+
+    Args:
+        words: its names, and what its value is called: ``-n --number N``; a flag has no value.
+        help: what it is for.
+        type: of its value; without one, and without a name of the value, it is a flag.
+        default: where it is not given.
+        more: as click has it.
+
+    """
+    names = words.split()
+    unsaid = default
+    if not names[-1].startswith("-"):
+        more["metavar"] = names.pop()
+    elif type is None:
+        more["is_flag"] = True
+        unsaid = bool(default)
+    if default is not None:
+        more = {"default": default, "show_default": True, **more}
+
+    def add(function: Any, to: str) -> Any:
+        return click.option(*names, to, type=type, help=help, **more)(function)
+
+    several, needed = more.get("multiple", False), more.get("required", False)
+    return Option(add=add, default=() if several else unsaid, is_required=needed)
+
+
+def _remember(
+    key: str, value: int | bool
+) -> Callable[[click.Context, click.Parameter, bool], None]:
+    def callback(ctx: click.Context, _: click.Parameter, given: bool) -> None:
+        if given:
+            ctx.meta[key] = value
+
+    return callback
+
+
+def common_options(function: Decorated) -> Decorated:
+    """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
+    for key, value, words, help in (
+        (DEBUG_KEY, True, "--debug", "Show the traceback of an error."),
+        (VERBOSITY_KEY, -1, "-q --quiet", "Say nothing but results and errors."),
+        (VERBOSITY_KEY, 1, "-v --verbose", "Say more."),
+    ):
+        more: dict[str, Any] = {"expose_value": False, "callback": _remember(key, value)}
+        function = option(words, help, **more).add(function, words.rpartition("-")[2])
+    return function
+
+
+def is_given(parameter: str) -> bool:
+    """Whether the command line gives this parameter of the command, and not a default."""
+    from click.core import ParameterSource
+
+    source = click.get_current_context().get_parameter_source(parameter)
+    return source is ParameterSource.COMMANDLINE
+
+
+def command_line() -> str:
+    """The command that is being run, without what is by default and what changes no camera."""
+    from click.core import ParameterSource
+
+    from cubicfish_cli.app.asked import as_text
+
+    context = click.get_current_context()
+    words = context.command_path.split()
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if isinstance(parameter, click.Argument):
+            words += map(str, value if isinstance(value, tuple) else [value])
+            continue
+        given = context.get_parameter_source(parameter.name or "")
+        if parameter.name not in context.params or parameter.name in _CHANGES_NO_CAMERA:
+            continue
+        if given is not ParameterSource.COMMANDLINE:
+            continue
+        names = parameter.secondary_opts if value is False else parameter.opts
+        words.append(max(names or parameter.opts, key=len))
+        if not isinstance(value, bool):
+            words.append("x".join(map(str, value)) if isinstance(value, tuple) else str(value))
+    return as_text(shlex.join(words))
+
+
+def verbosity() -> int:
+    """-1 after ``--quiet``, 1 after ``--verbose``, else 0."""
+    value: int = click.get_current_context().meta.get(VERBOSITY_KEY, 0)
+    return value
+
+
+target_option = option(
+    "-t --target FILE",
+    "The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
+    "needed, ./target.yaml stands for it.",
+    FILE,
+)
+
+
+def _counts(text: str) -> tuple[int, int]:
+    """``9x6`` -> (9, 6)."""
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", text)
+    columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (2 <= columns <= 100 and 2 <= rows <= 100):
+        raise ValueError(f"{text!r} is not two numbers from 2 to 100, such as 9x6")
+    return columns, rows
+
+
+COUNTS = Parsed("COLUMNSxROWS", _counts)
+
+
+def _choice(target: Path | None, board: tuple[int, int] | None, square: str | None) -> TargetSource:
+    if board is None:
+        if square is not None:
+            raise click.UsageError("--square is of --board: add --board 9x6 (inner corners)")
+        return TargetSource(path=target_path(target), told=target is None)
+    if target is not None:
+        raise click.UsageError("--target says what the target is: leave --board out, or --target")
+    if square is None:
+        raise click.UsageError("--board needs the side of its squares: add --square 25mm")
+    from cubicfish_cli.extensions.printing.paper import length_mm
+
+    say_if_in_mm("--square", square)
+    return TargetSource(counts=board, square=length_mm(square))
+
+
+def say_if_in_mm(name: str, length: str | None) -> None:
+    """Say that a length is taken as millimetres where it has no unit."""
+    from cubicfish_cli.app.terminal.terminal import say
+
+    if length is not None and length.strip()[-1:].isdigit():
+        say(f"note: {name} {length} has no unit and is taken as millimetres")
+
+
+target_options = bundle(
+    _choice,
+    target_option,
+    option(
+        "--board",
+        "In the place of a target.yaml: one flat checkerboard of so many inner corners "
+        "(squares less one), such as 9x6.",
+        COUNTS,
+    ),
+    option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in."),
+)
+"""``--target``, or ``--board`` and ``--square``: one :class:`TargetSource` as ``target``."""
+
+
+def target_path(given: Path | None) -> Path | None:
+    """The file that was named, else ./target.yaml; None where it is not there."""
+    return given or (DEFAULT_TARGET if DEFAULT_TARGET.is_file() else None)
+
+
+def _needed_target(target: Path | None) -> Path:
+    path = target_path(target)
+    if path is None:
+        raise UsageError(
+            "name the calibration target with --target target.yaml: there is no ./target.yaml, and "
+            "'cubicfish target print' makes one"
+        )
+    if target is None:
+        from cubicfish_cli.app.terminal.terminal import say
+
+        say(f"Target: {path}.")
+    return path
+
+
+needed_target = bundle(_needed_target, target_option)
+"""``--target`` of commands that need one: the path of its file, by default ./target.yaml."""
+
+
+model_option = option(
+    "-m --model FILE",
+    "The camera: its file, or the folder that calibrate wrote. [default: "
+    "$CUBICFISH_MODEL, else calibration/camera.yaml]",
+    FILE,
+    envvar="CUBICFISH_MODEL",
+)
+
+calibration_argument = argument(
+    "The folder that calibrate wrote, or the camera's file in it. [default: --model]",
+    required=False,
+    metavar="[FOLDER|CAMERA_YAML]",
+)
+
+
+def model_path(model: Path | None) -> Path:
+    """The camera file to read: the one that was given, else the default one if it is there.
+
+    A folder stands for the camera.yaml in it. A camera that was not named on the command line is
+    named on stderr.
+
+    Raises:
+        CameraFileError: nothing was given and the default is not there.
+
+    """
+    path = model or DEFAULT_MODEL
+    if model is None and not path.exists():
+        raise CameraFileError(
+            f"there is no {DEFAULT_MODEL} here: run 'cubicfish calibrate' first, "
+            "or name a camera with --model or $CUBICFISH_MODEL"
+        )
+    path = in_folder(path)
+    if not _is_named():
+        from cubicfish_cli.app.terminal.terminal import say
+
+        say(f"Camera: {path}.")
+    return path
+
+
+def _is_named() -> bool:
+    """Whether the command line names the camera, with an option or an argument."""
+    named = click.get_current_context().params.get("calibration") is not None
+    return named or is_given("model")
+
+
+def _camera(calibration: Path | None, model: Path | None) -> Path:
+    if calibration is None:
+        return model_path(model)
+    if is_given("model"):
+        raise UsageError(
+            f"--model names a camera, and so does {quoted(str(calibration))}: leave one of them out"
+        )
+    return model_path(calibration)
+
+
+camera_options = bundle(_camera, calibration_argument, model_option)
+"""``FOLDER`` or ``--model``: the path of the camera's file."""
+
+model_options = bundle(model_path, model_option)
+"""``--model``: the path of the camera's file."""
+
+
+def output_option(
+    help: str,
+    default: str | None = None,
+    *,
+    folder: bool | None = False,
+    metavar: str = "",
+    **more: Any,
+) -> Any:
+    """``-o``, which says where the result goes; ``folder`` is None where it may be either."""
+    words = metavar or ("FOLDER" if folder else "FILE")
+    kind = FILE if folder is None else FOLDER if folder else OutputFile(path_type=Path)
+    return option(f"-o --output {words}", help, kind, default, **more)
+
+
+class JsonOption(click.Option):
+    """``--json``, and what the object holds: key -> meaning."""
+
+    keys: Mapping[str, str]
+
+    def of(self, command: str, folder: Path) -> None:
+        """Tell the keys of the object that a command prints."""
+        self.keys = keys_of(command, folder)
+        self.help = f"{self.help} Its keys: {', '.join(self.keys)}."
+
+
+_HERE = Path(__file__).parent
+
+
+@functools.cache
+def _json_keys(folder: Path) -> Mapping[str, Mapping[str, str]]:
+    return tomllib.loads((folder / "json_keys.toml").read_text(encoding="utf-8"))
+
+
+def keys_of(command: str, folder: Path = _HERE) -> Mapping[str, str]:
+    """Key -> meaning of what a command prints with ``--json``.
+
+    Args:
+        command: its name in json_keys.toml.
+        folder: where that file is.
+
+    """
+    parts, data = _json_keys(_HERE)["parts"], _json_keys(folder)[command]
+    return {key: Template(text).substitute(parts) for key, text in data.items()}
+
+
+json_option = option("--json", "Print one JSON object to stdout, and nothing else.", cls=JsonOption)
+"""``--json``; :func:`as_command` adds the keys."""
+
+
+overwrite_option = option("--overwrite", "Replace files that exist.")
+
+jobs_option = option(
+    "-j --jobs N",
+    "Photos to work on at a time. [default: the number of processors]",
+    IntRange(min=1),
+)
+
+no_cache_option = option(
+    "--no-cache",
+    "Search every photo anew. Otherwise what was found in a photo is kept in "
+    "~/.cache/cubicfish (or where CUBICFISH_CACHE says) until the photo changes.",
+)
+
+max_rms_option = option(
+    "--max-rms PX",
+    "Exit with 3 when the RMS is above this; outputs are written all the same.",
+    FloatRange(min=0, min_open=True),
+)
+
+
+def refine_target_option(help: str, default: str | None = "auto") -> Any:
+    """``--refine-target``: how far the target is fitted too."""
+    levels = click.Choice(["off", "shape", "points", "auto"])
+    return option("--refine-target", help, levels, default)
+
+
+def _size(text: str) -> tuple[int, int]:
+    from cubicfish_cli.core.io.observations_csv import parse_size
+
+    return parse_size(text)
+
+
+SIZE = Parsed("WIDTHxHEIGHT", _size)
+
+size_option = option("--size", "Size of the photos, for CSV files that do not state it.", SIZE)

@@ -1,0 +1,272 @@
+"""Listening to the library on the terminal: a line of progress, and what is told below it.
+
+The line is on stderr, on a terminal only, and leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from threading import Timer
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import (
+    bundle,
+    command_line,
+    option,
+    record,
+    verbosity,
+)
+from cubicfish_cli.app.terminal.streams import ERRORS, can_redraw
+from cubicfish_cli.app.terminal.terminal import detail, print_json, say
+
+if TYPE_CHECKING:
+    from cubicfish_cli.app.executors.pool import Executor
+    from cubicfish_cli.app.terminal.progress_line import ProgressLine
+    from cubicfish_cli.core.codes import Event
+    from cubicfish_cli.core.finding import Finding
+
+
+Made = TypeVar("Made")
+
+# What is done sooner shows no line: it would only flash.
+_PATIENCE_SECONDS = 0.4
+# What is said with --verbose only.
+_DETAILS = {"page_took"}
+
+
+class _Shown(Listener):
+    """Shows steps one after the other, and says what is told between them."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self._step: str | None = None
+        self._line: ProgressLine | None = None
+
+    def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
+        if step != self._step:
+            self.end()
+            self._step, self._line = step, self._stack.enter_context(_line(step))
+        if self._line is None:
+            return
+        if now:
+            self._line.stage(now, done)
+        elif done or total:
+            self._line.count(int(done), int(total))
+
+    def tell(self, event: Event, **figures: Any) -> None:
+        self.end()
+        (detail if event.value in _DETAILS else say)(event.line(**figures))
+
+    def found(self, findings: Sequence[Finding]) -> None:
+        self.end()
+        say_found(findings)
+
+    def end(self) -> None:
+        self._stack.close()
+        self._step = None
+
+
+def say_found(findings: Sequence[Finding], mark: str = "") -> None:
+    """Say what is told of photos; what several share once, unless all is wanted (``--verbose``).
+
+    Args:
+        findings: each about one photo.
+        mark: how each line begins.
+
+    """
+    from cubicfish_cli.corners.identification.identified import line_of, remark_lines
+
+    for line in map(line_of, findings) if verbosity() > 0 else remark_lines(findings):
+        say(mark + line)
+
+
+def say_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
+    """Say which photos took no part in a fit, and why; ``of`` says of which camera."""
+    say_found([replace(why, images=(photo,)) for photo, why in rejected.items()], f"left out: {of}")
+
+
+@record
+class SchedulerOptions:
+    """Where the work is done; ``address`` is None for this machine."""
+
+    address: str | None = option(
+        "--scheduler ADDRESS",
+        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+        "same files under the same names (a shared file system). Only use a scheduler that "
+        "you trust. Needs pip install 'cubicfish[scale]'.",
+    )
+
+    def check(self, jobs: int | None) -> None:
+        """Refuse what does not go together."""
+        if self.address is not None and jobs is not None:
+            raise click.UsageError(
+                "--jobs is for this machine: with --scheduler, 'dask worker --nthreads' says how "
+                "many photos each worker does at a time"
+            )
+
+
+scheduler_options: Any = bundle(SchedulerOptions)
+
+
+class _Cluster:
+    """The workers of a scheduler, who are called when there is work."""
+
+    def __init__(self, asked: SchedulerOptions, listener: _Shown, stack: ExitStack) -> None:
+        self._asked, self._listener, self._stack = asked, listener, stack
+        self._there: Executor | None = None
+
+    def each(
+        self, work: Callable[[Any], Any], items: Sequence[Any], *, writes_below: Path | None = None
+    ) -> Iterator[tuple[int, Any]]:
+        if self._there is None:
+            self._there = self._connected(str(self._asked.address))
+        return self._there.each(work, items, writes_below=writes_below)
+
+    def _connected(self, address: str) -> Executor:
+        from cubicfish_cli.app.executors.cluster import connect
+
+        self._listener.end()
+        there = self._stack.enter_context(connect(address))
+        threads = count(there.threads, "thread")
+        say(f"Using {count(there.workers, 'worker')} with {threads} at {address}.")
+        return there
+
+
+@contextmanager
+def running(
+    *,
+    jobs: int | None = None,
+    no_cache: bool = False,
+    overwrite: bool = False,
+    scheduler: SchedulerOptions | None = None,
+    command: str | None = None,
+) -> Iterator[Run]:
+    """How the library is to work while the block runs, with what it tells shown.
+
+    Args:
+        jobs: photos to work on at a time.
+        no_cache: whether nothing that was found before is used.
+        overwrite: whether files may be replaced.
+        scheduler: where the work is done.
+        command: what is run, for the files that are written.
+
+    """
+    with ExitStack() as there, ExitStack() as lines:
+        listener, executor = _Shown(lines), None
+        if scheduler is not None and scheduler.address is not None:
+            executor = _Cluster(scheduler, listener, there)
+        yield Run(
+            jobs=jobs,
+            cache=cache_folder(),
+            anew=no_cache,
+            overwrite=overwrite,
+            listener=listener,
+            executor=executor,
+            command=command,
+        )
+
+
+@record
+class How:
+    """How a command does its work, and answers; each command has some of these options.
+
+    ``max_rms`` is looked at by the commands themselves.
+    """
+
+    max_rms: float | None = options.max_rms_option
+    overwrite: bool = options.overwrite_option
+    as_json: bool = options.json_option
+    jobs: int | None = options.jobs_option
+    scheduler: SchedulerOptions = scheduler_options
+    no_cache: bool = options.no_cache_option
+
+    def do(self, function: Callable[..., Made], given: Any) -> Made:
+        """Call the function of a command with its options, with what it tells shown."""
+        self.scheduler.check(self.jobs)
+        keep_fonts(not self.no_cache)
+        with running(
+            jobs=self.jobs,
+            no_cache=self.no_cache,
+            overwrite=self.overwrite,
+            scheduler=self.scheduler,
+            command=command_line(),
+        ) as run:
+            return function(given, run=run)
+
+    def print(self, made: Any) -> bool:
+        """Print what was made as JSON where that is asked for; false where it is not."""
+        if self.as_json:
+            print_json(made.as_record())
+        return self.as_json
+
+
+@contextmanager
+def _line(label: str) -> Iterator[ProgressLine | None]:
+    if not can_redraw(sys.stderr) or verbosity() < 0:
+        yield None
+        return
+    from cubicfish_cli.app.terminal.progress_line import ProgressLine
+
+    encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
+    # A descriptor of its own: decoders on other threads have theirs silenced meanwhile.
+    with os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding=encoding, errors=ERRORS) as stream:
+        line = ProgressLine(label, stream)
+        timer = Timer(_PATIENCE_SECONDS, line.show)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield line
+        finally:
+            timer.cancel()
+            timer.join()
+            line.close()
+
+
+def cache_folder() -> Path | None:
+    """Where it is kept: CUBICFISH_CACHE, else the user's cache folder; None without a home."""
+    named = os.environ.get("CUBICFISH_CACHE")
+    if named:
+        return Path(named).absolute()
+    from platformdirs import user_cache_path
+
+    # Nobody that this machine knows, as in some containers, has no home.
+    try:
+        folder = user_cache_path("cubicfish", appauthor=False)
+    except RuntimeError:  # newer versions; older ones leave the ~
+        return None
+    return None if folder.parts[0] == "~" else folder.absolute()
+
+
+def keep_fonts(keep: bool = True) -> None:
+    """Tell matplotlib, before it is loaded, where its list of this machine's fonts belongs.
+
+    By itself it makes two folders of its own in the user's home. The list takes up to seconds to
+    make, so it is kept with the rest.
+
+    Args:
+        keep: false where nothing may be kept: then the folder ends with this process.
+
+    """
+    if "MPLCONFIGDIR" in os.environ or "matplotlib" in sys.modules:
+        return
+    folder = cache_folder() if keep else None
+    if folder is not None:
+        # One that cannot be made or written to: matplotlib takes a temporary one instead.
+        os.environ["MPLCONFIGDIR"] = str(folder / "matplotlib")
+        return
+    temporary = tempfile.TemporaryDirectory(prefix="cubicfish-", ignore_cleanup_errors=True)
+    atexit.register(temporary.cleanup)
+    os.environ["MPLCONFIGDIR"] = temporary.name

@@ -1,0 +1,1 @@
+"""Photos of whole folders, straightened: read, remapped, written, many at once."""

@@ -1,0 +1,218 @@
+"""Many photos: decoded, remapped and encoded on several threads, a few in memory at a time.
+
+One thread more than work at a time: the disk takes as long as a tenth of the work, and while
+some wait for it the others go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from os.path import abspath, commonpath
+from pathlib import Path
+from threading import BoundedSemaphore
+from typing import Any
+
+from cubicfish_cli.app.executors.pool import Executor
+from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
+from cubicfish_cli.app.undistortion.images import check_outputs, encode_picture, naming
+from cubicfish_cli.core.errors import ClusterError, CubicfishError
+from cubicfish_cli.core.io.files import remove_orphans, write_files
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A photo, or the photos of a rig's shot, and the pictures that become of it.
+
+    Attributes:
+        name: what messages call it.
+        photos: name of the camera -> its photo; of one camera alone its name is "".
+        outputs: part of the view -> where its picture goes; of a view of one part that is "".
+
+    """
+
+    name: str
+    photos: Mapping[str, Path]
+    outputs: Mapping[str, Path]
+
+    @property
+    def source(self) -> Path:
+        """The photo, or the first of several."""
+        return next(iter(self.photos.values()))
+
+
+Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
+"""(job, its photos by their cameras' names) -> the pictures of all parts that it wants."""
+
+
+Write = Callable[..., None]
+"""Called as (job, overwrite=..., slots=...), as :func:`write_one` is: its outputs are written."""
+
+
+def write_many(
+    jobs: Sequence[Job],
+    write: Write,
+    *,
+    workers: int,
+    overwrite: bool,
+    progress: Callable[[int, int], None],
+    executor: Executor | None = None,
+) -> dict[str, CubicfishError]:
+    """Write the results of many photos, shots or videos; one that fails does not stop the others.
+
+    Every output appears whole or not at all, also when this is interrupted.
+
+    Args:
+        jobs: the photos.
+        write: writes the results of one.
+        workers: photos to work on at a time.
+        overwrite: whether outputs may be replaced.
+        progress: called with the number of photos done and of all.
+        executor: who does the work instead of this process; ``write`` must then be picklable, and
+            ``workers`` says nothing.
+
+    Returns:
+        Name of each that failed, in the order of ``jobs``, and why.
+
+    Raises:
+        ClusterError: ``executor`` cannot do the work.
+
+    """
+    work = partial(_problem_of, write)
+    if executor is None:
+        slots = BoundedSemaphore(workers)
+        answers = _by_threads(partial(work, overwrite=overwrite, slots=slots), jobs, workers)
+    else:
+        answers = _by_executor(partial(work, overwrite=True), jobs, executor, overwrite=overwrite)
+    problems: dict[int, CubicfishError | None] = {}
+    progress(0, len(jobs))
+    with closing(answers):
+        for number, problem in answers:
+            problems[number] = problem
+            progress(len(problems), len(jobs))
+    failed = ((job.name, problems[number]) for number, job in enumerate(jobs))
+    return {name: problem for name, problem in failed if problem is not None}
+
+
+def write_one(
+    job: Job,
+    render: Render,
+    *,
+    quality: int | None = None,
+    overwrite: bool,
+    slots: AbstractContextManager[object] | None = None,
+) -> None:
+    """Write the pictures of one photo or shot.
+
+    Args:
+        job: the photo.
+        render: makes pictures of it.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
+        overwrite: whether outputs may be replaced.
+        slots: entered while there is work for a processor, and left to wait for the disk.
+
+    Raises:
+        PhotoError: a photo cannot be read.
+        ViewError: there are no pictures of photos of this size; ``render`` may raise others.
+        OutputError: an output exists and ``overwrite`` is false, or cannot be written, or cannot
+            hold such a picture.
+
+    """
+    outputs = list(job.outputs.values())
+    check_outputs(outputs, overwrite=overwrite)
+    data = {camera: read_file(path) for camera, path in job.photos.items()}
+    with slots or nullcontext():
+        photos = {
+            camera: decode_picture(job.photos[camera], content, floats=True)
+            for camera, content in data.items()
+        }
+        like = next(iter(data.values()))
+        with naming(job.source) if "" in job.photos else nullcontext():
+            pictures = render(job, photos)
+        files = {
+            path: encode_picture(path, pictures[part], quality=quality, like=like)
+            for part, path in job.outputs.items()
+        }
+        del data, photos, pictures  # the disk may take its time
+    write_files(files, overwrite=overwrite)
+
+
+def _problem_of(write: Write, job: Job, **how: Any) -> CubicfishError | None:
+    try:
+        write(job, **how)
+    except CubicfishError as problem:
+        return problem
+    return None
+
+
+Answers = Generator[tuple[int, CubicfishError | None], None, None]
+"""Numbers of the jobs as they are done, and why one could not be."""
+
+
+def _by_threads(
+    work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
+) -> Answers:
+    """Do the work here."""
+    if workers == 1 or len(jobs) == 1:
+        yield from enumerate(map(work, jobs))
+        return
+    with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
+        try:
+            numbers = {threads.submit(work, job): number for number, job in enumerate(jobs)}
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+        finally:
+            threads.shutdown(cancel_futures=True)
+
+
+def _by_executor(
+    work: Callable[[Job], CubicfishError | None],
+    jobs: Sequence[Job],
+    executor: Executor,
+    *,
+    overwrite: bool,
+) -> Answers:
+    """Have an executor do the work.
+
+    What may be written is decided here, before the work: what a machine finds there later is
+    what another one wrote that was lost before it could say so.
+    """
+    free: dict[int, Job] = {}
+    for number, job in enumerate(jobs):
+        try:
+            check_outputs(list(job.outputs.values()), overwrite=overwrite)
+        except CubicfishError as refused:
+            yield number, refused
+        else:
+            free[number] = _absolute(job)
+    if not free:
+        return
+    numbers = list(free)
+    folders = {path.parent for job in free.values() for path in job.outputs.values()}
+    below, any_done = Path(commonpath(folders)), False
+    try:
+        for index, problem in executor.each(work, list(free.values()), writes_below=below):
+            if isinstance(problem, ClusterError):  # which does not know the photo
+                about = shown(jobs[numbers[index]].source)
+                problem = ClusterError(str(problem), about=about, apart=True)
+            any_done = True
+            yield numbers[index], problem
+    except ClusterError as error:
+        if not any_done:
+            raise
+        raise ClusterError(f"{error}; --skip-existing keeps what is done") from error
+    finally:
+        # What workers that were killed have left: others may have looked there before.
+        for folder in folders:
+            remove_orphans(folder)
+
+
+def _absolute(job: Job) -> Job:
+    photos, outputs = (
+        {key: Path(abspath(path)) for key, path in paths.items()}
+        for paths in (job.photos, job.outputs)
+    )
+    return replace(job, photos=photos, outputs=outputs)

@@ -1,0 +1,338 @@
+"""Map and pictures -> undistorted pictures, of the same depth and channels.
+
+EXIF, colour profile and tables of a JPEG, carried over to the picture made from it.
+
+The EXIF record (orientation, time, place, lens) and the colour profile go along; the thumbnail
+in it, which would show the old picture, does not.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from cubicfish_cli.app.photos import Picture, quiet_stderr, shown
+from cubicfish_cli.app.picture_headers import jpeg_segments
+from cubicfish_cli.app.undistortion.options import INTERPOLATIONS
+from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
+from cubicfish_cli.core.io.files import refuse_existing, write_files
+from cubicfish_cli.core.views.maps import UndistortMap
+from cubicfish_cli.core.wording import did_you_mean, quoted
+
+CV2_FLAGS = dict(
+    zip(
+        INTERPOLATIONS,
+        (cv2.INTER_NEAREST, cv2.INTER_LINEAR, cv2.INTER_CUBIC, cv2.INTER_LANCZOS4),
+        strict=True,
+    )
+)
+
+# What each kind of file can hold: bits a channel, and channels (4 is with transparency).
+# 32 bits are floating point numbers.
+_EIGHT, _EIGHT_OR_SIXTEEN = (8,), (8, 16)
+_HOLDS = {
+    ".png": (_EIGHT_OR_SIXTEEN, (1, 3, 4)),
+    ".tif": ((8, 16, 32), (1, 3, 4)),
+    ".tiff": ((8, 16, 32), (1, 3, 4)),
+    ".jpg": (_EIGHT, (1, 3)),
+    ".jpeg": (_EIGHT, (1, 3)),
+    ".bmp": (_EIGHT, (1, 3)),
+    ".webp": (_EIGHT, (3, 4)),
+    ".pgm": (_EIGHT_OR_SIXTEEN, (1,)),
+    ".ppm": (_EIGHT_OR_SIXTEEN, (3,)),
+}
+
+
+_TIFF_LZW = 5
+
+
+def remap_picture(
+    picture: Picture, undistort_map: UndistortMap, interpolation: str = "linear"
+) -> Picture:
+    """Render the map's view from a picture: (H, W[, C]) -> (h, w[, C]), the same depth.
+
+    By default bilinear, and black where the map has nothing: what ``cv2.remap`` gives for the
+    map's file. A fourth channel is 0 where the map has nothing.
+
+    Raises:
+        ViewError: the picture does not have the size that the map is for, or the interpolation is
+            not known.
+
+    """
+    if interpolation not in INTERPOLATIONS:
+        raise ViewError(
+            f"interpolation {quoted(interpolation)} is not known: "
+            f"{did_you_mean(str(interpolation), INTERPOLATIONS)}"
+        )
+    height, width = picture.shape[:2]
+    if (width, height) != undistort_map.image_size:
+        raise ViewError(
+            f"the photo has {width}x{height} pixels, the map is for "
+            f"{undistort_map.image_size[0]}x{undistort_map.image_size[1]}: "
+            "use photos of that size, neither scaled nor cropped nor turned"
+        )
+    wide = interpolation in ("cubic", "lanczos")
+    out = cv2.remap(
+        picture,
+        undistort_map.map_x,
+        undistort_map.map_y,
+        CV2_FLAGS[interpolation],
+        # Wider kernels reach over the photo's edge: mirror the photo there, rather than
+        # blend it with black.
+        borderMode=cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT,
+    )
+    out = np.asarray(out)
+    if wide:
+        out[~undistort_map.valid] = 0
+    return out
+
+
+@contextmanager
+def naming(source: Path) -> Iterator[None]:
+    """Say of which photo or video it is that something cannot be done."""
+    try:
+        yield
+    except CubicfishError as problem:
+        raise type(problem)(str(problem), about=shown(source), apart=True) from problem
+
+
+def check_outputs(paths: Sequence[Path], *, overwrite: bool) -> None:
+    """Raise :class:`OutputError` when pictures cannot be written under these names."""
+    for path in paths:
+        check_suffix(path)
+    refuse_existing(*paths, overwrite=overwrite)
+
+
+def check_suffix(path: Path) -> None:
+    """Raise :class:`OutputError` when pictures cannot be written under this name."""
+    if path.suffix.lower() not in _HOLDS:
+        raise OutputError(
+            f"{shown(path)}: pictures are written as {', '.join(sorted(_HOLDS))}: "
+            "choose a name that ends in one of these"
+        )
+
+
+def write_picture(path: Path, picture: Picture, *, overwrite: bool) -> None:
+    """Write a picture (H, W[, 3 or 4]), BGR order, as its suffix says.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, cannot be written, or is of a
+            kind that cannot hold the picture.
+
+    """
+    path = Path(path)
+    write_files({path: encode_picture(path, picture)}, overwrite=overwrite)
+
+
+def encode_picture(
+    path: Path, picture: Picture, *, quality: int | None = None, like: bytes = b""
+) -> bytes:
+    """A picture (H, W[, 3 or 4]) of uint8, uint16 or float32 as the bytes of its file.
+
+    Args:
+        path: where it will be; its suffix says what kind of file.
+        picture: in BGR order.
+        quality: of a JPEG or lossy WebP file; None for that of ``like``, or else 95 in a JPEG
+            and no loss in a WebP file.
+        like: the file that it was made from, or nothing.
+
+    Raises:
+        OutputError: this kind of file cannot hold the picture.
+
+    """
+    check_suffix(path)
+    suffix = path.suffix.lower()
+    depths, channels = _HOLDS[suffix]
+    depth = 8 * picture.dtype.itemsize
+    channel_count = 1 if picture.ndim == 2 else picture.shape[2]
+    if depth not in depths or channel_count not in channels:
+        kind = {1: "grey", 3: "colour", 4: "colour and transparency"}.get(
+            channel_count, f"{channel_count} channels"
+        )
+        raise OutputError(
+            f"{shown(path)}: a {path.suffix} file cannot hold {kind} of {depth} bits: "
+            f"write {'.tif' if depth == 32 else '.png or .tif'}"
+        )
+    options: list[int] = []
+    segments: tuple[bytes, ...] = ()
+    if suffix in (".jpg", ".jpeg"):
+        options = [cv2.IMWRITE_JPEG_QUALITY, quality or DEFAULT_QUALITY]
+        nature = jpeg_nature(like)
+        if nature is not None:
+            options, segments = nature.encode_options(quality), nature.segments
+    elif suffix == ".webp" and quality is not None:
+        options = [cv2.IMWRITE_WEBP_QUALITY, quality]
+    elif depth == 32:  # else some versions of OpenCV take LogLuv, which loses
+        options = [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_LZW]
+    try:
+        with quiet_stderr():
+            done, data = cv2.imencode(suffix, picture, options)
+    except cv2.error:
+        done, data = False, np.empty(0, np.uint8)
+    if not done:
+        raise OutputError(f"{shown(path)}: this picture cannot be encoded: write .png or .tif")
+    return with_segments(data.tobytes(), segments)
+
+
+DEFAULT_QUALITY = 95
+
+_APP0, _APP1, _APP2, _DQT, _SOS = 0xE0, 0xE1, 0xE2, 0xDB, 0xDA
+_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+_PROGRESSIVE = 0xC2
+_EXIF, _PROFILE = b"Exif\0\0", b"ICC_PROFILE\0"
+_SAMPLINGS = {0x111111, 0x211111, 0x221111, 0x121111, 0x411111}
+
+
+@dataclass(frozen=True, kw_only=True)
+class JpegNature:
+    """How a JPEG file was made.
+
+    Attributes:
+        quality: 1 to 100, of the standard tables that are nearest to the file's.
+        sampling: the components' sampling factors as OpenCV has them; None when unusual.
+        progressive: whether it is.
+        segments: its EXIF record and colour profile, as whole segments.
+
+    """
+
+    quality: int
+    sampling: int | None
+    progressive: bool
+    segments: tuple[bytes, ...]
+
+    def encode_options(self, quality: int | None) -> list[int]:
+        """For ``cv2.imencode``; ``quality`` if that is given."""
+        options = [cv2.IMWRITE_JPEG_QUALITY, quality or self.quality]
+        if self.sampling is not None:
+            options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, self.sampling]
+        if self.progressive:
+            options += [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+        return options
+
+
+def jpeg_nature(data: bytes) -> JpegNature | None:
+    """How a file was made; None for what is no JPEG."""
+    if not data.startswith(b"\xff\xd8\xff"):
+        return None
+    tables: dict[int, tuple[int, ...]] = {}
+    sampling, progressive, kept = None, False, []
+    try:
+        for marker, body in _segments(data):
+            if marker == _DQT:
+                tables.update(_tables(body))
+            elif marker in _FRAMES:
+                progressive = marker == _PROGRESSIVE
+                sampling = _sampling(body)
+            elif (marker == _APP1 and body.startswith(_EXIF)) or (
+                marker == _APP2 and body.startswith(_PROFILE)
+            ):
+                kept.append(_segment(marker, _without_thumbnail(body)))
+    except (struct.error, IndexError):  # damaged here; its pixels may be whole all the same
+        pass
+    quality = _nearest_quality(tables[0]) if 0 in tables else DEFAULT_QUALITY
+    return JpegNature(
+        quality=quality, sampling=sampling, progressive=progressive, segments=tuple(kept)
+    )
+
+
+def with_segments(data: bytes, segments: tuple[bytes, ...]) -> bytes:
+    """A JPEG file with further segments, where readers expect them."""
+    if not segments:
+        return data
+    at = 2
+    if data[2:4] == bytes([0xFF, _APP0]):
+        at = 4 + int(struct.unpack_from(">H", data, 4)[0])
+    return data[:at] + b"".join(segments) + data[at:]
+
+
+def _segment(marker: int, body: bytes) -> bytes:
+    return struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """(marker, body) of the segments before the first scan."""
+    for marker, at in jpeg_segments(data):
+        if marker != _SOS:
+            length = int(struct.unpack_from(">H", data, at)[0])
+            yield marker, data[at + 2 : at + length]
+
+
+def _tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:
+    at = 0
+    while at < len(body):
+        wide, number = divmod(body[at], 16)
+        kind, size = (">64H", 128) if wide else (">64B", 64)
+        yield number, struct.unpack_from(kind, body, at + 1)
+        at += 1 + size
+
+
+def _sampling(body: bytes) -> int | None:
+    if body[5] != 3:
+        return None
+    factors = body[7] << 16 | body[10] << 8 | body[13]
+    return factors if factors in _SAMPLINGS else None
+
+
+@cache
+def _standard_tables() -> np.ndarray:
+    """(100, 64): the brightness table that the encoder uses for each quality from 1."""
+    dot = np.zeros((8, 8), np.uint8)
+    tables = []
+    for quality in range(1, 101):
+        data = cv2.imencode(".jpg", dot, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        body = next(body for marker, body in _segments(data) if marker == _DQT)
+        tables.append(dict(_tables(body))[0])
+    return np.array(tables)
+
+
+def _nearest_quality(table: tuple[int, ...]) -> int:
+    return 1 + int(np.abs(_standard_tables() - np.array(table)).sum(axis=1).argmin())
+
+
+def _without_thumbnail(body: bytes) -> bytes:
+    """An EXIF record whose first directory is its last: the second holds the thumbnail."""
+    if not body.startswith(_EXIF):
+        return body
+    tiff = len(_EXIF)
+    order = {b"II": "<", b"MM": ">"}.get(body[tiff : tiff + 2])
+    if order is None:
+        return body
+    first = tiff + int(struct.unpack_from(order + "I", body, tiff + 4)[0])
+    after = first + 2 + 12 * int(struct.unpack_from(order + "H", body, first)[0])
+    second = int(struct.unpack_from(order + "I", body, after)[0])
+    whole = bytearray(body)
+    whole[after : after + 4] = bytes(4)
+    # The thumbnail stands at the end in nearly every file: drop its bytes where it does.
+    if second and tiff + second > after and tiff + second < len(body):
+        rest = _last_used(body, tiff, order, first)
+        if rest is not None and rest <= tiff + second:
+            del whole[tiff + second :]
+    return bytes(whole)
+
+
+def _last_used(body: bytes, tiff: int, order: str, directory: int) -> int | None:
+    """Where the values of a directory and those below it end; None when in doubt."""
+    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8}
+    count = int(struct.unpack_from(order + "H", body, directory)[0])
+    last = directory + 2 + 12 * count + 4
+    for entry in range(count):
+        tag, kind, number, value = struct.unpack_from(
+            order + "HHII", body, directory + 2 + 12 * entry
+        )
+        if kind not in sizes:
+            return None
+        if sizes[kind] * number > 4:
+            last = max(last, tiff + value + sizes[kind] * number)
+        if tag in (0x8769, 0x8825, 0xA005):  # directories of their own: EXIF, GPS, interchange
+            below = _last_used(body, tiff, order, tiff + value) if value else None
+            if below is None:
+                return None
+            last = max(last, below)
+    return last

@@ -1,0 +1,194 @@
+"""What a view is asked to be: its kind, its size, its field, and where it looks.
+
+Nothing is loaded for it, so that a command line can check it before anything is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.wording import did_you_mean, either, quoted
+
+Kind = Literal[
+    "perspective",
+    "cylindrical",
+    "equirectangular",
+    "epipolar-cylindrical",
+    "epipolar-equirectangular",
+    "stereographic",
+    "equidistant",
+]
+Share = float | Literal["inner", "outer"]
+
+WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
+    "perspective": ((180, False), (180, False)),
+    "cylindrical": ((360, True), (180, False)),
+    "equirectangular": ((360, True), (180, True)),
+    "epipolar-cylindrical": ((180, False), (360, True)),
+    "epipolar-equirectangular": ((180, True), (360, True)),
+    "stereographic": ((360, False), (360, False)),
+    "equidistant": ((360, True), (360, True)),
+}
+"""Kind -> how wide a field it can show across and down: degrees, and whether a field may be as wide
+or must stay below."""
+
+KINDS = (*WIDEST, "cube")
+
+FACES: Mapping[str, tuple[float, float]] = {
+    "front": (0, 0),
+    "right": (90, 0),
+    "back": (180, 0),
+    "left": (-90, 0),
+    "up": (0, 90),
+    "down": (0, -90),
+}
+"""Where each face of a cube looks: yaw, pitch."""
+
+INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
+
+INNER, OUTER = 0.0, 1.0
+_ENDS = {"inner": INNER, "outer": OUTER}
+_FIELD = ("hfov_deg", "vfov_deg", "focal", "fit")
+
+
+def _above_0(number: float) -> bool:
+    return number > 0
+
+
+def _is_share(number: float) -> bool:
+    return INNER <= number <= OUTER
+
+
+_NUMBERS: Mapping[str, tuple[str, str, int, Callable[[float], bool]]] = {
+    "size": ("--size", "WIDTHxHEIGHT in whole pixels", 2, float.is_integer),
+    "hfov_deg": ("--hfov", "a number of degrees above 0", 1, _above_0),
+    "vfov_deg": ("--hfov", "a number of degrees above 0", 1, _above_0),
+    "focal": ("--scale", "a number of pixels per radian above 0", 1, _above_0),
+    "fit": ("--fit", "'inner', 'outer' or a share from 0 to 1", 1, _is_share),
+    "rotate_deg": ("--rotate", "yaw,pitch,roll in degrees", 3, math.isfinite),
+}
+"""Name -> its option, what it must be, how many numbers that is, and what each holds to."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """A view of any camera's photos, as the options of ``cubicfish undistort`` ask for it.
+
+    Attributes:
+        kind: one of those of :func:`build_view`, or ``cube``; by default ``perspective``, and of a
+            rig ``equirectangular``.
+        size: (width, height) of the picture or of each face of a cube, pixels.
+        hfov_deg, vfov_deg, focal, fit, rotate_deg: as for :func:`build_view`.
+
+    Numbers of any kind are kept as Python has them, and ``fit`` as a share.
+
+    Raises:
+        UsageError: one is not usable, something is asked twice, or of a kind that does not have it.
+
+    """
+
+    kind: str | None = None
+    size: tuple[int, int] | None = None
+    hfov_deg: float | None = None
+    vfov_deg: float | None = None
+    focal: float | None = None
+    fit: Share | None = None
+    rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        kind = self.kind or KINDS[0]
+        if kind not in KINDS:
+            raise UsageError(
+                f"unknown kind of view {quoted(kind)}: {did_you_mean(str(kind), KINDS)}"
+            )
+        for name in _NUMBERS:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, self._number(name))
+        given = [name for name in _FIELD if getattr(self, name) is not None]
+        asked = [*dict.fromkeys(_NUMBERS[name][0] for name in given)]
+        if kind == "cube":
+            if asked:
+                raise UsageError(
+                    f"the faces of a cube have 90° each: leave out {asked[0]}, or choose --size"
+                )
+            if self.size and self.size[0] != self.size[1]:
+                raise UsageError("a cube's faces are square: give --size as NxN")
+        if len(asked) > 1:
+            raise UsageError(f"{' and '.join(asked)} say the same thing twice: leave one out")
+        if {"hfov_deg", "vfov_deg"} <= {*given} and self.size is not None:
+            raise UsageError(
+                "--hfov 90x60 sets how high the picture is: leave out --size, or the second angle"
+            )
+        for axis, angle in enumerate((self.hfov_deg, self.vfov_deg)):
+            if angle is not None and not _shows(kind, axis, angle):
+                raise UsageError(_too_wide(kind, axis, angle))
+
+    def _number(self, name: str) -> Any:
+        """One number, or a tuple of several, of any kind, as Python has them."""
+        option, what, count, fits = _NUMBERS[name]
+        given = getattr(self, name)
+        if name == "fit" and isinstance(given, str) and given in _ENDS:
+            return _ENDS[given]
+        try:
+            parts = list(given) if count > 1 else [given]
+            values = tuple(float(part) for part in parts if not isinstance(part, str))
+        except (TypeError, ValueError, OverflowError):
+            values = ()
+        if not is_numbers(values, count) or not all(map(fits, values)):
+            raise UsageError(f"{option} must be {what}, not {quoted(given)}")
+        if name == "size":
+            return tuple(map(round, values))
+        return values if count > 1 else values[0]
+
+    @property
+    def leaves_field_open(self) -> bool:
+        """Whether neither size nor field were asked."""
+        return all(getattr(self, name) is None for name in ("size", *_FIELD))
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
+        return tuple(FACES) if self.kind == "cube" else ("",)
+
+
+def _shows(kind: str, axis: int, angle_deg: float) -> bool:
+    limit, closed = WIDEST[kind][axis]
+    return angle_deg < limit or (closed and angle_deg == limit)
+
+
+def _too_wide(kind: str, axis: int, angle_deg: float) -> str:
+    limit, closed = WIDEST[kind][axis]
+    most = f"{limit:g}° at most" if closed else f"less than {limit:g}°"
+    flat = "about 120 or less, or " * (kind == "perspective")
+    view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
+    given, way = (("", "across"), ("...x", "down"))[axis]
+    others = [
+        name
+        for name in WIDEST
+        if _shows(name, axis, angle_deg) and kind.startswith("epi") >= name.startswith("epi")
+    ]
+    choose = f"{flat}--view {either(others)}" if others else "less"
+    return f"--hfov {given}{angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
+
+
+def is_numbers(values: object, count: int) -> bool:
+    """Whether ``values`` is a tuple of ``count`` finite numbers."""
+    return (
+        isinstance(values, tuple)
+        and len(values) == count
+        and all(
+            isinstance(value, int | float) and not isinstance(value, bool) and _finite(value)
+            for value in values
+        )
+    )
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False

@@ -1,0 +1,351 @@
+"""Map and video -> undistorted video, with its audio and its timestamps.
+
+Decoding, remapping and encoding run on threads of their own, a few frames apart. Pictures stay
+in the planes that codecs use (brightness, and colour at half the size): nothing is converted
+and nothing is lost by it, ten-bit video stays so, and half as many samples are remapped.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.photos import shown
+from cubicfish_cli.app.undistortion.images import CV2_FLAGS, naming
+from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, ViewError
+from cubicfish_cli.core.io.files import whole_file
+from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
+from cubicfish_cli.extensions.films.decoding import decode, is_frame
+from cubicfish_cli.extensions.films.source import frame_count, library, opened
+
+if TYPE_CHECKING:
+    import av
+
+DEFAULT_CRF = 18
+# What a kind of file takes, where it is not H.264.
+_CODECS = {".webm": "libvpx-vp9"}
+
+# Frames between one thread and the next: enough to even out their pace.
+_QUEUE = 4
+# Codecs whose colour samples lie in the middle of their columns; those of all others, and so those
+# that are written, lie on the first, unless a video says otherwise, which hardly any does.
+_CENTRED = frozenset(["mjpeg"])
+
+# Pixel format -> bits, and columns and rows of brightness for one sample of colour
+# (0 for no colour).
+_PLANAR: dict[str, tuple[int, int, int]] = {
+    "gray": (8, 0, 0),
+    "yuv420p": (8, 2, 2),
+    "yuvj420p": (8, 2, 2),
+    "yuv422p": (8, 2, 1),
+    "yuvj422p": (8, 2, 1),
+    "yuv444p": (8, 1, 1),
+    "yuvj444p": (8, 1, 1),
+    "gray10le": (10, 0, 0),
+    "yuv420p10le": (10, 2, 2),
+    "yuv422p10le": (10, 2, 1),
+    "yuv444p10le": (10, 1, 1),
+    "yuv420p12le": (12, 2, 2),
+    "yuv422p12le": (12, 2, 1),
+    "yuv444p12le": (12, 1, 1),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoResult:
+    """What became of a video.
+
+    Attributes:
+        frames: how many were written.
+        turned_deg: how far players were told to turn the source; the result does not say so.
+
+    """
+
+    frames: int
+    turned_deg: int
+
+
+def video_size(path: Path) -> tuple[int, int]:
+    """(width, height) of a video's frames.
+
+    Raises:
+        PhotoError: the file cannot be read, or holds no video.
+        OutputError: the extra ``video`` is not installed.
+
+    """
+    with opened(path) as (_, stream):
+        return stream.width, stream.height
+
+
+def undistort_video(
+    source: Path,
+    destination: Path,
+    make_map: Callable[[tuple[int, int]], UndistortMap],
+    interpolation: str = "linear",
+    *,
+    crf: int = DEFAULT_CRF,
+    overwrite: bool,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> VideoResult:
+    """Render the map's view of every frame of a video; audio and timestamps are kept.
+
+    The result appears whole or not at all, also when this is interrupted.
+
+    Args:
+        source: the video.
+        destination: where the result goes; its suffix says what kind of file.
+        make_map: frames' (width, height) -> the map for them.
+        interpolation: how pixels are blended.
+        crf: constant rate factor of the encoder; lower is better and larger.
+        overwrite: whether ``destination`` may be replaced.
+        progress: called with the number of frames done and of all (0 when unknown).
+
+    Raises:
+        PhotoError: the video cannot be read to its end.
+        ViewError: the map cannot be made, or an encoder needs even sides and they are not.
+        OutputError: the output exists and ``overwrite`` is false, cannot be written, cannot
+            hold the codec or the audio, or the extra ``video`` is not installed.
+
+    """
+    with whole_file(destination, overwrite=overwrite) as temporary, opened(source) as film:
+        container, stream = film
+        with naming(source):
+            undistort_map = make_map((stream.width, stream.height))
+        writer = _Writer(temporary, destination, container, stream, undistort_map, crf)
+        with closing(writer):
+            codec = stream.codec_context.name
+            remapper = _PlaneRemapper(undistort_map, interpolation, writer.pixel_format, codec)
+            return _pipeline(source, container, stream, remapper, writer, progress)
+
+
+def _pipeline(
+    source: Path,
+    container: Any,
+    stream: Any,
+    remapper: _PlaneRemapper,
+    writer: _Writer,
+    progress: Callable[[int, int], None],
+) -> VideoResult:
+    total = frame_count(container, stream)
+    turned = 0
+
+    def decoded() -> Iterator[Any]:
+        nonlocal turned
+        for item in decode(source, container, stream):
+            turned = turned or int(getattr(item, "rotation", 0) or 0)
+            yield item
+
+    def remapped(items: Iterator[Any]) -> Iterator[Any]:
+        for item in items:
+            yield remapper(item) if is_frame(item) else item
+
+    frames = 0
+    progress(0, total)
+    with closing(_ahead(decoded())) as ready, closing(_ahead(remapped(ready))) as flat:
+        for item in flat:
+            writer.write(item)
+            if is_frame(item):
+                frames += 1
+                progress(frames, max(total, frames) if total else 0)
+        if not frames:
+            raise PhotoError(f"{shown(source)} holds no frames: copy it again")
+        writer.finish()
+    return VideoResult(frames=frames, turned_deg=turned)
+
+
+def _ahead(items: Iterator[Any]) -> Generator[Any]:
+    """The items of an iterator that runs on a thread of its own, a few ahead of who takes them."""
+    end = object()
+    with ThreadPoolExecutor(1) as thread:
+        try:
+            coming = deque(thread.submit(next, items, end) for _ in range(_QUEUE))
+            while (item := coming.popleft().result()) is not end:
+                coming.append(thread.submit(next, items, end))
+                yield item
+        finally:
+            thread.shutdown(cancel_futures=True)
+
+
+class _Writer:
+    """The output file: one video stream, and the source's audio as it was."""
+
+    def __init__(
+        self,
+        temporary: Path,
+        destination: Path,
+        source: Any,
+        stream: Any,
+        undistort_map: UndistortMap,
+        crf: int,
+    ) -> None:
+        self._av = library()
+        self._destination = destination
+        self.codec = codec = _CODECS.get(destination.suffix.lower(), "libx264")
+        with self._errors():
+            known = {"crf": str(crf)}
+            if codec == "libvpx-vp9":
+                known |= {"b": "0", "row-mt": "1"}
+            self._container = self._av.open(str(temporary), "w")
+            self._stream = self._container.add_stream(
+                codec, rate=stream.average_rate or Fraction(25), options=known
+            )
+        context = self._stream.codec_context
+        width, height = undistort_map.view.size
+        self.pixel_format = self._pixel_format(stream.codec_context.pix_fmt)
+        _, across, down = _PLANAR[self.pixel_format]
+        if (across and width % across) or (down and height % down):
+            self._container.close()
+            raise ViewError(
+                f"{self.pixel_format} video has even sides, which {width}x{height} has not: "
+                f"choose --size {width + width % 2}x{height + height % 2}"
+            )
+        self._stream.width, self._stream.height = width, height
+        self._stream.pix_fmt = self.pixel_format
+        context.time_base = stream.time_base
+        for name in ("color_range", "color_primaries", "color_trc", "colorspace"):
+            value = getattr(stream.codec_context, name, None)
+            if value is not None:
+                setattr(context, name, value)
+        with self._errors():
+            self._audio = {
+                audio.index: self._container.add_stream_from_template(audio)
+                for audio in source.streams.audio
+            }
+        self._container.metadata.update(source.metadata)
+
+    def _pixel_format(self, wanted: str) -> str:
+        """The source's own where the encoder takes it, or what is nearest."""
+        usable = {one.name for one in self._stream.codec_context.codec.video_formats or []}
+        deep = ["yuv420p10le"] if "10" in wanted or "12" in wanted else []
+        known = [wanted] if wanted in _PLANAR else []
+        return next((name for name in [*known, *deep] if name in usable), "yuv420p")
+
+    def write(self, item: Any) -> None:
+        """Encode a frame, or copy a packet of audio."""
+        with self._errors():
+            if is_frame(item):
+                self._container.mux(self._stream.encode(item))
+            else:
+                item.stream = self._audio[item.stream.index]
+                self._container.mux(item)
+
+    def finish(self) -> None:
+        """Encode what is held back and complete the file."""
+        with self._errors():
+            self._container.mux(self._stream.encode(None))
+            self._container.close()
+
+    def close(self) -> None:
+        """Let the file go."""
+        try:
+            self._container.close()
+        except self._av.FFmpegError:  # an unfinished file that is thrown away
+            return
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        """Turn what the video library raises into one line."""
+        try:
+            yield
+        except CubicfishError:
+            raise
+        except (self._av.FFmpegError, ValueError) as problem:
+            path, what = self._destination, getattr(problem, "strerror", None) or problem
+            raise OutputError(
+                f"{shown(path)}: a {path.suffix} file cannot be written with codec {self.codec} "
+                f"and this audio ({what}): name a .mkv, which takes all"
+            ) from problem
+
+
+class _PlaneRemapper:
+    """Remaps frames plane by plane."""
+
+    def __init__(
+        self,
+        undistort_map: UndistortMap,
+        interpolation: str,
+        pixel_format: str,
+        codec: str,
+    ) -> None:
+        """Prepare for frames of a codec."""
+        bits, across, down = _PLANAR[pixel_format]
+        self._format, self._size = pixel_format, undistort_map.view.size
+        self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
+        self._bits = bits
+        self._interpolation = CV2_FLAGS[interpolation]
+        self._wide = interpolation in ("cubic", "lanczos")
+        self._maps = [(undistort_map.map_x, undistort_map.map_y)]
+        if across:
+            chroma = _chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
+            self._maps += [chroma, chroma]
+        self._values: tuple[int, ...] | None = None
+
+    def __call__(self, frame: av.VideoFrame) -> av.VideoFrame:
+        """A frame of the source -> the same of the view."""
+        pyav = library()
+        given = frame if frame.format.name == self._format else frame.reformat(format=self._format)
+        made = pyav.VideoFrame(*self._size, self._format)
+        if self._values is None:
+            self._values = _black(self._bits, frame)
+        for plane, out, (map_x, map_y), value in zip(
+            given.planes, made.planes, self._maps, self._values, strict=False
+        ):
+            flat = cv2.remap(
+                self._pixels(plane),
+                map_x,
+                map_y,
+                self._interpolation,
+                borderMode=cv2.BORDER_REFLECT_101 if self._wide else cv2.BORDER_CONSTANT,
+                borderValue=float(value),
+            )
+            if self._wide:
+                flat[map_x < 0] = value
+            self._pixels(out)[...] = flat
+        made.pts, made.time_base = frame.pts, frame.time_base
+        return made
+
+    def _pixels(self, plane: Any) -> npt.NDArray[Any]:
+        rows = np.frombuffer(plane, self._dtype).reshape(
+            plane.height, plane.line_size // self._dtype.itemsize
+        )
+        return rows[:, : plane.width]
+
+
+def _chroma_maps(
+    undistort_map: UndistortMap, across: int, down: int, *, centred: bool
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """The map for colour samples, each of which stands for ``across`` x ``down`` pixels.
+
+    A sample lies in the middle of its rows and on its first column, or where those of the source
+    are ``centred`` in the middle of its columns there. Its source is the mean of the sources of
+    the pixels around it.
+    """
+
+    def mean(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+        return np.asarray(np.mean([values[row::down, ::across] for row in range(down)], axis=0))
+
+    photo_width, photo_height = undistort_map.image_size
+    limit_x, limit_y = -(-photo_width // across) - 1, -(-photo_height // down) - 1
+    shift_x = (across - 1) / 2 if centred else 0.0
+    x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, limit_x)
+    y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, limit_y)
+    outside = mean(undistort_map.valid) < 1
+    x[outside] = y[outside] = OUTSIDE
+    return x.astype(np.float32), y.astype(np.float32)
+
+
+def _black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
+    """Brightness and two colour differences of what is black in this video."""
+    full = frame.format.name.startswith("yuvj") or int(getattr(frame, "color_range", 0) or 0) == 2
+    middle = 2 ** (bits - 1)
+    return 0 if full else 2 ** (bits - 4), middle, middle

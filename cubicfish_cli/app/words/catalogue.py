@@ -1,0 +1,82 @@
+"""The sentences of ``catalogue.toml``, and those of extensions, read once."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple
+
+from cubicfish_cli.app.extensions import extensions
+from cubicfish_cli.core.codes import Remedy
+
+_FILE = Path(__file__).with_name("catalogue.toml")
+_TEXTS = ("what", "evidence", "do")
+
+
+class Saying(NamedTuple):
+    """What is said of a finding, and what kind of thing helps."""
+
+    what: str
+    evidence: str
+    do: str
+    remedy: Remedy
+
+
+class Catalogue(NamedTuple):
+    """All templates.
+
+    Attributes:
+        sayings: by code and case.
+        because: evidence by its key.
+        phrases: parts of sentences, by the name of a figure and its value.
+        events: what is said while work is done, by event.
+        checks: what is said of a target before any photo.
+
+    """
+
+    sayings: Mapping[tuple[str, str], Saying]
+    because: Mapping[str, str]
+    phrases: Mapping[str, Mapping[str, str]]
+    events: Mapping[str, str]
+    checks: Mapping[str, str]
+
+
+@cache
+def catalogue() -> Catalogue:
+    """The templates, with the parts that they share filled in."""
+    data = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+    for one in extensions():
+        if one.words is not None:
+            for table, own in tomllib.loads(one.words.read_text(encoding="utf-8")).items():
+                data[table] |= own
+    parts: dict[str, str] = data["parts"] | {
+        f"{table}_{key}": text
+        for table, own in data["phrases"].items()
+        for key, text in own.items()
+    }
+
+    def whole(text: str) -> str:
+        while "$" in text:
+            text = Template(text).substitute(parts)
+        return text
+
+    def saying(record: Mapping[str, Any]) -> Saying:
+        what, evidence, do = (whole(record.get(key, "")) for key in _TEXTS)
+        return Saying(what, evidence, do, Remedy(record["remedy"]))
+
+    sayings: dict[tuple[str, str], Saying] = {}
+    for code, own in data["say"].items():
+        if "what" in own:
+            sayings[code, ""] = saying(own)
+        for case, record in own.items():
+            if isinstance(record, dict):
+                sayings[code, case] = saying(record)
+    phrases = {
+        table: {key: whole(text) for key, text in own.items()}
+        for table, own in data["phrases"].items()
+    }
+    checks = {key: whole(text) for key, text in data["checks"].items()}
+    return Catalogue(sayings, data["because"], phrases, data["events"], checks)

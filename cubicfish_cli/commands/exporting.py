@@ -1,0 +1,270 @@
+"""A camera as another tool's lens, and how near that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from decimal import ROUND_UP, Decimal
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli import __version__
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
+from cubicfish_cli.core.errors import CubicfishError, FitError, UsageError
+from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.io.camera_format import Poses
+from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.io.files import refuse_existing, write_files
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.maps import build_map, save_map
+from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.formats.conversion.to_lens import Conversion, to_lens
+from cubicfish_cli.extensions.formats.foreign import (
+    OWN_FIELD,
+    WRITTEN,
+)
+from cubicfish_cli.extensions.simulation.truth import rotation_matrix
+
+# Of formats of one tool, the one that follows decentred lenses best.
+_NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
+_BEHIND_DEG = 90.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exported:
+    """A camera as a format's lens.
+
+    Attributes:
+        name: the format.
+        conversion: the lens, and how near it comes.
+        note: how it was made, in lines.
+        poses: camera_from_world of the calibration's photos, in the lens's frame.
+
+    """
+
+    name: str
+    conversion: Conversion
+    note: list[str]
+    poses: Poses
+
+    @property
+    def text(self) -> str:
+        """The text of the format's file."""
+        return WRITTEN[self.name].write(self.conversion.lens, self.note, self.poses)
+
+    def as_record(self) -> dict[str, Any]:
+        """The lens and its errors, for JSON."""
+        return {
+            "lens": self.conversion.lens.name,
+            **self.conversion.error.as_record(),
+            "turned_deg": self.conversion.turned_deg,
+            "lens_from_camera": self.conversion.lens_from_camera,
+        }
+
+    def warning(self, max_error: float) -> str | None:
+        """What is to be known of the field where no corner was; None where it is as near."""
+        beyond = self.conversion.error.beyond
+        if beyond is None or beyond["max_px"] <= max_error:
+            return None
+        start = beyond["from_deg"]
+        return (
+            f"beyond {start:.1f}°, where no corner was, {_figures(beyond)}: do not rely on it "
+            f"there, or leave that out with --max-angle {start:.1f}"
+        )
+
+
+def export_camera(
+    calibrated: Calibrated, to: str, *, max_error: float = 0.5, max_angle_deg: float | None = None
+) -> Exported:
+    """A camera as another tool's lens, as ``cubicfish export`` writes it.
+
+    Args:
+        calibrated: a fit, or what :func:`load_camera` read.
+        to: the format: a name of ``cubicfish export --help``, but for ``maps``.
+        max_error: how far the lens may be from the camera anywhere that corners reached, pixels.
+        max_angle_deg: leaves out what is farther from the axis, so that the rest is met more
+            nearly.
+
+    Returns:
+        ``text`` of the format's file; ``conversion`` with the lens and its ``error``, pixels.
+
+    Raises:
+        FitError: there is no such format, or its lens is farther from the camera than that.
+
+    """
+    if to not in WRITTEN:
+        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(WRITTEN))}")
+    camera, covered = calibrated.camera, calibrated.fit.covered_deg
+    convert = partial(
+        to_lens,
+        camera,
+        WRITTEN[to].lenses[to],
+        covered_deg=covered if math.isfinite(covered) else None,
+    )
+    conversion = convert(max_angle_deg=max_angle_deg)
+    if not conversion.error.max_px <= max_error:
+        angle = _near_within(convert, conversion, max_error)
+        raise FitError(_too_far(conversion, to, max_error, angle))
+    trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
+    turn = conversion.lens_from_camera
+    return Exported(
+        name=to,
+        conversion=conversion,
+        note=_note(conversion, to, calibrated.made_by, trusted),
+        poses={
+            photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
+            for photo, (vector, translation) in calibrated.fit.poses.items()
+        },
+    )
+
+
+def _figures(figures: Mapping[str, float]) -> str:
+    if figures["max_px"] == float("inf"):
+        return "the lens does not see all of it"
+    return f"RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
+
+
+def _note(
+    conversion: Conversion, name: str, made_by: Mapping[str, Any], trusted_deg: float
+) -> list[str]:
+    error = conversion.error
+    when = f" of {made_by['date']}" if made_by.get("date") else ""
+    lines = [
+        f"cubicfish {__version__}: the lens nearest to a cubic camera{when}",
+        f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px, up to "
+        f"{error.max_angle_deg:.1f} degrees from the axis",
+    ]
+    farthest = error.max_angle_deg
+    if error.beyond is not None:
+        farthest = error.beyond["to_deg"]
+        lines.append(
+            f"from there to {farthest:.1f} degrees, where no corner was: {_figures(error.beyond)}"
+        )
+    lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
+    lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
+    reader = WRITTEN[name].front_only.get(name)
+    if farthest >= _BEHIND_DEG and reader is not None:
+        lines.append(f"{reader} itself sees nothing at 90 degrees from the axis or more")
+    if conversion.turned_deg > 0:
+        turn = " ".join(f"{value:.8f}" for value in conversion.lens_from_camera.ravel())
+        lines.append(
+            f"the frame is turned by {conversion.turned_deg:.3f} degrees; lens_from_camera: {turn}"
+        )
+    return lines
+
+
+def _near_within(
+    convert: Callable[..., Conversion], conversion: Conversion, max_error: float
+) -> int | None:
+    """The angle within which the lens is near enough where the rest is left out, whole degrees.
+
+    Each is tried: a lens that need not meet the rim may meet the rest worse at its own edge.
+    """
+    ends = {int(ring["to_deg"]) for ring in conversion.error.by_angle}
+    for angle in sorted(ends, reverse=True):
+        if 0 < angle < conversion.error.max_angle_deg:
+            with suppress(CubicfishError):
+                if convert(max_angle_deg=float(angle)).error.max_px <= max_error:
+                    return angle
+    return None
+
+
+def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | None) -> str:
+    error = conversion.error
+    largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
+    ways = []
+    if angle is not None:
+        ways.append(f"leave the rim out with --max-angle {angle}")
+    if error.max_px < float("inf"):
+        ways.append(f"raise it to {_rounded_up(error.max_px)}")
+    others = "mrcal or maps, which hold any lens"
+    nearest = _NEAREST.get(name.split("-")[0], name)
+    if nearest != name:
+        others = f"{nearest}, which comes nearer to most, or to {others}"
+    ways.append(f"export to {others}")
+    return (
+        f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
+        f"to {error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error: "
+        f"{' or '.join(ways)}"
+    )
+
+
+def _rounded_up(value: float) -> str:
+    """To two digits, and no less: what ``--max-error`` takes is what is written here."""
+    step = Decimal(1).scaleb(Decimal(value).adjusted() - 1)
+    return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportedFiles:
+    """What became of :func:`export_files`.
+
+    Attributes:
+        files: what was written.
+        record: plain data: what ``cubicfish export --json`` prints.
+        lines: how near it comes, for people.
+        warnings: what is not to be relied on.
+
+    """
+
+    files: list[Path]
+    record: dict[str, Any]
+    lines: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def export_files(
+    camera: StrPath,
+    to: str,
+    output: StrPath | None = None,
+    *,
+    max_error: float = 0.5,
+    max_angle_deg: float | None = None,
+    run: Run = RUN,
+) -> ExportedFiles:
+    """Write a camera for another tool, as ``cubicfish export`` does.
+
+    Args:
+        camera: the file of a camera, or the folder of that.
+        to: the format: a name of ``cubicfish export --help``.
+        output: where it goes; by default the format's usual name, in the current folder.
+        max_error: as for :func:`export_camera`.
+        max_angle_deg: likewise.
+        run: how the work is done.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        FitError: there is no such format, or its lens is too far from a camera.
+        CubicfishError: a file cannot be used, or exists and may not be replaced.
+
+    """
+    path = Path(camera)
+    goal = Path(output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
+    refuse_existing(goal, overwrite=run.overwrite)
+    loaded = load_camera(in_folder(path))
+    if to == "maps":
+        if goal.suffix.lower() != ".npz":
+            raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
+        save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
+        return ExportedFiles(files=[goal], record={"file": goal, "format": to})
+    run.listener.progress("Fitting the other lens")
+    lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=max_angle_deg)
+    write_files({goal: lens.text}, overwrite=run.overwrite)
+    warning = lens.warning(max_error)
+    return ExportedFiles(
+        files=[goal],
+        record={"file": goal, "format": to, **lens.as_record()},
+        lines=tuple(map(without_matrix, lens.note[1:])),
+        warnings=() if warning is None else (warning,),
+    )
+
+
+def without_matrix(line: str) -> str:
+    """A line of the note as it is told: numbers for programs stay in the file."""
+    before, named, _ = line.partition("; lens_from_camera: ")
+    return f"{before}: lens_from_camera is in the file" if named else line

@@ -1,0 +1,114 @@
+"""Another tool's camera file -> the cubic camera nearest to its lens; other detectors' corners."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cubicfish_cli.app.asked import (
+    StrPath,
+)
+from cubicfish_cli.core.arrays import Refusal
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.io.camera_yaml import CameraFile
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.observations import MAX_SIDE
+from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.formats.conversion.from_lens import (
+    LARGEST_ANGLE_DEG,
+    LARGEST_FIELD_DEG,
+    ImportedCamera,
+    from_lens,
+)
+from cubicfish_cli.extensions.formats.foreign import own_field_deg, read_foreign
+from cubicfish_cli.extensions.formats.registry import READABLE
+
+_REFUSAL = Refusal(error=CameraFileError)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Imported(CameraFile):
+    """A camera that another tool's file holds, as a cubic camera.
+
+    Attributes:
+        camera: the camera; its ``max_angle_deg`` is how far it is trusted.
+        fit: empty, since nothing was fitted to photos.
+        made_by: the format, the lens, and how near the camera comes to it.
+        written_by: the format of the file.
+        lens: the lens in the file.
+        conversion: how near ``camera`` comes, ``error`` in pixels, and what ended its field,
+            ``ended_by``.
+        knows_its_field: whether the file says how far its lens is trusted, as cubicfish's own do.
+
+    """
+
+    written_by: str
+    lens: Lens
+    conversion: ImportedCamera
+    knows_its_field: bool
+
+
+def import_camera(
+    path: StrPath,
+    *,
+    written_by: str | None = None,
+    camera: str | None = None,
+    image_size: Sequence[int] | None = None,
+    max_angle_deg: float | None = None,
+) -> Imported:
+    """The camera in another tool's file, as ``cubicfish import`` reads it.
+
+    Args:
+        path: the file.
+        written_by: its format, a name of ``cubicfish import --help`` such as ``kalibr``; by
+            default it is told by what the file holds.
+        camera: which one, of files that hold several: ``cam1``, COLMAP's CAMERA_ID, ``1`` for M1
+            and D1.
+        image_size: (width, height) of the photos in pixels, for files that do not say.
+        max_angle_deg: trusts the lens up to this angle from its axis; by default as far as it
+            shows anything in the photo, or at most 110°. Files do not say how far a lens was
+            calibrated.
+
+    Returns:
+        ``camera``, and how near it comes to the lens of the file: ``conversion.error``, pixels.
+        ``save`` writes it.
+
+    Raises:
+        CameraFileError: there is no such format, the file cannot be used, or it does not go with
+            ``camera`` or ``image_size``.
+        FitError: the lens sees nothing of its photo, or no sound cubic camera is near it.
+
+    """
+    path = Path(path)
+    if written_by is not None and written_by not in READABLE:
+        told = did_you_mean(str(written_by), READABLE)
+        raise CameraFileError(f"no format that is read is called {quoted(written_by)}: {told}")
+    if max_angle_deg is not None and not 0 < max_angle_deg <= LARGEST_ANGLE_DEG:
+        raise CameraFileError(
+            f"max_angle_deg must be above 0 and at most {LARGEST_ANGLE_DEG:g}, not {max_angle_deg}"
+        )
+    size = None
+    if image_size is not None:
+        size = _REFUSAL.size(image_size, "image_size", limit=MAX_SIDE)
+    lens, found = read_foreign(path, name=written_by, camera=camera, image_size=size)
+    own = own_field_deg(path)
+    made = from_lens(lens, max_angle_deg=max_angle_deg or own or LARGEST_FIELD_DEG)
+    conversion = {
+        "rms_px": made.error.rms_px,
+        "max_px": made.error.max_px,
+        "field_ended_by": made.ended_by,
+    }
+    return Imported(
+        camera=made.camera,
+        fit=FitRecord(),
+        made_by={
+            "options": {"imported_from": found, "lens": lens.name},
+            "conversion": conversion,
+        },
+        written_by=found,
+        lens=lens,
+        conversion=made,
+        knows_its_field=own is not None,
+    )

@@ -1,0 +1,87 @@
+"""A calibration's folder -> a page about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
+from cubicfish_cli.core.assess.verdict import Verdict
+from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.io.files import refuse_existing, write_text
+from cubicfish_cli.extensions.printing import extra
+from cubicfish_cli.extensions.report.from_files import facts_of_files
+
+PAGE = "report.html"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportFiles:
+    """What became of :func:`report_files`.
+
+    Attributes:
+        page: the page.
+        model: the file that it is about.
+        verdict: what the camera or the rig is worth.
+        absent: what is not on the page, a line each.
+
+    """
+
+    page: Path
+    model: Path
+    verdict: Verdict
+    absent: Sequence[str] = ()
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish report --json`` prints."""
+        named = {"report": str(self.page), "model": str(self.model)}
+        return {**named, "verdict": self.verdict.as_record(), "absent": self.absent}
+
+
+def report_files(
+    calibration: StrPath,
+    page: StrPath | None = None,
+    *,
+    target: StrPath | None = None,
+    photos: Sequence[StrPath] = (),
+    run: Run = RUN,
+) -> ReportFiles:
+    """Write a page about a camera, as ``cubicfish report`` does.
+
+    Args:
+        calibration: the file of a camera, or the folder of that.
+        page: where the page goes; by default report.html beside it.
+        target: the calibration target as drawn, where it is not at its recorded place.
+        photos: files, folders or patterns of the photos, where they are not at theirs.
+        run: how the work is done.
+
+    Raises:
+        CubicfishError: the extra ``report`` is not installed, a file cannot be used, or the page
+            exists and may not be replaced.
+
+    """
+    refuse_without_extra()
+    model = in_folder(Path(calibration))
+    path = model.parent / PAGE if page is None else Path(page)
+    refuse_existing(path, overwrite=run.overwrite)
+    with extra.quiet():
+        from cubicfish_cli.extensions.report.page import report_html
+
+    run.listener.progress("Making the report")
+    facts = facts_of_files(model, target=path_or_none(target), photos=list(map(Path, photos)))
+    write_text(path, report_html(facts), overwrite=run.overwrite)
+    return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
+
+
+def refuse_without_extra() -> None:
+    """Refuse to make a page where the extra ``report`` is not installed.
+
+    Raises:
+        CubicfishError: it is not.
+
+    """
+    lacking = extra.missing(extra.REPORT)
+    if lacking:
+        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {extra.INSTALL}")

@@ -1,0 +1,215 @@
+"""Options that say what a picture shows (a view, a board's plane), and how it is made."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cubicfish_cli.app.asked_pictures import PlaneOptions, UndistortOptions
+from cubicfish_cli.app.terminal.options import (
+    FILE,
+    SIZE,
+    FloatRange,
+    IntRange,
+    Parsed,
+    bundle,
+    option,
+    target_path,
+)
+from cubicfish_cli.app.terminal.terminal import say
+from cubicfish_cli.app.undistortion.options import INTERPOLATIONS, KINDS, ViewOptions
+from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.wording import did_you_mean, either, quoted
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    from cubicfish_cli.core.views.choose import SeenField
+
+_PLANE = "plane:"
+
+
+def _turn(text: str) -> tuple[float, ...]:
+    """Up to three angles with commas between them; what is left out is 0."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if not 1 <= len(numbers) <= 3 or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{text!r} is not yaw,pitch,roll in degrees, such as -60,0,0")
+    return (*numbers, 0.0, 0.0)[:3]
+
+
+def _share(text: str) -> float | str:
+    """A share, or a word for one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _field(text: str) -> tuple[float, ...]:
+    """``90`` -> (90,), ``360x70`` -> (360, 70)."""
+    parts = re.split("[xX×]", text)
+    try:
+        field = tuple(map(float, parts))
+    except ValueError:
+        field = ()
+    if not 1 <= len(field) <= 2 or not all(0 < angle <= 360 for angle in field):
+        raise ValueError(
+            f"{quoted(text)} is not a number of degrees above 0 and up to 360, such as 90, or two "
+            "of them, such as 360x70"
+        )
+    return field
+
+
+class _Kind(click.ParamType):
+    """A kind of view, and where there may be planes also plane:BOARD."""
+
+    name = "kind"
+
+    def __init__(self, planes: bool) -> None:
+        self._planes = planes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Parse, or fail as a usage error that names the nearest kind."""
+        is_plane = self._planes and value.startswith(_PLANE) and value != _PLANE
+        if not is_plane and value not in KINDS:
+            self.fail(f"{quoted(value)} is no view: {did_you_mean(value, KINDS)}", param, ctx)
+        return str(value)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """The kinds that begin so."""
+        return click.Choice(KINDS).shell_complete(ctx, param, incomplete)
+
+
+def _view_of(
+    kind: str | None,
+    size: tuple[int, int] | None,
+    field: tuple[float, ...] | None,
+    scale: float | None,
+    fit: float | str | None,
+    rotate: tuple[float, float, float] | None,
+) -> ViewOptions:
+    across, down = (*(field or ()), None, None)[:2]
+    asked: dict[str, Any] = {"fit": fit, "rotate_deg": rotate or (0.0, 0.0, 0.0)}
+    return ViewOptions(kind=kind, size=size, hfov_deg=across, vfov_deg=down, focal=scale, **asked)
+
+
+def _view_or_plane(
+    kind: str | None,
+    size: tuple[int, int] | None,
+    field: tuple[float, ...] | None,
+    scale: float | None,
+    fit: float | str | None,
+    rotate: tuple[float, float, float] | None,
+    target: Path | None,
+) -> ViewOptions | PlaneOptions:
+    if kind is None or not kind.startswith(_PLANE):
+        if target is not None:
+            raise UsageError("--target goes with --view plane:BOARD: leave it out")
+        return _view_of(kind, size, field, scale, fit, rotate)
+    others = {"--size": size, "--hfov": field, "--fit": fit, "--rotate": rotate}
+    for name, value in others.items():
+        if value is not None:
+            raise UsageError(f"{name} does not go with --view {kind}: choose --scale instead")
+    path = target_path(target)
+    if path is None:
+        raise UsageError(f"--view {kind} needs the target: name it with --target target.yaml")
+    board = kind.removeprefix(_PLANE)
+    return PlaneOptions(board=board, target=path, pixels_per_unit=scale)
+
+
+_VIEW = (
+    option("--size", "Size of the result. [default: the photo's]", SIZE),
+    option(
+        "--hfov --fov DEG[xDEG]",
+        "Field of view across the width, in degrees; a second one is down the height, which it "
+        "sets. [default: perspective keeps the photo's scale in its middle, up to 120 along the "
+        "longer side; others take --fit outer]",
+        Parsed("DEG[xDEG]", _field),
+    ),
+    option(
+        "--scale PX",
+        "Pixels per radian in the middle, a flat picture's focal length; of a plane pixels per "
+        "mm, or whatever the target's units are.",
+        FloatRange(1e-9, 1_000_000_000),
+    ),
+    option(
+        "--fit inner|outer|SHARE",
+        "Field from what the camera sees: no empty pixel, nothing lost, or a share "
+        "between (0 to 1).",
+        Parsed("inner|outer|SHARE", _share),
+    ),
+    option(
+        "--rotate YAW,PITCH,ROLL",
+        "Look right, then up, then turn the view clockwise: degrees.",
+        Parsed("YAW,PITCH,ROLL", _turn),
+    ),
+)
+
+
+def _kind_option(*, planes: bool) -> Any:
+    return option(
+        "--view KIND",
+        f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric picture of "
+        "a board's plane. [default: perspective, in which straight lines are straight]",
+        _Kind(planes),
+    )
+
+
+view_options: Any = bundle(_view_of, _kind_option(planes=False), *_VIEW)
+
+picture_options: tuple[Any, ...] = (
+    option(
+        "--interpolation",
+        "How pixels are read between pixels.",
+        click.Choice(INTERPOLATIONS),
+        "linear",
+    ),
+    option(
+        "--quality 1-100",
+        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        IntRange(1, 100),
+    ),
+    option(
+        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
+    ),
+    option(
+        "--camera FILE",
+        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+        "flat.view.opencv.yaml.",
+        FILE,
+    ),
+    option("--skip-existing", "Leave out photos whose result exists."),
+)
+"""How pictures are made and what is written beside them, as a :class:`PictureOptions` has it."""
+
+undistort_options: Any = bundle(
+    UndistortOptions,
+    bundle(
+        _view_or_plane,
+        _kind_option(planes=True),
+        *_VIEW,
+        option(
+            "-t --target FILE",
+            "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
+            "one is needed, ./target.yaml stands for it; for planes.",
+            FILE,
+        ),
+    ),
+    *picture_options,
+    option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
+)
+
+
+def say_what_is_unseen(seen: SeenField | None) -> None:
+    """Tell the user where the camera's field ends before the view's does."""
+    if seen is not None and not seen.is_whole:
+        say(f"the camera sees {seen.describe()}: the rest is empty")

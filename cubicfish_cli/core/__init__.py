@@ -1,0 +1,1 @@
+"""Calibration itself: targets, observations, lenses, fit, assessment, views and files."""

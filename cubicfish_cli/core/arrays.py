@@ -1,0 +1,155 @@
+"""Checks of shape and numbers for arrays that callers hand over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.wording import quoted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refusal:
+    """How what is wrong with a caller's arrays is said.
+
+    Attributes:
+        error: the class to raise; its text is one line that names the array and its place.
+
+    """
+
+    error: type[CubicfishError]
+
+    def numbers(self, value: npt.ArrayLike, name: str, columns: int, *, limit: float) -> FloatArray:
+        """Finite real numbers (N, columns), or OpenCV's (N, 1, columns), as float64 (N, columns).
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else, or not within
+                ±``limit``.
+
+        """
+        array = self._real(value, name)
+        if array.ndim == 3 and array.shape[1:] == (1, columns):  # as OpenCV has its points
+            array = array[:, 0]
+        if array.ndim != 2 or array.shape[1] != columns:
+            raise self.error(f"{name} has the shape {array.shape}, not (N, {columns})")
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+        if bad.size:
+            raise self.error(
+                f"{name}, row {bad[0]} is not finite: leave out corners that were not found"
+            )
+        bad = np.flatnonzero((np.abs(array) > limit).any(axis=1))
+        if bad.size:
+            raise self.error(f"{name}, row {bad[0]} is not within ±{limit:g}: are the units right?")
+        return np.array(array, np.float64)  # the caller may change its own
+
+    def places(self, value: npt.ArrayLike, name: str, columns: int) -> IntArray:
+        """Whole numbers (N, columns) from 0 on.
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        array = self.numbers(value, name, columns, limit=1e6)
+        if (array != np.round(array)).any() or (array < 0).any():
+            raise self.error(f"{name} must hold whole numbers, counted from 0")
+        return array.astype(np.intp)
+
+    def weights(self, value: npt.ArrayLike, name: str, count: int, *, limit: float) -> FloatArray:
+        """Numbers (count,) above 0.
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        array = self._real(value, name)
+        if array.shape != (count,):
+            raise self.error(f"{name} has the shape {array.shape}, not ({count},)")
+        good = np.isfinite(array) & (array > 0) & (array <= limit)
+        if not good.all():
+            raise self.error(
+                f"{name}[{np.argmin(good)}] must be a finite number above 0: "
+                "to leave a corner out, remove its row"
+            )
+        return np.array(array, np.float64)
+
+    def size(self, value: Sequence[int], name: str, *, limit: int) -> tuple[int, int]:
+        """(width, height), pixels.
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        array = np.asarray(value) if not isinstance(value, str) else np.empty(0)
+        if array.shape != (2,) or array.dtype.kind not in "iu" or array.min() < 1:
+            raise self.error(
+                f"{name} must be two whole numbers above 0, (width, height), not {quoted(value)}"
+            )
+        if array.max() > limit:
+            raise self.error(f"{name}: a side may have {limit} pixels at most, not {array.max()}")
+        return int(array[0]), int(array[1])
+
+    def names(self, value: Sequence[str], name: str) -> tuple[str, ...]:
+        """Printable names, each once.
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        names = () if isinstance(value, str) else tuple(value)
+        if not names:
+            raise self.error(f"{name} must be a list of names")
+        for index, one in enumerate(names):
+            if not isinstance(one, str) or not one.strip() or one != one.strip():
+                raise self.error(f"{name}[{index}] must be plain text, not {quoted(one)}")
+            if not one.isprintable():
+                raise self.error(f"{name}[{index}] must be printable text, not {quoted(one)}")
+        if len(set(names)) < len(names):
+            twice = next(one for index, one in enumerate(names) if one in names[:index])
+            raise self.error(f"{name}: {quoted(twice)} is there twice")
+        return names
+
+    def flags(self, value: npt.ArrayLike, name: str, rows: int) -> BoolArray:
+        """Booleans (rows,).
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        flags = np.asarray(value)
+        if flags.shape != (rows,) or flags.dtype != bool:
+            raise self.error(f"{name} must hold {rows} times True or False, as many as pixel")
+        return flags.copy()
+
+    def index(
+        self, value: npt.ArrayLike, name: str, rows: int, least: int, count: int | None = None
+    ) -> IntArray:
+        """Whole numbers (rows,) from ``least`` on, below ``count`` where it is given.
+
+        Raises:
+            CubicfishError: of the class ``error``; ``value`` is something else.
+
+        """
+        index = np.asarray(value)
+        if index.shape != (rows,) or index.dtype.kind not in "iu":
+            raise self.error(f"{name} must hold {rows} whole numbers, one for each row of pixel")
+        if rows and (index.min() < least or (count is not None and index.max() >= count)):
+            raise self.error(
+                f"{name} must count from 0, and within what it counts: it goes from {index.min()} "
+                f"to {index.max()}"
+            )
+        return index.astype(np.intp)
+
+    def _real(self, value: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+        try:
+            array = np.asarray(value)
+        except ValueError as problem:  # rows of different lengths
+            raise self.error(f"{name} is no array: its rows differ in length") from problem
+        if array.dtype.kind not in "fiu":
+            raise self.error(f"{name} must hold real numbers, not {array.dtype}")
+        return array

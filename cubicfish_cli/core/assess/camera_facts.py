@@ -1,0 +1,250 @@
+"""Key facts of a camera in one line, for every command that names one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.assess.fit_record import FitRecord, origin_of
+from cubicfish_cli.core.assess.records import plain_record
+from cubicfish_cli.core.assess.verdict import Verdict, verdict
+from cubicfish_cli.core.frame_names import counted
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.point import PointCamera
+
+COVERED = "of the field covered by corners"
+"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
+and does not see itself, in squares of an eighth of the photo's shorter side."""
+_STEPS = 512  # pixels that are looked at between the axis and an edge
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldSeen:
+    """The angle that a photo spans where the camera may be trusted, degrees.
+
+    Attributes:
+        horizontal, vertical: along the row and the column of the axis's pixel.
+        diagonal: the larger of the two from corner to corner.
+
+    """
+
+    horizontal: float
+    vertical: float
+    diagonal: float
+
+    @property
+    def words(self) -> str:
+        """All three in a line."""
+        return (
+            f"{self.horizontal:.1f}° horizontal, {self.vertical:.1f}° vertical, "
+            f"{self.diagonal:.1f}° diagonal"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFacts:
+    """A camera in figures; what is not known, or not of this kind of camera, is None.
+
+    Attributes:
+        title: what its owner calls it; empty without a name.
+        image_size: (width, height), pixels.
+        focal_px: (x, y) pixels per radian on the axis.
+        principal_point: (x, y) pixel of the axis.
+        field: the field that a photo shows.
+        max_angle_deg: as far from the axis the camera may be trusted.
+        fit: how well it fits.
+        verdict: what the fit is worth; None for a camera of which no fit is on record.
+        date: when it was made, ISO 8601.
+        version: of the program that made it.
+        command: that made it.
+        target: the calibration target's file.
+
+    """
+
+    title: str
+    image_size: tuple[int, int]
+    focal_px: tuple[float, float] | None
+    principal_point: tuple[float, float] | None
+    field: FieldSeen | None
+    max_angle_deg: float | None
+    fit: FitRecord
+    verdict: Verdict | None
+    date: str | None
+    version: str | None
+    command: str | None
+    target: str | None
+
+    @property
+    def focal_sigma_px(self) -> tuple[float, ...] | None:
+        """One standard deviation of ``focal_px``, from the corners' noise."""
+        return _two(self.fit.uncertainty.focal_px)
+
+    @property
+    def principal_point_sigma_px(self) -> tuple[float, ...] | None:
+        """One standard deviation of ``principal_point``, likewise."""
+        return _two(self.fit.uncertainty.principal_point_px)
+
+    @property
+    def pictures(self) -> str | None:
+        """How many photos, or frames of which films, the fit is from, in words."""
+        images, names = self.fit.images, [photo.image for photo in self.fit.per_image]
+        if images <= 0:
+            return None
+        return counted(names if len(names) == images else [""] * images)
+
+    @property
+    def lens(self) -> list[tuple[str, str]]:
+        """What the lens is, as far as it is known: a name and figures in words each."""
+        rows = []
+        for name, value, sigma, unit in (
+            ("focal length", self.focal_px, self.focal_sigma_px, "px per radian"),
+            ("principal point", self.principal_point, self.principal_point_sigma_px, "px"),
+        ):
+            if value is not None:
+                spread = ["", ""] if sigma is None else [f" ± {one:.2f}" for one in sigma]
+                words = f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]} {unit}"
+                rows.append((name, words))
+        if self.field is not None:
+            rows.append(("field of view", self.field.words))
+        if self.fit.pupil is not None:
+            pupil = self.fit.pupil
+            rows.append(("entrance pupil", f"{pupil.rim_px:.3f} px {pupil.meaning}"))
+        return rows
+
+    @property
+    def scope(self) -> list[tuple[str, str, str, str]]:
+        """How far to trust it, as far as that is known: name, value, unit and meaning each."""
+        rows = []
+        if self.max_angle_deg is not None:
+            reach = self.fit.covered_deg
+            meaning = "from the axis, where the camera may be trusted"
+            meaning += f"; corners reach {reach:.1f}°" if math.isfinite(reach) else ""
+            rows.append(("field", f"{self.max_angle_deg:.1f}", "°", meaning))
+        if math.isfinite(self.fit.coverage):
+            rows.append(("coverage", f"{100 * self.fit.coverage:.0f}", "%", COVERED))
+        certain = self.fit.uncertainty.field
+        if certain is not None:
+            rows.append(("uncertainty", f"{certain.median_px:.3f}", "px", certain.meaning))
+        return rows
+
+    @property
+    def line(self) -> str:
+        """All that matters in one line, behind the title."""
+        return f"{self.title}: {self.figures}" if self.title else self.figures
+
+    @property
+    def figures(self) -> str:
+        """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
+        parts = ["{}x{} px".format(*self.image_size)]
+        if self.field is not None:
+            parts.append(
+                f"sees {self.field.horizontal:.0f}° x {self.field.vertical:.0f}° "
+                f"({self.field.diagonal:.0f}° diagonal)"
+            )
+        if self.focal_px is not None and self.principal_point is not None:
+            parts.append(
+                f"focal length {sum(self.focal_px) / 2:.1f} px, principal point "
+                "({:.1f}, {:.1f})".format(*self.principal_point)
+            )
+        if math.isfinite(self.fit.held_out_rms_px):
+            parts.append(f"held-out error {self.fit.held_out_rms_px:.3f} px")
+        elif math.isfinite(self.fit.rms_px):
+            parts.append(f"error {self.fit.rms_px:.3f} px RMS")
+        if self.verdict is not None:
+            parts.append(self.verdict.words)
+        return ", ".join(parts)
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        fit, seen = self.fit, self.field
+        return {
+            "title": self.title or None,
+            "image_size": list(self.image_size),
+            "focal_px": self.focal_px and list(self.focal_px),
+            "principal_point": self.principal_point and list(self.principal_point),
+            "focal_sigma_px": plain_record(self.focal_sigma_px),
+            "principal_point_sigma_px": plain_record(self.principal_point_sigma_px),
+            "max_angle_deg": self.max_angle_deg,
+            "covered_deg": plain_record(fit.covered_deg),
+            "pupil": plain_record(fit.pupil),
+            "rms_px": plain_record(fit.rms_px),
+            "held_out_rms_px": plain_record(fit.held_out_rms_px),
+            "images": fit.images or None,
+            "corners": fit.corners or None,
+            "date": self.date,
+            "version": self.version,
+            "command": self.command,
+            "target": self.target,
+            "summary": self.line,
+            "horizontal_deg": seen and seen.horizontal,
+            "vertical_deg": seen and seen.vertical,
+            "diagonal_deg": seen and seen.diagonal,
+            "verdict": self.verdict and self.verdict.as_record(),
+        }
+
+
+def camera_facts(
+    camera: CubicCamera | PointCamera, fit: FitRecord, made_by: Mapping[str, Any]
+) -> CameraFacts:
+    """What a camera is.
+
+    Args:
+        camera: the camera.
+        fit: how well it fits.
+        made_by: how it was made, plain data; what is missing there, or no text, is not known.
+
+    """
+    focal = axis = seen = None
+    if isinstance(camera, CubicCamera):
+        pixel, slope = camera.project_jacobian(np.array([0.0, 0.0, 1.0]))
+        focal = (float(slope[0, 0]), float(slope[1, 1]))
+        axis = (float(pixel[0]), float(pixel[1]))
+        seen = field_seen(camera)
+    origin = origin_of(made_by)
+    return CameraFacts(
+        title=origin.title or "",
+        image_size=camera.image_size,
+        focal_px=focal,
+        principal_point=axis,
+        field=seen,
+        max_angle_deg=camera.max_angle_deg if isinstance(camera, CubicCamera) else None,
+        fit=fit,
+        verdict=verdict(fit, camera.image_size, camera.outline())
+        if math.isfinite(fit.rms_px)
+        else None,
+        date=origin.date,
+        version=origin.version,
+        command=origin.command,
+        target=None if origin.target is None else origin.target.file,
+    )
+
+
+def field_seen(camera: CubicCamera) -> FieldSeen:
+    """The angles that a photo of a camera spans, as far as the camera may be trusted."""
+    width, height = camera.image_size
+    left, right, top, bottom = -0.5, width - 0.5, -0.5, height - 0.5
+    x, y = camera.project(np.array([0.0, 0.0, 1.0]))
+
+    def reach(to_x: float, to_y: float) -> float:
+        """The largest angle from the axis towards a place on the photo's edge, degrees."""
+        share = np.linspace(0, 1, _STEPS)[:, None]
+        rays = camera.unproject((1 - share) * [x, y] + share * [to_x, to_y])
+        angle = np.rad2deg(angle_from_axis(rays[np.isfinite(rays[:, 0])]))
+        return float(angle.max()) if len(angle) else 0.0
+
+    return FieldSeen(
+        horizontal=reach(left, y) + reach(right, y),
+        vertical=reach(x, top) + reach(x, bottom),
+        diagonal=max(
+            reach(left, top) + reach(right, bottom), reach(left, bottom) + reach(right, top)
+        ),
+    )
+
+
+def _two(values: tuple[float, ...]) -> tuple[float, ...] | None:
+    return values if len(values) == 2 and all(map(math.isfinite, values)) else None

@@ -1,0 +1,277 @@
+"""What a fit leaves on record: the one type from the fit to camera.yaml, the verdict and the page.
+
+Its fields are the keys of ``fit`` in camera.yaml, in their order. A figure that is not known is
+NaN, a count 0, and null or nothing in the file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from cubicfish_cli.core.assess.pupil import PupilEffect
+from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
+from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.observations import MAX_COORDINATE
+from cubicfish_cli.core.types import FloatArray
+
+NAN = math.nan
+Lift = Literal["ray", "point"]
+# Of fields that only fits of one lift have.
+_RAY: Mapping[str, Any] = {"lift": "ray"}
+_POINT: Mapping[str, Any] = {"lift": "point"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorStatistics:
+    """Lengths of reprojection errors, pixels.
+
+    Attributes:
+        rms_px: sqrt(mean(dx² + dy²)).
+        median_px, p95_px, max_px: median, 95th percentile and largest length.
+        corners: how many corners were counted.
+
+    """
+
+    rms_px: float = NAN
+    median_px: float = NAN
+    p95_px: float = NAN
+    max_px: float = NAN
+    corners: int = 0
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return dict(plain_record(self))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseRecord:
+    """camera_from_world of a photo: a rotation vector, radians, and a translation."""
+
+    rotation_vector: tuple[float, ...]
+    translation: tuple[float, ...]
+
+    @property
+    def vectors(self) -> FloatArray | None:
+        """(2, 3) both; None where they are no pose."""
+        if not len(self.rotation_vector) == len(self.translation) == 3:
+            return None
+        both = np.array([self.rotation_vector, self.translation])
+        return both if bool((np.abs(both) <= MAX_COORDINATE).all()) else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoRecord:
+    """A photo of a fit: its errors as :class:`ErrorStatistics` has them, and its pose."""
+
+    image: str = ""
+    rms_px: float = NAN
+    median_px: float = NAN
+    p95_px: float = NAN
+    max_px: float = NAN
+    corners: int = 0
+    camera_from_world: PoseRecord | None = field(default=None, metadata=LEFT_OUT_IF_EMPTY)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroppedCorner:
+    """A corner that was left out because it was off by far more than noise."""
+
+    image: str = ""
+    board: str | None = None
+    column: int = 0
+    row: int = 0
+    error_px: float = NAN
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure:
+    """By how much one board as fitted departs from its drawing, in the target's units.
+
+    Attributes:
+        board: its name.
+        bend, twist, stretch: as :class:`~cubicfish_cli.core.boards.shape.BoardShape` has them.
+        shift: how far the board's middle moved.
+        turn_deg: how far the board turned.
+        offset_rms: root mean square length of its corners' own offsets.
+        doubts: what of this is more than a target like this explains, and what to do, in words.
+        doubted: the same as findings.
+
+    """
+
+    board: str = ""
+    bend: tuple[float, ...] = ()
+    twist: float = NAN
+    stretch: tuple[float, ...] = ()
+    shift: float = NAN
+    turn_deg: float = NAN
+    offset_rms: float = NAN
+    doubts: tuple[str, ...] = ()
+    doubted: tuple[Finding, ...] = field(default=(), metadata=LEFT_OUT_IF_EMPTY)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoverageExtent:
+    """What corners say of the field's rim; pixels are NaN where too few corners tell.
+
+    Attributes:
+        all_around_deg: how far from the axis corners reach in nearly every direction that the
+            photo shows.
+        rim_coverage: share of the directions in which corners reach the rim.
+        extrapolated_deg: how far beyond the corners the field goes, the median over directions.
+        edge_uncertainty_px: one standard deviation of a pixel at the field's edge, median.
+        rim_from_deg: from where on the rim's errors are counted.
+        rim_rms_px: RMS of the outermost corners, those beyond ``rim_from_deg``.
+        middle_rms_px: RMS of the corners within half of that.
+
+    """
+
+    all_around_deg: float = NAN
+    rim_coverage: float = NAN
+    extrapolated_deg: float = NAN
+    edge_uncertainty_px: float = NAN
+    rim_from_deg: float = NAN
+    rim_rms_px: float = NAN
+    middle_rms_px: float = NAN
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FitRecord(ErrorStatistics):
+    """What a fit says of itself, beside the errors over all used corners.
+
+    Attributes:
+        images: how many photos were used.
+        held_out_rms_px: RMS on photos that were left out of the fit.
+        lift: what the cubics are of.
+        frame: which points a camera of the lift ``point`` takes.
+        held_out_folds: in how many parts photos were left out; 0 where they were not.
+        companion_rms_px, companion_held_out_rms_px: the same of the radial reference.
+        refine_target: what of the target was fitted.
+        held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
+        renamed_images: photos that show the target the other way round than they said.
+        departures: by how much the target departs from its drawing, a board each.
+        rank: numerical rank of Φ over the used rays (16 on the sphere), or of the points (20).
+        plain_rms_px, reweighted_rms_px: of the two linear solutions of the lift ``point``.
+        covered_deg: angle from the axis of the farthest used corner.
+        reach: what corners say of the field's rim.
+        pupil: what it matters that the entrance pupil wanders.
+        flat: whether all corners lie nearly in one plane.
+        prior_weight, prior_spread: how P was held to the reference.
+        coverage: share of the valid field that corners cover, 0 to 1.
+        notes: what a person should know beyond the figures.
+        findings: what is likely wrong with the set-up, with its evidence.
+        uncertainty: how far the pixels of distant points may be off, on a grid over the photo.
+        dropped: how many corners were left out because they were grossly off.
+        dropped_corners: which.
+        unfit_images: photos left out, with the reason.
+        per_image: each photo that was used.
+
+    """
+
+    images: int = 0
+    held_out_rms_px: float = NAN
+    lift: Lift = field(default="ray", metadata=_POINT)
+    frame: str | None = field(default=None, metadata=_POINT)
+    held_out_folds: int = field(default=0, metadata=_RAY)
+    companion_rms_px: float = field(default=NAN, metadata=_RAY)
+    companion_held_out_rms_px: float = field(default=NAN, metadata=_RAY)
+    refine_target: Literal["off", "shape", "points"] | None = field(default=None, metadata=_RAY)
+    held_out_by_level: Mapping[str, float] = field(default_factory=dict, metadata=_RAY)
+    renamed_images: tuple[str, ...] = field(default=(), metadata=_RAY)
+    departures: tuple[Departure, ...] = field(default=(), metadata=_RAY)
+    rank: int = 0
+    plain_rms_px: float = field(default=NAN, metadata=_POINT)
+    reweighted_rms_px: float = field(default=NAN, metadata=_POINT)
+    covered_deg: float = field(default=NAN, metadata=_RAY)
+    reach: CoverageExtent = field(default_factory=CoverageExtent, metadata=_RAY)
+    pupil: PupilEffect | None = field(default=None, metadata=_RAY)
+    flat: bool = field(default=False, metadata=_RAY)
+    prior_weight: float = field(default=NAN, metadata=_RAY)
+    prior_spread: float = field(default=NAN, metadata=_RAY)
+    coverage: float = field(default=NAN, metadata=_RAY)
+    notes: tuple[str, ...] = field(default=(), metadata=_RAY)
+    findings: tuple[Finding, ...] = field(default=(), metadata=_RAY)
+    uncertainty: UncertaintyGrid = field(default_factory=UncertaintyGrid, metadata=_RAY)
+    dropped: int = 0
+    dropped_corners: tuple[DroppedCorner, ...] = field(default=(), metadata=_RAY)
+    unfit_images: Mapping[str, str] = field(default_factory=dict)
+    per_image: tuple[PhotoRecord, ...] = ()
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether nothing is known of the fit, as of an imported camera."""
+        return self == FitRecord()
+
+    @cached_property
+    def poses(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Rotation vectors (3,) in radians and translations (3,) of camera_from_world, by photo."""
+        known = (
+            (photo.image, photo.camera_from_world.vectors)
+            for photo in self.per_image
+            if photo.camera_from_world is not None
+        )
+        return {image: (both[0], both[1]) for image, both in known if both is not None}
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: ``fit`` of camera.yaml; null for what is not known."""
+        if self.says_nothing:
+            return {}
+        known: dict[str, Any] = plain_record(self)
+        others = {
+            one.name for one in fields(self) if one.metadata.get("lift", self.lift) != self.lift
+        }
+        return {name: value for name, value in known.items() if name not in others}
+
+    def __repr__(self) -> str:
+        """Its figures in one line."""
+        if self.says_nothing:
+            return "<no fit on record>"
+        return f"<fit of {self.corners} corners in {self.images} photos: {self.rms_px:.3f} px RMS>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRecord:
+    """A file that something was made from, as it was then."""
+
+    file: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a calibration comes from, as ``made_by`` of its file says.
+
+    Attributes:
+        title: what its owner calls the camera.
+        version: of the program that made it.
+        date: when, ISO 8601.
+        command: that made it.
+        options: its options.
+        target: the calibration target's file.
+        inputs: the files of the photos, films or tables.
+
+    """
+
+    title: str | None = None
+    version: str | None = None
+    date: str | None = None
+    command: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    target: FileRecord | None = None
+    inputs: tuple[FileRecord, ...] = ()
+
+
+def origin_of(made_by: Mapping[str, Any]) -> Origin:
+    """What plain data say of where a calibration comes from, whatever else they hold."""
+    return read_record(Origin, made_by) or Origin()
+
+
+def fit_record(value: object) -> FitRecord:
+    """A fit's record of plain data that may hold anything; what is not known there is not here."""
+    return read_record(FitRecord, value) or FitRecord()

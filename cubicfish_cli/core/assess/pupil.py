@@ -1,0 +1,63 @@
+"""What it matters that the entrance pupil wanders: how far off a near point is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.pupil import from_pupil
+from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.units import length_words
+
+_DIRECTIONS = 72
+
+
+@dataclass(frozen=True, kw_only=True)
+class PupilEffect:
+    """How much farther out the edge of what corners reach is seen near by than far away.
+
+    Attributes:
+        travel: how far the entrance pupil wanders, in ``units``.
+        distance: of the corners from the camera, the median.
+        units: of both; None where it is not known.
+        rim_px: how much farther out a point at that distance is seen, pixels.
+
+    """
+
+    travel: float
+    distance: float
+    units: str | None = None
+    rim_px: float
+
+    @property
+    def meaning(self) -> str:
+        """Behind ``rim_px``."""
+        away = length_words(self.distance, self.units or "")
+        return f"outward at the rim for things as near as corners were, {away}"
+
+
+def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> PupilEffect:
+    """Measure it.
+
+    Args:
+        camera: the camera.
+        points: (N, 3) corners in its frame and unit.
+        covered: how far from the axis they reach, radians.
+
+    """
+    distance = float(np.median(np.linalg.norm(points, axis=1)))
+    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    far = ray_at(np.full(_DIRECTIONS, covered), around)
+    near = from_pupil(distance * far, camera.pupil_travel)
+    near /= np.linalg.norm(near, axis=1)[:, None]
+    moved = camera.pixel_and_slope(near)[0] - camera.pixel_and_slope(far)[0]
+    outward = np.sum(moved * far[:, :2], axis=1) / np.linalg.norm(far[:, :2], axis=1)
+    return PupilEffect(
+        travel=camera.pupil_travel,
+        distance=distance,
+        units=camera.units,
+        rim_px=float(np.median(outward)),
+    )

@@ -1,0 +1,135 @@
+"""Plain data of files <-> frozen records: one reader and one writer, by the fields' types.
+
+The reader takes what may hold anything: what is of another kind than its field counts as not known,
+which is NaN for a figure, the field's default for anything else. The writer writes null for NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache, partial
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from cubicfish_cli.core.finding import Finding, of_record
+
+R = TypeVar("R")
+_Reader = Callable[[object], Any]
+
+
+LEFT_OUT_IF_EMPTY: Mapping[str, Any] = {"left_out_if_empty": True}
+"""Metadata of a field that is written only where there is something in it."""
+
+
+def recorded_number(value: object) -> float | None:
+    """A finite number of a record; None where there is something else, or nothing."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
+
+
+def recorded_mappings(value: object) -> list[Mapping[str, Any]]:
+    """The mappings of a list; none of anything else."""
+    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
+
+
+def read_record(kind: type[R], value: object) -> R | None:
+    """A record of plain data; None where they are no mapping, or lack a field without default."""
+    if not isinstance(value, Mapping):
+        return None
+    known = {}
+    for name, read, required in _readers(cast("Hashable", kind)):
+        found = read(value.get(name))
+        if found is not None:
+            known[name] = found
+        elif required:
+            return None
+    return kind(**known)
+
+
+def plain_record(value: Any) -> Any:
+    """A record as plain data, keys in the order of its fields."""
+    if isinstance(value, float):
+        return None if math.isnan(value) else value
+    if isinstance(value, Finding):
+        return value.as_record()
+    if isinstance(value, tuple):
+        return [plain_record(one) for one in value]
+    if isinstance(value, Mapping):
+        return {name: plain_record(one) for name, one in value.items()}
+    if not is_dataclass(value):
+        return value
+    return {
+        one.name: plain_record(own)
+        for one in fields(value)
+        if (own := getattr(value, one.name)) or one.metadata != LEFT_OUT_IF_EMPTY
+    }
+
+
+@cache
+def _readers(kind: Any) -> list[tuple[str, _Reader, bool]]:
+    """Name, reader and whether it must be there, of each field."""
+    types = get_type_hints(kind)
+    return [
+        (one.name, _reader(types[one.name]), one.default is one.default_factory is MISSING)
+        for one in fields(kind)
+    ]
+
+
+@cache
+def _reader(kind: Any) -> _Reader:
+    """What makes a value of a type of plain data, or None."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):  # with None
+        (kind,) = (one for one in inner if one is not NoneType)
+        return _reader(kind)
+    if origin is Literal:
+        return lambda value: value if isinstance(value, str) and value in inner else None
+    if origin is tuple:
+        own = _float_or_nan if inner[0] is float else _reader(inner[0])
+        return partial(_read_all, own, None if inner[-1] is ... else len(inner))
+    if origin is Mapping:
+        return partial(_read_mapping, _reader(inner[1]))
+    return _SIMPLE[kind] if kind in _SIMPLE else partial(read_record, kind)
+
+
+def _read_all(read: _Reader, count: int | None, value: object) -> tuple[Any, ...] | None:
+    if not isinstance(value, list) or count not in (None, len(value)):
+        return None
+    return tuple(known for known in map(read, value) if known is not None)
+
+
+def _read_mapping(read: _Reader, value: object) -> dict[str, Any] | None:
+    if not isinstance(value, Mapping):
+        return None
+    known = ((str(name), read(one)) for name, one in value.items())
+    return {name: one for name, one in known if one is not None}
+
+
+def _float_or_nan(value: object) -> float:
+    number = recorded_number(value)
+    return math.nan if number is None else number
+
+
+def _count(value: object) -> int | None:
+    number = recorded_number(value)
+    return None if number is None else int(number)
+
+
+def _text(value: object) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+_SIMPLE: dict[Any, _Reader] = {
+    float: recorded_number,
+    int: _count,
+    bool: lambda value: value if isinstance(value, bool) else None,
+    str: _text,
+    Any: lambda value: value,
+    Finding: lambda value: of_record(value) if isinstance(value, Mapping) else None,
+}

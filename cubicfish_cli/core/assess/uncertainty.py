@@ -1,0 +1,148 @@
+"""How sure a camera is of its pixels: over the field in two figures, and at pixels of a photo.
+
+The field is where the camera may be trusted, as far as the photo shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from cubicfish_cli.core.types import FloatArray
+
+CERTAIN_PX = 0.5
+"""A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
+PERCENT = 95.0
+"""Single places at the very edge, where no corner is near, say little of the rest: the second
+figure is what so much of the field is within."""
+_LARGEST_PX = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldUncertainty:
+    """One standard deviation of a distant point's pixel, sqrt(var x + var y), over many places.
+
+    Attributes:
+        median_px: the median.
+        p95_px: not exceeded at 95 % of the places.
+
+    """
+
+    median_px: float
+    p95_px: float
+
+    def as_record(self) -> dict[str, float]:
+        """Plain data for JSON."""
+        return asdict(self)
+
+    @property
+    def words(self) -> str:
+        """``0.009 px (1σ, median over the field; 95 % of it within 0.013 px)``."""
+        return f"{self.median_px:.3f} px ({self.meaning})"
+
+    @property
+    def meaning(self) -> str:
+        """What the median is of, and the other figure: to stand behind the median."""
+        return f"1σ, median over the field; 95 % of it within {self.p95_px:.3f} px"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelUncertainty(FieldUncertainty):
+    """The same at some pixels, and the largest."""
+
+    max_px: float
+
+
+def summed(sigma: FloatArray) -> FieldUncertainty:
+    """Uncertainty at many places (N,), N above 0, in two figures."""
+    return FieldUncertainty(
+        median_px=float(np.median(sigma)), p95_px=float(np.percentile(sigma, PERCENT))
+    )
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class UncertaintyGrid:
+    """One standard deviation of a distant point's pixel, on a grid over the photo.
+
+    Attributes:
+        noise_px: standard deviation of a corner's coordinate.
+        median_px, p95_px, max_px: over the grid.
+        focal_px: of the focal lengths along x and y, pixels per radian.
+        principal_point_px: of the centre of symmetry, x and y.
+        x, y: (C,) and (R,) pixels of the grid.
+        sigma_px: (R, C) sqrt(var x + var y), pixels; NaN outside the valid field.
+
+    """
+
+    noise_px: float = math.nan
+    median_px: float = math.nan
+    p95_px: float = math.nan
+    max_px: float = math.nan
+    focal_px: tuple[float, ...] = ()
+    principal_point_px: tuple[float, ...] = ()
+    x: tuple[float, ...] = ()
+    y: tuple[float, ...] = ()
+    sigma_px: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def field(self) -> FieldUncertainty | None:
+        """In two figures; None where neither they nor the grid are known."""
+        median, p95 = self.median_px, self.p95_px
+        grid = np.array([one for row in self.sigma_px for one in row if math.isfinite(one)])
+        if len(grid):  # older files have no figure of 95 %
+            counted = summed(grid)
+            median = counted.median_px if math.isnan(median) else median
+            p95 = counted.p95_px if math.isnan(p95) else p95
+        known = math.isfinite(median + p95)
+        return FieldUncertainty(median_px=median, p95_px=p95) if known else None
+
+    @property
+    def has_grid(self) -> bool:
+        """Whether x and y grow, and values are unknown or pixels."""
+        if min(len(self.x), len(self.y)) < 2 or len(self.sigma_px) != len(self.y):
+            return False
+        if any(len(row) != len(self.x) for row in self.sigma_px):
+            return False
+        grow = all(bool((np.diff(side) > 0).all()) for side in (self.x, self.y))
+        sigma = np.array(self.sigma_px)
+        return grow and not bool(np.any((sigma < 0) | (sigma >= _LARGEST_PX)))
+
+    def at(self, pixel: FloatArray) -> FloatArray | None:
+        """The uncertainty at pixels (N, 2).
+
+        Returns:
+            (N,) pixels: bilinear between the grid's points that lie in the valid field; NaN where
+            none of the four around does. None where there is no grid.
+
+        """
+        if not self.has_grid:
+            return None
+        x, y, sigma = np.array(self.x), np.array(self.y), np.array(self.sigma_px)
+        sides = zip(pixel.T, (x, y), strict=True)
+        place = np.stack([np.interp(own, side, np.arange(len(side))) for own, side in sides])
+        first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
+        share = place - first
+        total, weights = np.zeros(len(pixel)), np.zeros(len(pixel))
+        for right in (0, 1):
+            for down in (0, 1):
+                weight = np.abs(1 - right - share[0]) * np.abs(1 - down - share[1])
+                value = sigma[first[1] + down, first[0] + right]
+                weight = np.where(np.isfinite(value), weight, 0)
+                total += weight * np.nan_to_num(value)
+                weights += weight
+        with np.errstate(invalid="ignore"):
+            return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
+
+    def over(self, pixel: FloatArray) -> PixelUncertainty | None:
+        """In figures, over some pixels (N, 2); None where nothing is known of them."""
+        sigma = self.at(pixel)
+        sigma = None if sigma is None else sigma[np.isfinite(sigma)]
+        if sigma is None or not len(sigma):
+            return None
+        return PixelUncertainty(**vars(summed(sigma)), max_px=float(sigma.max()))
+
+    def __repr__(self) -> str:
+        """Its figures in one line."""
+        return f"<uncertainty: {self.median_px:.3f} px, at most {self.max_px:.3f} px>"

@@ -1,0 +1,350 @@
+"""Verdict on a calibration: good, usable with care or not to be trusted, and why.
+
+It reads the plain record that camera.yaml keeps, so that a calibration of last year is judged as
+one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos, whose
+pixels are smaller, may be off by proportionally more of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.assess.fit_record import (
+    DroppedCorner,
+    ErrorStatistics,
+    FitRecord,
+    PhotoRecord,
+)
+from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, FieldUncertainty
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import (
+    Finding,
+    Level,
+    asks_for_photos,
+    level_of,
+)
+from cubicfish_cli.core.types import FloatArray
+
+WORDS: Mapping[Level, str] = {
+    "good": "good",
+    "care": "usable with care",
+    "bad": "not to be trusted",
+}
+_SIDE = 2000.0
+# Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere.
+_ERROR_PX = (1.0, 3.0)
+# A camera that is right to this on photos it never saw is not blamed for being righter on others.
+_RIGHT_PX = 0.25
+# Held-out error over that of the fit, and the held-out error from which that matters.
+_OVERFIT = ((1.5, _RIGHT_PX), (3.0, 0.5))
+# Held-out error over the radial reference's, which has a seventh of the parameters.
+# However small both are: a user of a radial lens would have the better camera.
+_BESIDE_COMPANION = ((1.02, 0.0), (2.0, 0.5))
+# Error on other photos over that when the camera was calibrated.
+_WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
+_COVERAGE = (0.5, 0.2)
+_SEEN_SHARE = 0.3
+# How far pixels may be off by all that photos say, of which corners' noise is the least: where a
+# camera counts as certain, and where it is as bad as corners that are off by so much.
+_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, _ERROR_PX[1])
+_RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
+_DROPPED_SHARE = (0.05, 0.2)
+_REJECTED_SHARE = (1 / 3, 1 / 2)
+_FEW_CORNERS = 200
+_FEW_PHOTOS = 3
+# Photos of one flat board from which on a lens is known somehow, and well.
+_FEW_OF_A_PLANE = (8, 4)
+# Error at the rim over that in the middle, and the error from which that matters.
+_RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
+# Less of the rim than this is told beside the coverage of the whole.
+_WHOLE_RIM = 0.9
+# A field that goes so many degrees beyond where corners are all around, and is uncertain there.
+_EXTRAPOLATED_DEG = 15.0
+# Findings that explain no errors.
+_NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
+_WORSE_PHOTO = 3.0
+_FEW_CORNERS_IN_PHOTO = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What a fit is worth.
+
+    Attributes:
+        level: the worst of the reasons'; ``good`` without any.
+        figures: the figures that it rests on, in words.
+        reasons: what is against the camera: causes that are known, then the rest, the worst first.
+
+    """
+
+    level: Level
+    figures: str
+    reasons: tuple[Finding, ...]
+
+    @property
+    def words(self) -> str:
+        """``good``, ``usable with care`` or ``not to be trusted``."""
+        return WORDS[self.level]
+
+    @property
+    def asks_for_photos(self) -> bool:
+        """Whether a reason says to take photos, more or others."""
+        return asks_for_photos(self.reasons)
+
+    @property
+    def line(self) -> str:
+        """All in one line: the word, and the figures or the first reason."""
+        if not self.reasons:
+            return f"{self.words}: {self.figures}"
+        more = len(self.reasons) - 1
+        others = f" (and {more} more reason{'s' * (more > 1)})" if more else ""
+        first = self.reasons[0]
+        return f"{self.words}: {first.why}{others}; {first.do}"
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "level": self.level,
+            "words": self.words,
+            "figures": self.figures,
+            "reasons": [{**reason.as_record(), "why": reason.why} for reason in self.reasons],
+        }
+
+
+def verdict(
+    fit: FitRecord, image_size: tuple[int, int], outline: FloatArray | None = None
+) -> Verdict:
+    """Judge a fit by its record.
+
+    Args:
+        fit: the record.
+        image_size: (width, height), pixels.
+        outline: (K, 2) the field within the photo where the camera may be trusted, pixels;
+            None where there is none.
+
+    """
+    scale = max(1.0, max(image_size) / _SIDE)
+    causes, asides = _of_findings(fit)
+    reasons = [*asides, *_of_figures(fit, image_size, outline, scale), *_of_object(fit)]
+    reasons.sort(key=_is_mild)
+    reasons = [*sorted(causes, key=_is_mild), *reasons]
+    return Verdict(
+        level=level_of(reasons),
+        figures=_figures(fit),
+        reasons=tuple(reasons),
+    )
+
+
+def evaluation_verdict(
+    errors: ErrorStatistics,
+    uncertainty: FieldUncertainty | None,
+    fit: FitRecord,
+    image_size: tuple[int, int],
+) -> Verdict:
+    """Judge how a camera does on photos that it was not fitted to.
+
+    Args:
+        errors: on these.
+        uncertainty: of the camera where their corners are; None where it is not known.
+        fit: the record of the camera's own fit.
+        image_size: (width, height), pixels.
+
+    """
+    scale = max(1.0, max(image_size) / _SIDE)
+    rms, before = errors.rms_px, fit.held_out_rms_px
+    before = before if before > 0 else fit.rms_px
+    if math.isnan(rms):
+        return Verdict(level="bad", figures="no figures are known", reasons=())
+    beside = f", against {before:.3f} px when it was calibrated" if math.isfinite(before) else ""
+    level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
+    if level is None:
+        reasons = _reason(
+            _above(rms / scale, _ERROR_PX), Code.LARGE_ERRORS, "evaluation", error_px=rms
+        )
+    else:
+        figures = {"rms_px": rms, "before_px": before, "times": rms / before}
+        code = Code.WORSE_THAN_BEFORE
+        if errors.p95_px <= 3 * before:
+            code, level, figures = (
+                Code.A_FEW_FAR_OFF,
+                Severity.CARE,
+                {**figures, "p95_px": errors.p95_px},
+            )
+        reasons = [Finding(code=code, severity=level, figures=figures)]
+    # Poses of these photos take up much of what a camera is off by: small errors alone clear none.
+    median_px = math.nan if uncertainty is None else uncertainty.median_px
+    level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    reasons += _reason(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
+    reasons.sort(key=_is_mild)
+    return Verdict(
+        level=level_of(reasons),
+        figures=f"off by {rms:.3f} px on these photos{beside}",
+        reasons=tuple(reasons),
+    )
+
+
+def photo_verdicts(
+    photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
+) -> list[tuple[Finding, ...]]:
+    """What is told of each photo: its errors, also beside those of the others."""
+    most = _ERROR_PX[0] * max(1.0, max(image_size) / _SIDE)
+    errors = [photo.rms_px for photo in photos]
+    typical = median([error for error in errors if math.isfinite(error)] or [0.0])
+    lost = Counter(corner.image for corner in dropped)
+    told = []
+    for photo, error in zip(photos, errors, strict=True):
+        own, out = list[Finding](), lost[photo.image]
+        if len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
+            own += _reason(Severity.BAD, Code.STANDS_OUT, times=error / typical)
+        elif error > most:
+            own += _reason(Severity.BAD, Code.LARGE_ERRORS, "photo")
+        unknown = math.isnan(error) and photo.corners > 0
+        own += _reason(Severity.NOTE if unknown else None, Code.NO_ERROR)
+        own += _reason(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
+        few = photo.corners < _FEW_CORNERS_IN_PHOTO
+        own += _reason(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
+        told.append(tuple(own))
+    return told
+
+
+def _is_mild(reason: Finding) -> bool:
+    return reason.severity is not Severity.BAD
+
+
+def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) -> list[Finding]:
+    """That one thing, if there is a level of it."""
+    return [] if level is None else [Finding(code=code, severity=level, case=case, figures=figures)]
+
+
+def _of_findings(fit: FitRecord) -> tuple[list[Finding], list[Finding]]:
+    """What a diagnosis blames, but for what is no fault of the camera.
+
+    Returns:
+        What explains errors, and what does not.
+
+    """
+    against = [one for one in fit.findings if one.severity is not Severity.NOTE]
+    causes = [one for one in against if one.code not in _NO_ERRORS]
+    return causes, [one for one in against if one.code in _NO_ERRORS]
+
+
+def _of_figures(
+    of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
+) -> Iterator[Finding]:
+    """One rule after the other, by what they weigh; what is not known breaks none.
+
+    First how wrong the camera is and what says that it cannot be right, then where it is less so.
+    """
+    reach, known = of.reach, of.uncertainty
+    held_out, rms, radial, photos = (
+        of.held_out_rms_px, of.rms_px, of.companion_held_out_rms_px, of.images,
+    )  # fmt: skip
+    error = float(np.fmax(held_out, rms))
+    if of.says_nothing:  # no calibration of ours, such as an import
+        yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")
+    elif math.isnan(error):
+        yield from _reason(Severity.BAD, Code.NO_FIGURES)
+    else:
+        level = _above(error / scale, _ERROR_PX)
+        yield from _reason(level, Code.LARGE_ERRORS, error_px=error)
+    case = "few" if 0 < photos < _FEW_PHOTOS else ""
+    level = _care(math.isnan(held_out) and not of.says_nothing)
+    yield from _reason(level, Code.NOT_HELD_OUT, case, photos=photos or None)
+    level = ratio_above(held_out, rms, _OVERFIT, scale)
+    yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
+    level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
+    yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
+    uncertain = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    yield from _reason(uncertain, Code.UNCERTAIN, median_px=known.median_px)
+    if of.flat and photos:  # much of a lens is open in each photo: the others must tell it
+        level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
+        bad = level is Severity.BAD
+        yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
+    # What was left out.
+    dropped, used = of.dropped, of.corners
+    level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
+    yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
+    left_out = len(of.unfit_images)
+    every = left_out + photos
+    level = _above(left_out / max(every, 1), _REJECTED_SHARE)
+    yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
+    level = _above(-of.coverage, (-_COVERAGE[0], -_COVERAGE[1]))
+    yield from _reason(level, Code.LOW_COVERAGE, share=of.coverage)
+    lift, full = ("point", 20) if of.lift == "point" else ("", 16)
+    yield from _reason(_care(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
+    # The field: at the rim, and beyond the corners.
+    rim, middle, start = reach.rim_rms_px, reach.middle_rms_px, reach.rim_from_deg
+    level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
+    yield from _reason(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
+    covered, around, edge = of.covered_deg, reach.all_around_deg, reach.edge_uncertainty_px
+    level = _care(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
+    yield from _reason(
+        level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
+    )
+    level = _care(uncertain is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
+    yield from _reason(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
+    seen = math.nan
+    if outline is not None and len(outline) > 2:
+        seen = _area(outline) / (image_size[0] * image_size[1])
+    yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
+    yield from _reason(_care(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
+
+
+def _of_object(fit: FitRecord) -> Iterator[Finding]:
+    for one in fit.departures:
+        doubts = ", and ".join(doubt.what for doubt in one.doubted)
+        level = _care(bool(doubts))
+        yield from _reason(level, Code.BOARD_DOUBTED, board=one.board, doubted=doubts)
+
+
+def _figures(of: FitRecord) -> str:
+    radial, rim = of.companion_held_out_rms_px, of.reach.rim_coverage
+    parts = []
+    if math.isfinite(of.held_out_rms_px):
+        beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
+        parts.append(f"off by {of.held_out_rms_px:.3f} px{beside} on photos left out of the fit")
+    elif math.isfinite(of.rms_px):
+        parts.append(f"off by {of.rms_px:.3f} px on the photos that it was fitted to")
+    if math.isfinite(of.coverage + of.covered_deg):
+        beside = f" and {100 * rim:.0f} % of its rim" if rim < _WHOLE_RIM else ""
+        parts.append(
+            f"corners cover {100 * of.coverage:.0f} % of the field{beside}, out to "
+            f"{of.covered_deg:.0f}° from the axis"
+        )
+    if out := len(of.unfit_images):
+        parts.append(f"{out} photo{'s' * (out != 1)} left out")
+    return ", ".join(parts) or "no figures are known"
+
+
+def _care(odd: bool) -> Severity | None:
+    return Severity.CARE if odd else None
+
+
+def _above(value: float, limits: Sequence[float]) -> Severity | None:
+    if value > limits[1]:
+        return Severity.BAD
+    return Severity.CARE if value > limits[0] else None
+
+
+def ratio_above(
+    value: float, other: float, limits: Sequence[tuple[float, float]], scale: float
+) -> Severity | None:
+    """The level at which a value is too many times another one, and large enough to matter."""
+    if not other > 0:
+        return None
+    (care, least), (bad, much) = limits
+    if value > bad * other and value > much * scale:
+        return Severity.BAD
+    return Severity.CARE if value > care * other and value > least * scale else None
+
+
+def _area(outline: FloatArray) -> float:
+    x, y = outline.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

@@ -1,0 +1,216 @@
+"""Finding: the record of anything told, by detection, identification, fit, verdict or advice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, TypeVar
+
+from cubicfish_cli.app.words.catalogue import Saying, catalogue
+from cubicfish_cli.core.codes import Code, Remedy, Severity
+from cubicfish_cli.core.phrases import Sentences, listed
+
+Level = Literal["good", "care", "bad"]
+_SENTENCES = Sentences()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that is told of a set-up, a fit, a photo or a grid.
+
+    Attributes:
+        code: what kind of thing.
+        severity: ``bad`` where the camera is wrong with it, ``care`` where it may be, ``note``
+            where it is not.
+        images: names of the photos that it is about; empty for all.
+        boards: names of the boards that it is about; empty for all.
+        case: which form of it, where it has several; a key of the catalogue.
+        because: what says so, where that may be several things; a key of the catalogue.
+        figures: the numbers and names that its sentences need, plain data.
+        recorded: its sentences as an earlier run made them, for what is read from a file.
+
+    """
+
+    code: Code
+    severity: Severity = Severity.NOTE
+    images: tuple[str, ...] = ()
+    boards: tuple[str, ...] = ()
+    case: str = ""
+    because: str = ""
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    recorded: Saying | None = None
+
+    @property
+    def what(self) -> str:
+        """What is the matter, with figures."""
+        return self._said.what
+
+    @property
+    def evidence(self) -> str:
+        """The figures that say so; empty where ``what`` has them."""
+        return self._said.evidence
+
+    @property
+    def do(self) -> str:
+        """What to do about it; empty where there is nothing to do."""
+        return self._said.do
+
+    @property
+    def remedy(self) -> Remedy:
+        """What helps, for programs."""
+        return self._said.remedy
+
+    @property
+    def why(self) -> str:
+        """What is the matter, and what says so."""
+        return f"{self.what} ({self.evidence})" if self.evidence else self.what
+
+    @property
+    def line(self) -> str:
+        """All in one line."""
+        return f"{self.why}; {self.do}" if self.do else self.why
+
+    @property
+    def short(self) -> str:
+        """The same where there is little room."""
+        known = (self.code.value, "short") in catalogue().sayings
+        return replace(self, case="short").what if known else self.line
+
+    def __str__(self) -> str:
+        return self.line
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML; ``cause`` and ``level`` are older names."""
+        return {
+            "cause": self.code.value,
+            "code": self.code.value,
+            "case": self.case,
+            "level": self.severity.value,
+            "severity": self.severity.value,
+            "remedy": self.remedy.value,
+            "what": self.what,
+            "evidence": self.evidence,
+            "do": self.do,
+            "images": list(self.images),
+            "boards": list(self.boards),
+            "figures": dict(self.figures),
+        }
+
+    @property
+    def _about(self) -> dict[str, tuple[str, ...]]:
+        """The names that sentences may have, beside the figures."""
+        return {"images": self.images, "boards": self.boards}
+
+    @cached_property
+    def _said(self) -> Saying:
+        if self.recorded is not None:
+            return self.recorded
+        known = catalogue()
+        saying = known.sayings[self.code, self.case]
+        values: dict[str, Any] = {**self.figures, **self._about}
+        for name in known.phrases.keys() & self.figures.keys():
+            values[name] = _phrase(name, values[name], values)
+        evidence = known.because[self.because] if self.because else saying.evidence
+        what, evidence, do = (
+            _SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do)
+        )
+        return Saying(what, evidence, do, saying.remedy)
+
+
+def of_record(record: Mapping[str, Any]) -> Finding | None:
+    """A finding as a file has it, in the words of that time; None where it is none."""
+    severity = _known(Severity, record.get("severity", record.get("level")))
+    if severity is None:
+        return None
+    words = (str(record.get(key, "")) for key in ("what", "evidence", "do", "case"))
+    what, evidence, do, case = words
+    images, boards = (_names(record.get(key)) for key in ("images", "boards"))
+    figures = record.get("figures")
+    remedy = _known(Remedy, record.get("remedy")) or Remedy.CHECK
+    return Finding(
+        code=_known(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
+        severity=severity,
+        images=images,
+        boards=boards,
+        case=case,
+        figures=figures if isinstance(figures, Mapping) else {},
+        recorded=Saying(what, evidence, do, remedy),
+    )
+
+
+def _names(value: object) -> tuple[str, ...]:
+    return tuple(map(str, value)) if isinstance(value, list) else ()
+
+
+_Word = TypeVar("_Word", Code, Severity, Remedy)
+
+
+def _known(kind: type[_Word], word: object) -> _Word | None:
+    return next((one for one in kind if one.value == word), None)
+
+
+def asks_for_photos(findings: Iterable[Finding]) -> bool:
+    """Whether any of them is mended by taking photos, more or others."""
+    return any(one.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN) for one in findings)
+
+
+def level_of(findings: Iterable[Finding]) -> Level:
+    """The largest severity; ``good`` where nothing is worse than a note."""
+    found = {finding.severity for finding in findings}
+    return "bad" if Severity.BAD in found else "care" if Severity.CARE in found else "good"
+
+
+def joined(findings: Sequence[Finding]) -> str:
+    """What is told of a photo, in a few words; ``good`` where there is nothing."""
+    return "; ".join(finding.line for finding in findings) or "good"
+
+
+def _phrase(name: str, value: Any, values: Mapping[str, Any]) -> str:
+    """A part of a sentence that depends on a figure: one phrase, or a list of records' phrases."""
+    phrases = catalogue().phrases[name]
+    if isinstance(value, str):
+        return _SENTENCES.vformat(phrases[value], (), values)
+    said = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
+    return listed(said, name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigFinding(Finding):
+    """Something that is likely wrong with a rig.
+
+    Attributes:
+        cameras: whose.
+        shots: of which shots, or of which photos where these are not of their shot.
+
+    """
+
+    cameras: tuple[str, ...] = ()
+    shots: tuple[str, ...] = ()
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON and YAML."""
+        return {
+            **super().as_record(),
+            "cameras": list(self.cameras),
+            "shots": list(self.shots),
+            "line": self.line,
+        }
+
+    @property
+    def _about(self) -> dict[str, tuple[str, ...]]:
+        return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
+
+
+def of_camera(name: str, finding: Finding) -> RigFinding:
+    """What is told of one camera alone, as a rig tells it."""
+    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
+    return RigFinding(
+        code=finding.code,
+        severity=finding.severity,
+        images=finding.images,
+        boards=finding.boards,
+        figures=finding.figures,
+        recorded=said,
+        cameras=(name,),
+    )

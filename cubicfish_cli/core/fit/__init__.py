@@ -1,0 +1,40 @@
+"""2D-3D pairs -> camera and poses.
+
+`core/fit/calibrate.py` reads as the recipe, and `model_selection.py` as that of the target's
+levels. The direction of a pixel from the image's centre does not depend on the radial profile,
+which gives linear start poses without any guess (`radial_pose.py`, `start.py`). A Kannala–Brandt
+lens and all poses follow (`radial_reference.py`). The cubic starts from the one nearest to the
+radial reference on a cone (`linear.py`, Eq. 8–9, then least squares in pixels:
+`nearest_cubic.py`) and is fitted jointly with all poses (`cubic_fit.py`; `adjustment.py` takes
+the steps, `linearise.py` has the residuals and their derivatives, Eq. 10, and
+`pose_refinement.py` photos that a step leads astray), held by a weak prior to the nearest lens of
+the radial reference's kind, decentred and tilted (`asymmetric.py`, and `RayPrior` in
+`lenses.py`). That fixes the gauge and keeps poles out where there are no corners. How symmetric
+that lens is and how firmly it holds P is chosen by photos that are left out (`prior_choice.py`),
+to first order (`left_out.py`). `core/lenses/cubic.py` checks for poles and folds over the whole
+trusted cone. Grossly wrong corners are dropped and listed, and at the end those that depart from
+their neighbours (`rejection.py`). Photos count by their own noise (`photo_noise.py`), and
+`held_out.py` says what the camera is worth on photos that it never saw.
+
+What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what
+corners say is (`NormalSums`): they add up, and what photos put in is taken out again where they
+are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it.
+
+The target may be fitted in the same adjustment (`deformable_target.py`; as drawn it is one of
+which nothing is free): boards' shapes and places are shared unknowns like the lens, corners' own
+offsets a second family of small blocks beside the poses, of which `normal_equations.py`
+eliminates the larger. `refinement.py` fits each level, and `model_selection.py` takes the richest
+by which held-out photos gain. Before corners are fitted one by one, `orientation.py` asks which
+way round photos show a target that looks the same after a turn (`placement.py`), and a rig's
+cameras are made to agree (`fit/names.py`). `uncertainty.py` carries the corners' noise through
+the normal equations to pixels, `photo_spread.py` adds what photos' shared errors do,
+`findings.py` notes what is odd, and `deformation.py` measures by how much a fitted target departs
+from its drawing: what of that is doubted `core/assess/doubts.py` decides.
+
+The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
+there is none; `evidence.py`) to a function that its caller gives it, and takes findings back.
+
+Beside it stand `model_comparison.py` (the table that `calibrate --compare` prints), `conversion/`
+(cubic cameras from and to other lenses), `comparison.py` and `alignment.py` (two cameras, pixel
+by pixel) and `point_fit.py` (the paper's literal model, on points instead of rays).
+"""

@@ -1,0 +1,325 @@
+"""2D-3D pairs -> camera: the whole fit, with what it left out and how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.assess.doubts import with_doubts
+from cubicfish_cli.core.assess.fit_record import Departure, DroppedCorner, FitRecord
+from cubicfish_cli.core.assess.pupil import pupil_effect
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.coverage_extent import coverage_extent, trusted_angle_deg
+from cubicfish_cli.core.fit.cubic_fit import CubicResult
+from cubicfish_cli.core.fit.deformation import departures
+from cubicfish_cli.core.fit.evidence import Diagnose, FailedFit, FitEvidence
+from cubicfish_cli.core.fit.findings import blind_angle, dropped_groups, field_cells
+from cubicfish_cli.core.fit.frame import in_references_frame
+from cubicfish_cli.core.fit.lenses import CubicFit
+from cubicfish_cli.core.fit.local_noise import within_noise
+from cubicfish_cli.core.fit.model_selection import RefineTarget, SelectedModel, select_model
+from cubicfish_cli.core.fit.photo_spread import photo_spread
+from cubicfish_cli.core.fit.radial_reference import (
+    CHECK_ALL,
+    RadialReference,
+    fit_radial,
+    terms_beyond,
+)
+from cubicfish_cli.core.fit.refinement import (
+    NominalTarget,
+    TargetFit,
+    fit_nominal_target,
+    to_the_bottom,
+)
+from cubicfish_cli.core.fit.rejection import (
+    dropped_corners,
+    strays,
+    without_gross,
+    without_noisy,
+)
+from cubicfish_cli.core.fit.repeats import repeated_groups
+from cubicfish_cli.core.fit.stages import Progress, Stages
+from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
+from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one, world_scale
+from cubicfish_cli.core.fit.uncertainty import uncertainty_grid
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.lift import lift
+from cubicfish_cli.core.lenses.nearest import nearest_from_near
+from cubicfish_cli.core.lenses.pupil import from_pupil
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.placement import renamed
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.threads import one_blas_thread
+
+# Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
+MIN_PAIRS = 30
+# Boards whose corners leave a plane by less than this share of their extent count as flat.
+_FLAT = 1e-4
+# A sheet that is fitted too is bent a little; a target of two boards leaves a plane by far more.
+_NEARLY_FLAT = 0.02
+# Beyond this relative uncertainty of the focal length the photos do not determine the lens.
+_MAX_FOCAL_UNCERTAINTY = 0.05
+_RAYS = 500
+_NO_CONVERGENCE = "the fit does not converge"
+
+
+class _UndeterminedError(FitError):
+    """The corners fit, and do not determine the lens."""
+
+
+@one_blas_thread()
+def calibrate(
+    pairs: Observations,
+    *,
+    target: Target | None = None,
+    refine_target: RefineTarget = "auto",
+    hold_out: bool = True,
+    diagnose: Diagnose | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Fit the cubic camera (``ray`` lift) and the pose of every photo to 2D-3D pairs.
+
+    Zhu & Yin (2010): poses and the radial reference first, without any guess; then P by the
+    linear equations 8–9 and Levenberg–Marquardt on Eq. 10, jointly with all poses and, where it
+    helps photos that were left out, with the target itself.
+
+    Args:
+        pairs: 2D-3D pairs of one or more photos of one rigid target.
+        target: the target; without it (pairs that came as such) it stays as it is.
+        refine_target: what of the target is fitted too: ``off``, ``shape`` (boards bend, twist,
+            stretch and move a little), ``points`` (each corner has an offset of its own as
+            well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
+            where it is not certain of any corner which it is.
+        hold_out: also measure the held-out error (five more fits per level); ``auto`` needs it.
+        diagnose: tells what is likely wrong with the set-up; by default nobody does.
+        progress: called with what is done now, in words, and the share done, 0 to 1.
+
+    Raises:
+        FitError: the pairs are too few, all in one photo of one flat board, do not fit the
+            target, or do not determine the lens; where its likely cause is found, the text says
+            it.
+
+    """
+    _refuse_too_little(pairs)
+    if refine_target == "auto" and not pairs.certain.any():
+        refine_target = "off"  # corners that may be others say nothing about the target
+    # What the user chose freely, the world's origin and the unit of weights, must not matter.
+    origin, weight = middle(pairs), pairs.weight.mean()
+    pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
+    given, target = target, target and target.moved(-origin)
+    refined = target is not None and (hold_out or refine_target != "auto")
+    stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
+    try:
+        fitted = _fitted(pairs, target, refine_target, hold_out, stages)
+        stages.begin("checks")
+        near = _assessed(fitted, pairs, target, diagnose)
+    except (FitError, np.linalg.LinAlgError) as failure:
+        error = (
+            failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
+        )
+        if diagnose is not None:
+            fits = isinstance(failure, _UndeterminedError)
+            found = diagnose(FailedFit(pairs=pairs, target=target, fits=fits))
+            # The likely cause in place of general advice.
+            error = FitError(error.what, do=found[0].line) if found else error
+        raise error from failure
+    used, poses = near.pairs, near.poses.of_world(origin)
+    photos = photo_records(used.images, used.image, near.residual, poses, used.tells_error)
+    return replace(
+        near,
+        fit=replace(near.fit, per_image=photos),
+        pairs=replace(used, world=used.world + origin, weight=used.weight * weight),
+        poses=poses,
+        target=near.target.moved(origin) if near.target and near.refined != "off" else given,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fitted:
+    """What was fitted, before it is said how good it is.
+
+    Attributes:
+        nominal_fit: the fit to the target as drawn.
+        selected: the model that was selected.
+        dropped: corners that were left out.
+        scale: the target's units in one unit of the fit.
+
+    """
+
+    nominal_fit: TargetFit
+    selected: SelectedModel
+    dropped: tuple[DroppedCorner, ...]
+    scale: float
+
+
+def _fitted(
+    pairs: Observations,
+    target: Target | None,
+    refine_target: RefineTarget,
+    hold_out: bool,
+    stages: Stages,
+) -> _Fitted:
+    stages.begin("start")
+    scale = world_scale(pairs)
+    reference = fit_radial(pairs.with_world(pairs.world / scale))
+    stages.begin("cubic")
+    rough, gross, gross_error = without_gross(reference)
+    rough = without_noisy(rough)
+    _refuse_undetermined(rough.reference)
+    nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
+    nominal_fit = fit_nominal_target(rough, nominal)
+    selected = select_model(nominal_fit, nominal, refine_target, hold_out, stages)
+    seen, residual = selected.fit.reference.pairs, selected.fit.cubic.residual
+    astray = strays(seen, residual)
+    if astray.any():
+        selected = selected.without(astray)
+    if target is not None:
+        gross = renamed(gross, target, selected.nominal.renamed)
+    dropped = dropped_corners(gross, gross_error)
+    dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
+    fit = to_the_bottom(selected.fit)
+    return _Fitted(
+        nominal_fit=fit if fit.level == "off" else nominal_fit,
+        selected=replace(selected, fit=fit),
+        dropped=dropped,
+        scale=scale,
+    )
+
+
+def _assessed(
+    fitted: _Fitted, pairs: Observations, target: Target | None, diagnose: Diagnose | None
+) -> Calibration:
+    selected, scale = fitted.selected, fitted.scale
+    fit, nominal, held_out = selected.fit, selected.nominal, selected.held_out
+    cubic, reference = fit.cubic, fit.reference
+    used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
+    refined = fit.refined_target(nominal)
+    camera = CubicCamera(
+        image_size=pairs.image_size,
+        P=cubic.lens.P,
+        max_angle_deg=cubic.max_angle_deg,
+        radial=_far_radial(cubic.lens, reference),
+        pupil_travel=0.0 if cubic.prior.central else cubic.lens.travel * scale,
+        units=None if target is None else target.units,
+    )
+    places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
+    spread = photo_spread(cubic, reference, places, selected.in_doubt)
+    points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
+    effect = pupil_effect(camera, points * scale, reference.covered)
+    points = from_pupil(points, cubic.lens.travel)
+    covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
+    trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
+    camera = replace(camera, max_angle_deg=trusted)
+    uncertainty = uncertainty_grid(spread, camera, blind_angle(points))
+    told = np.where(used.tells_error[:, None], cubic.residual, np.nan)
+    rim = coverage_extent(camera, points, told, spread.sigma_px)
+    camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
+    dropped = fitted.dropped
+    findings: Sequence[Finding] = ()
+    if diagnose is not None:
+        findings = diagnose(
+            FitEvidence(
+                pairs=pairs,
+                target=target,
+                nominal_fit=fitted.nominal_fit,
+                fit=fit,
+                nominal=nominal,
+                dropped=[(corner.image, corner.board) for corner in dropped],
+                uncertainty=uncertainty,
+            )
+        )
+    departed: tuple[Departure, ...] = ()
+    if target is not None and refined is not None:
+        departed = with_doubts(departures(target, refined), target, findings)
+    errors = error_statistics(cubic.errors, len(used.pixel))
+    tried: dict[str, float] = {level: error.rms_px for level, error in held_out.items() if error}
+    left_out = held_out.get(fit.level)
+    notes = tuple(dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped]))
+    record = FitRecord(
+        **vars(errors),
+        images=len(used.images),
+        held_out_rms_px=left_out.rms_px if left_out else np.nan,
+        held_out_folds=left_out.folds if left_out else 0,
+        companion_rms_px=rms_px(reference.errors),
+        companion_held_out_rms_px=left_out.companion_rms_px if left_out else np.nan,
+        refine_target=fit.level,
+        held_out_by_level=tried,
+        renamed_images=tuple(nominal.renamed),
+        departures=departed,
+        rank=_rank(reference, cubic),
+        covered_deg=covered_deg,
+        reach=rim,
+        pupil=effect,
+        flat=flatness(used.world) < _NEARLY_FLAT,
+        prior_weight=cubic.prior.weight,
+        prior_spread=cubic.prior.spread,
+        coverage=field_cells(camera, used.pixel).coverage,
+        notes=tuple(note.line for note in notes),
+        findings=tuple(findings),
+        uncertainty=uncertainty,
+        dropped=len(dropped),
+        dropped_corners=dropped,
+        unfit_images={photo: why.line for photo, why in reference.unfit.items()},
+    )
+    return Calibration(
+        camera=camera,
+        poses=poses,
+        pairs=used,
+        residual=cubic.residual,
+        fit=record,
+        held_out=left_out,
+        prior=cubic.prior,
+        runners_up=cubic.runners_up,
+        unfit=reference.unfit,
+        target=refined,
+        renamed=nominal.renamed,
+        notes=notes,
+    )
+
+
+def _refuse_too_little(pairs: Observations) -> None:
+    if len(pairs.pixel) < MIN_PAIRS:
+        raise FitError(
+            f"{len(pairs.pixel)} corners are too few: a cubic camera needs at least {MIN_PAIRS} "
+            "(and some hundreds to be good); take more photos or use a board with more squares"
+        )
+    if len(pairs.images) == 1 and flatness(pairs.world) < _FLAT:
+        raise FitError(
+            f"{pairs.images[0]} alone shows one flat board, which cannot determine a lens",
+            do="add photos of it from other sides (five or more, tilted), or use a target with two "
+            "or more boards at an angle, of which one photo is enough",
+        )
+
+
+def _refuse_undetermined(reference: RadialReference) -> None:
+    if reference.focal_uncertainty > _MAX_FOCAL_UNCERTAINTY:
+        fits = within_noise(reference.pairs, reference.residual) and not reference.unfit
+        raise (_UndeterminedError if fits else FitError)(
+            "the photos do not determine the lens (its focal length is uncertain by "
+            f"{100 * reference.focal_uncertainty:.0f} %)",
+            do="add photos in which the boards are tilted and nearer to the rim",
+        )
+
+
+def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
+    """The radial lens nearest to P: the reference is fitted to corners, which are near."""
+    if not lens.travel:
+        return reference.camera
+    rays = cone_rays(reference.covered, _RAYS)
+    held = terms_beyond(reference.terms)
+    found = nearest_from_near(reference.camera, rays, lens.far(rays), held=held)
+    sees = min(reference.covered, reference.camera.max_angle)
+    return found if found.max_angle >= sees else reference.camera
+
+
+def _rank(reference: RadialReference, cubic: CubicResult) -> int:
+    points = cubic.poses.apply(reference.pairs.image, reference.pairs.world)
+    rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    return int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays))))

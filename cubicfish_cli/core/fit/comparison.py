@@ -1,0 +1,188 @@
+"""Two cameras of one size, pixel by pixel: how far apart they see the same ray."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.alignment import aligned_to_pixels
+from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
+from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import Brief
+
+# Pixels that numbers are taken at, and rays that the frames are aligned by.
+_PIXELS = 40_000
+_ALIGNING_PIXELS = 2_500
+_FEW_PIXELS = 400
+_RING_DEG = 10.0
+
+
+class ComparedCamera(Protocol):
+    """A central camera."""
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height), pixels."""
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        """Camera-frame points (..., 3) -> pixels (..., 2), NaN outside the field."""
+
+    def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
+        """Pixels (..., 2) -> unit rays (..., 3), NaN outside the field."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Comparison(Brief):
+    """Differences of a second camera to a first one, in the first one's pixels.
+
+    Attributes:
+        first, second: the cameras.
+        rotation: (3, 3) from the first camera's frame to the second's, the one that makes the
+            differences smallest.
+        scale: pixels of the first camera's photos for one of the second's.
+        statistics: over a grid of pixels of the common field; ``corners`` counts the pixels.
+        common_share: how much of the first camera's field the second one sees too.
+        rings: by angle from the first camera's axis: ``from_deg``, ``to_deg``, ``rms_px``,
+            ``max_px`` and the number of pixels.
+
+    """
+
+    first: ComparedCamera
+    second: ComparedCamera
+    rotation: FloatArray
+    scale: float
+    statistics: ErrorStatistics
+    common_share: float
+    rings: list[dict[str, float]]
+
+    @property
+    def rotation_deg(self) -> float:
+        """Angle of the rotation between the frames."""
+        return float(np.rad2deg(Rotation.from_matrix(self.rotation).magnitude()))
+
+    def difference(self, pixel: FloatArray) -> FloatArray:
+        """Where the second camera sees what the first sees at ``pixel``, less it.
+
+        Args:
+            pixel: (..., 2) of the first camera.
+
+        Returns:
+            (..., 2) pixels of the first camera; NaN outside the common field.
+
+        """
+        rays = self.first.unproject(pixel)
+        return _Rescaled(self.second, self.scale).project(rays @ self.rotation.T) - pixel
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        record = self.statistics.as_record()
+        record["pixels"] = record.pop("corners")
+        return {
+            **record,
+            "common_share": self.common_share,
+            "rotation_deg": self.rotation_deg,
+            "scale": self.scale,
+            "by_angle": self.rings,
+        }
+
+
+class _Rescaled:
+    """A camera in the pixels of photos that were scaled."""
+
+    def __init__(self, camera: ComparedCamera, scale: float) -> None:
+        self._camera, self._scale = camera, scale
+
+    def project(self, points: FloatArray, /) -> FloatArray:
+        return (self._camera.project(points) + 0.5) * self._scale - 0.5
+
+
+def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
+    """Differences of two cameras over their common field, frames aligned.
+
+    Raises:
+        FitError: the photos' sizes are neither equal nor one an exact rescale of the other, or
+            the cameras have no field in common.
+
+    """
+    scale = _scale(first.image_size, second.image_size)
+    pixel = pixel_grid(first.image_size, _PIXELS)
+    rays = first.unproject(pixel)
+    if np.isfinite(rays[:, 0]).sum() < _FEW_PIXELS:  # a narrow field falls between them
+        pixel = _near_axis(first)
+        rays = first.unproject(pixel)
+    seen = np.flatnonzero(np.isfinite(rays[:, 0]))
+    some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
+    _, rotation = aligned_to_pixels(_Rescaled(second, scale), rays[some], pixel[some])
+    miss = _Rescaled(second, scale).project(rays[seen] @ rotation.T) - pixel[seen]
+    common = np.isfinite(miss[:, 0])
+    if not common.any():
+        raise FitError(
+            "the two cameras see no common field: are both of the same lens, in photos that were "
+            "neither cropped nor turned?"
+        )
+    return Comparison(
+        first=first,
+        second=second,
+        rotation=rotation,
+        scale=scale,
+        statistics=error_statistics(miss[common]),
+        common_share=float(common.mean()),
+        rings=rings(angle_from_axis(rays[seen][common]), miss[common]),
+    )
+
+
+def _near_axis(camera: ComparedCamera) -> FloatArray:
+    """Pixels (N, 2) spread evenly over the part of the photo that a camera of narrow field sees."""
+    angle = np.deg2rad(np.geomspace(1e-3, 90, 200))[:, None]
+    around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    fan = ray_at(*np.broadcast_arrays(angle, around))
+    edge = camera.project(fan.reshape(-1, 3))
+    edge = edge[np.isfinite(edge[:, 0])]
+    if not len(edge):
+        return np.zeros((0, 2))
+    side = round(_PIXELS**0.5)
+    low = np.maximum(edge.min(axis=0), 0)
+    high = np.minimum(edge.max(axis=0), np.subtract(camera.image_size, 1))
+    x, y = np.linspace(low, high, side).T
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def pixel_grid(image_size: tuple[int, int], count: int) -> FloatArray:
+    """About ``count`` pixels spread evenly over a photo: (N, 2), row by row."""
+    width, height = image_size
+    step = max(1.0, float(np.sqrt(width * height / count)))
+    x = np.linspace(0, width - 1, max(2, round(width / step)))
+    y = np.linspace(0, height - 1, max(2, round(height / step)))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _scale(first: tuple[int, int], second: tuple[int, int]) -> float:
+    if first[0] * second[1] != first[1] * second[0]:
+        raise FitError(
+            "the cameras are for photos of {}x{} and {}x{} pixels, and neither size is the other "
+            "one scaled: compare cameras of one size".format(*first, *second)
+        )
+    return first[0] / second[0]
+
+
+def rings(theta: FloatArray, miss: FloatArray) -> list[dict[str, float]]:
+    """Statistics of differences (N, 2) in rings of 10°, by angles from the axis (N,) in radians."""
+    ring = (np.rad2deg(theta) // _RING_DEG).astype(int)
+    return [
+        {
+            "from_deg": number * _RING_DEG,
+            "to_deg": (number + 1) * _RING_DEG,
+            "rms_px": rms_px(miss[ring == number]),
+            "max_px": float(np.linalg.norm(miss[ring == number], axis=1).max()),
+            "pixels": int((ring == number).sum()),
+        }
+        for number in np.unique(ring).tolist()
+    ]

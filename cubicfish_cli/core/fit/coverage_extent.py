@@ -1,0 +1,125 @@
+"""How far corners reach, how far beyond them the camera is extrapolated, and what that costs.
+
+Squares of the picture say whether its parts hold corners. At the rim, where a lens bends most and
+few corners are, that is too coarse: here each direction from the axis is looked at by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis, azimuth
+from cubicfish_cli.core.assess.fit_record import CoverageExtent
+from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.types import FloatArray
+
+Sigma = Callable[[FloatArray], FloatArray]
+
+_DIRECTIONS = 72
+# A corner stands for directions so far to both sides, and in its own for so much of the field more.
+_BESIDE_DEG = 10.0
+_BEYOND = 0.05
+_NEARLY_ALL = 0.9
+# Directions that reach to within this share of where the field's corners end reach its rim.
+_NEAR = 0.1
+# The rim's errors are those of the outermost corners, the middle's of those within half the field.
+_RIM_SHARE, _FEWEST_AT_THE_RIM = 0.1, 20
+_MIDDLE = 0.5
+# Beyond the corners the camera may be trusted as long as it is certain, or no more than so many
+# times as uncertain as at their edge; a degree is let in any case.
+_TIMES, _SIDE = 2.0, 2000.0
+_LEAST_MARGIN_DEG = 1.0
+_STEP_DEG = 0.25
+
+
+def coverage_extent(
+    camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: Sigma
+) -> CoverageExtent:
+    """Look at the rim.
+
+    Args:
+        camera: the camera.
+        points: (N, 3) the corners of the fit in its frame.
+        residual: (N, 2) their errors, pixels; NaN where one cannot be told.
+        sigma: uncertainty of the pixels of unit rays (M, 3) -> (M,), pixels.
+
+    """
+    angle = np.rad2deg(angle_from_axis(points))
+    covered = float(angle.max())
+    at_edge = camera.edge(_DIRECTIONS)
+    edge = np.rad2deg(angle_from_axis(at_edge))
+    own = np.rad2deg(azimuth(points[:, :2]))
+    around = np.arange(_DIRECTIONS) * 360 / _DIRECTIONS
+    beside = np.abs((own - around[:, None] + 180) % 360 - 180) <= _BESIDE_DEG
+    reached = np.where(beside, angle, 0.0).max(axis=1)
+    short = np.minimum(edge, covered) - reached
+    uncertain = sigma(at_edge)
+    uncertain = uncertain[np.isfinite(uncertain)]
+    rim, middle, rim_from = _errors(angle, residual)
+    return CoverageExtent(
+        all_around_deg=_all_around(reached, edge, covered),
+        rim_coverage=float(np.mean(short <= _NEAR * covered)),
+        extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
+        edge_uncertainty_px=float(np.median(uncertain)) if uncertain.size else np.nan,
+        rim_from_deg=rim_from,
+        rim_rms_px=rim,
+        middle_rms_px=middle,
+    )
+
+
+def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> float:
+    """How far from the axis the camera may be trusted: beyond its corners while it is certain.
+
+    Args:
+        camera: the camera; its own angle is the farthest that is thought of.
+        covered_deg: how far from the axis corners reach.
+        sigma: as :func:`coverage_extent` takes it.
+
+    """
+    farthest = camera.max_angle_deg
+    least = min(covered_deg + _LEAST_MARGIN_DEG, farthest)
+    tried = np.append(np.arange(least, farthest, _STEP_DEG), farthest)
+    limit = CERTAIN_PX * max(1.0, max(camera.image_size) / _SIDE)
+    at_corners, *beyond = _on_rings(sigma, np.append(covered_deg, tried))
+    certain = np.array(beyond) <= max(limit, _TIMES * at_corners)
+    last = len(tried) if certain.all() else int(certain.argmin())
+    return float(tried[max(last - 1, 0)])
+
+
+def _on_rings(sigma: Sigma, angles_deg: FloatArray) -> FloatArray:
+    """(R,) medians over rays at angles (R,) from the axis."""
+    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    angle, azimuths = np.meshgrid(np.deg2rad(angles_deg), around, indexing="ij")
+    rays = ray_at(angle.ravel(), azimuths.ravel())
+    return np.median(sigma(rays).reshape(angle.shape), axis=1)
+
+
+def _all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
+    """The largest angle up to which corners are nearly all around, where the photo shows it."""
+    angles = np.arange(1.0, covered, 1.0)
+    shown = edge >= angles[:, None]
+    near = reached + _BEYOND * covered >= angles[:, None]
+    share = (shown & near).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+    short = np.flatnonzero((share < _NEARLY_ALL) & shown.any(axis=1))
+    return float(angles[short[0]] - 1) if short.size else covered
+
+
+def _errors(angle: FloatArray, residual: FloatArray) -> tuple[float, float, float]:
+    """RMS at the rim and in the middle, and from which angle on the rim is; NaN if too few tell."""
+    told = np.isfinite(residual[:, 0])
+    angle, residual = angle[told], residual[told]
+    count = max(_FEWEST_AT_THE_RIM, round(_RIM_SHARE * len(angle)))
+    if len(angle) < 3 * count:
+        return np.nan, np.nan, np.nan
+    start = float(np.floor(np.sort(angle)[-count]))
+    square = np.sum(residual * residual, axis=1)
+    rim, middle = square[angle >= start], square[angle <= _MIDDLE * start]
+    if len(middle) < _FEWEST_AT_THE_RIM:
+        middle = square[angle < start]
+    if not middle.size:
+        return np.nan, np.nan, np.nan
+    return float(np.sqrt(rim.mean())), float(np.sqrt(middle.mean())), start

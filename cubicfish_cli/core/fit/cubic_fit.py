@@ -1,0 +1,286 @@
+"""Fitting the cubic camera and all poses jointly, from the radial reference.
+
+P is held to the reference, bent as real lenses are, by a weak prior on a cone
+(pseudo-observations): it keeps poles out where no corner is, and fixes the rotation that P could
+otherwise absorb. How symmetric the lens is that holds P, and how firmly it does, are two unknowns
+of each camera: :class:`PriorChoice`, chosen in prior_choice.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.lenses import CubicFit, RayPrior
+from cubicfish_cli.core.fit.nearest_cubic import (
+    MARGIN_DEG,
+    SAFER_PULLS,
+    cone_angle,
+    refined_cubic,
+)
+from cubicfish_cli.core.fit.photo_noise import ALIKE
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.radial_reference import RadialReference
+from cubicfish_cli.core.fit.robust import huber_px, noise_px, wide_px
+from cubicfish_cli.core.lenses.cubic import Validity, check_validity
+from cubicfish_cli.core.types import FloatArray
+
+# Expected relative departure of P3Φ from that of the reference's cubic: so loose that where the
+# optimum is hardly depends on it, and far from a pole.
+_DENOMINATOR_SPREAD = 0.3
+# Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
+# length.
+_TRAVEL_SPREAD = 0.02
+# Pixels that hold it where it is, whatever corners say.
+_STILL = 1e7
+_STRONGEST = 1e4
+NEAR_DECREASE = 1e-6
+"""For fits that only lead to the next one."""
+# Beyond it pixels move by less than a hundredth of what they are uncertain by.
+_LAST_DECREASE = 1e-8
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorChoice:
+    """What P is held to, and how firmly.
+
+    Attributes:
+        spread: expected asymmetry of the lens that holds P (see
+            :class:`~cubicfish_cli.core.fit.asymmetric.BentFit`); 0 for a symmetric one.
+        weight: weight of the pseudo-observations.
+        central: whether the entrance pupil stands still.
+
+    """
+
+    spread: float
+    weight: float
+    central: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunnerUp:
+    """Another prior that may be the better one.
+
+    Attributes:
+        prior: the prior.
+        likely: how likely it is the best of all, 0 to 1.
+
+    """
+
+    prior: PriorChoice
+    likely: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CubicResult:
+    """The cubic lens at the optimum.
+
+    Attributes:
+        fit: the adjustment.
+        prior: how P was held to the reference.
+        max_angle_deg: half-angle of the cone over which P may be trusted.
+        validity: the check for poles and folds over that cone.
+        runners_up: priors that other photos would speak for; none where none was sought.
+
+    """
+
+    fit: Adjustment[CubicFit]
+    prior: PriorChoice
+    max_angle_deg: float
+    validity: Validity
+    runners_up: tuple[RunnerUp, ...] = ()
+
+    @property
+    def lens(self) -> CubicFit:
+        """The fitted lens; its P is (3, 20) in pixels."""
+        return self.fit.lens
+
+    @property
+    def poses(self) -> Poses:
+        """camera_from_world of each photo."""
+        return self.fit.poses
+
+    @property
+    def residual(self) -> FloatArray:
+        """(N, 2) projection less pixel, pixels."""
+        return self.fit.residual
+
+    @property
+    def errors(self) -> FloatArray:
+        """(K, 2) of the pairs whose error the fit can tell."""
+        return self.fit.errors
+
+
+def fit_cubic(
+    reference: RadialReference,
+    prior: PriorChoice,
+    *,
+    world: DeformableTarget | None = None,
+    start: CubicResult | None = None,
+    afresh: bool = False,
+    relative_decrease: float = _LAST_DECREASE,
+) -> CubicResult:
+    """Fit P and all poses (Eq. 10) from a reference's lens and poses.
+
+    Args:
+        reference: the radial fit to start from and to lean on.
+        prior: how P is held to it.
+        world: the target, where it is free; its points are those of the reference's pairs.
+        start: a fit to the same photos from which to start, where there is one.
+        afresh: start from the reference all the same, with the loss of ``start``.
+        relative_decrease: when to stop, as in :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
+
+    Raises:
+        FitError: no weight of the prior gives a camera without poles and folds.
+
+    """
+    max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
+    errors = reference.errors if start is None else start.errors
+    known = None if afresh else start
+    lens, poses = _first(reference, prior, known, world, max_angle_deg, errors)
+    while True:
+        fit = adjust(
+            lens,
+            poses,
+            reference.pairs,
+            huber_px=huber_px(errors) if start else wide_px(errors),
+            world=world,
+            relative_decrease=max(relative_decrease, NEAR_DECREASE),
+            damping=WARM_DAMPING,
+            known=None if known is None else known.fit,
+        )
+        if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
+            fit = fit.again(
+                reference.pairs,
+                relative_decrease=relative_decrease,
+                damping=WARM_DAMPING,
+                limit=huber_px,
+            )
+        validity = check_validity(fit.lens.P, max_angle_deg)
+        if validity.valid:
+            return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg, validity=validity)
+        # A pole crept in: hold P closer to the reference, which has none.
+        prior = replace(prior, weight=prior.weight * 10**0.5)
+        lens, poses = _first(reference, prior, None, world, max_angle_deg, errors)
+        if prior.weight > _STRONGEST:
+            raise FitError(
+                f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
+                f"corners reach {np.rad2deg(reference.covered):.0f}°: check that corners near "
+                "the rim are named rightly, or take photos that cover the field more evenly"
+            )
+
+
+def _first(
+    reference: RadialReference,
+    prior: PriorChoice,
+    start: CubicResult | None,
+    world: DeformableTarget | None,
+    max_angle_deg: float,
+    errors: FloatArray,
+) -> tuple[CubicFit, Poses]:
+    """The first of the starts, from the most exact to the safest, without a pole in sight.
+
+    A start with a pole among the corners or beside them, on the prior's cone, is no reason to
+    give up: photos and radial lens are right all the same.
+    """
+    pairs = reference.pairs
+    points = pairs.world if world is None else world.points
+    lens, poses = None, reference.poses
+    for number, (lens, poses) in enumerate(starts(reference, prior, start, errors)):
+        with np.errstate(over="ignore"):
+            pixel = lens.project(poses.apply(pairs.image, points))
+        if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
+            continue
+        # A pole between corners and rays shows in neither; a fit is known to have none.
+        known = start is not None and number == 0
+        if known or check_validity(lens.P, max_angle_deg).valid:
+            return lens, poses
+    assert lens is not None
+    return lens, poses
+
+
+def starts(
+    reference: RadialReference, prior: PriorChoice, start: CubicResult | None, errors: FloatArray
+) -> Iterator[tuple[CubicFit, Poses]]:
+    """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones.
+
+    A solution from the corners themselves is drawn by outliers and may have a pole just outside
+    them, where Levenberg–Marquardt then stays.
+
+    Args:
+        reference: the radial fit.
+        prior: how P is held to it.
+        start: the known fit, if there is one.
+        errors: (N, 2) of the corners, as far as they are known, pixels.
+
+    """
+    if start is not None:
+        yield held(start.lens, reference, prior, errors), start.poses
+    near, camera, (bent, poses) = reference.cubic, reference.camera, reference.bent(prior.spread)
+    lens = near.lens
+    if prior.spread:
+        lens = refined_cubic(lens, near.rays, bent.project(near.rays) + near.miss)
+    yield held(lens, reference, prior, errors), poses
+    pixel = camera.project(near.rays)
+    for pull in SAFER_PULLS:
+        safer = CubicFit.linear(
+            near.rays, pixel, camera, denominator_pull=pull, weights=near.weights
+        )
+        yield held(safer, reference, prior, errors), reference.poses
+
+
+def held(
+    lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
+) -> CubicFit:
+    """The P of a lens with the prior that this reference asks for.
+
+    One that is left from an earlier fit is for other corners, and for another noise.
+
+    Args:
+        lens: the lens.
+        reference: the radial fit.
+        prior: how P is held to it.
+        errors: (N, 2) of the corners, pixels.
+
+    """
+    near, old, (bent, _) = reference.cubic, lens.ray_prior, reference.bent(prior.spread)
+    if old is not None and old.rays is near.rays:
+        return _with_pupil(lens.held_to(bent, prior.weight), reference, prior, errors)
+    ray_prior = RayPrior(
+        rays=near.rays,
+        lens=bent,
+        miss=near.miss,
+        within=near.within,
+        weight=prior.weight,
+        coefficients=near.lens.coefficients[2],
+        denominator_weight=_denominator_weight(reference, len(near.rays)),
+    )
+    lens = replace(
+        near.lens.with_pixels_of(lens, near.rays), travel=lens.travel, ray_prior=ray_prior
+    )
+    return _with_pupil(lens, reference, prior, errors)
+
+
+def _with_pupil(
+    lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
+) -> CubicFit:
+    """With what a unit of its pupil's travel counts as among corners with these residuals."""
+    if prior.central:
+        return replace(lens, travel=0.0, travel_weight=_STILL)
+    pairs = reference.pairs
+    points = reference.poses.apply(pairs.image, pairs.world)
+    distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
+    sigma = max(noise_px(errors), 1e-3)
+    weight = sigma * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
+    return replace(lens, travel_weight=float(weight))
+
+
+def _denominator_weight(reference: RadialReference, rays: int) -> float:
+    """So that 16 independent relative changes of P3Φ by its spread count one noise each."""
+    sigma = max(noise_px(reference.errors), 1e-3)
+    return float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / rays))

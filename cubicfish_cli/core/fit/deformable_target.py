@@ -1,0 +1,350 @@
+"""The target as least squares sees it: as drawn, or as it really is, with boards that bend, twist,
+stretch and sit a little off their places, and corners that are a little off theirs.
+
+No print is exactly as drawn, and what a target is off by repeats in every photo, so it can be
+told from noise. The overall scale cannot be seen and stays as drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.shape import BoardShape
+from cubicfish_cli.core.fit.fit_lens import gram
+from cubicfish_cli.core.fit.poses import cross, rotation_from_vector
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+
+# What a board may be off by: one standard deviation of the pull to the drawing, relative to the
+# board's half diagonal (for turns, radians). Prints stretch and walls bend by some thousandths.
+_SHAPE_SPREAD = 0.01
+_PLACE_SPREAD = 0.02
+# What they mostly are off by.
+_USUAL_SPREAD = 0.003
+_SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
+_STRETCH = 3  # the first of them that stretches
+_SHAPE_SPREADS = [_SHAPE_SPREAD] * _STRETCH + [_USUAL_SPREAD] * (_SHAPE_TERMS - _STRETCH)
+_STRETCHED = 1  # of the kinds of parameters
+# The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
+_SCALE_SPREAD = 1e-6
+_PLACE_TERMS = 6  # rotation vector, shift
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoardPart:
+    """One board's pairs, and where its parameters stand among all.
+
+    Attributes:
+        board: index of the board in the target.
+        pairs: indices of its pairs.
+        basis: (n, 3, F) world displacement of each pair by each shape parameter; F is 5, or 0
+            for a board that is a list of points.
+        shape: the places of the F shape parameters.
+        place: the places of the 6 of rotation and shift; empty for the board that holds still.
+        middle: (3,) about which the board turns.
+        size: half diagonal, in the world's units.
+
+    """
+
+    board: int
+    pairs: IntArray
+    basis: FloatArray
+    shape: slice
+    place: slice
+    middle: FloatArray
+    size: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DeformableTarget:
+    """World points that follow the boards' shapes and places, and corners' own offsets.
+
+    Attributes:
+        nominal: (N, 3) world point of each pair in the drawing.
+        parts: the boards that were seen; none of a target that stays as drawn.
+        parameters: (S,) relative to each board's half diagonal; zero is the drawing.
+        spread: (S,) standard deviation of each parameter's pull to zero.
+        noise: standard deviation of a corner's coordinate, pixels: what one spread costs.
+        corner: (N,) which free corner each pair is of; empty when corners have no offsets.
+        offsets: (Q, 3) world offset of each free corner; Q is 0 when corners have none.
+        offset_weight: pixels that an offset of one unit counts as.
+
+    """
+
+    nominal: FloatArray
+    parts: tuple[BoardPart, ...] = ()
+    parameters: FloatArray = field(default_factory=lambda: np.zeros(0))
+    spread: FloatArray = field(default_factory=lambda: np.zeros(0))
+    noise: float = 1.0
+    corner: IntArray = field(default_factory=lambda: np.zeros(0, np.intp))
+    offsets: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    offset_weight: float = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether it may depart from its drawing."""
+        return bool(self.parts)
+
+    @classmethod
+    def from_nominal(
+        cls,
+        pairs: Observations,
+        target: Target,
+        *,
+        noise: float,
+        offset_spread: float | None = None,
+        scale: float = 1.0,
+    ) -> DeformableTarget:
+        """The target as drawn, free to depart from it.
+
+        Args:
+            pairs: pairs whose boards are the target's; their world points are the drawing.
+            target: the drawing.
+            noise: standard deviation of a corner's coordinate, pixels.
+            offset_spread: standard deviation of corners' own offsets, in the pairs' units; None
+                where corners have none.
+            scale: the target's units in one unit of the pairs.
+
+        """
+        parts: list[BoardPart] = []
+        spread: list[float] = []
+        seen = np.unique(pairs.board)
+        for index in seen:
+            part = _part(pairs, target.boards[index], int(index), scale, len(spread), not parts)
+            spread += _SHAPE_SPREADS[: part.basis.shape[2]]
+            spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
+            parts.append(part)
+        corner, count = np.zeros(0, np.intp), 0
+        if offset_spread is not None:
+            # What may be another corner than it is named as has an offset that no other photo
+            # shares: its place stays as uncertain as corners' places are.
+            apart = np.where(pairs.certain, -1, pairs.image)
+            keys = np.stack([pairs.board, pairs.row, pairs.column, apart], axis=1)
+            unique, corner = np.unique(keys, axis=0, return_inverse=True)
+            corner, count = corner.reshape(-1), len(unique)
+        return cls(
+            nominal=pairs.world,
+            parts=tuple(parts),
+            parameters=np.zeros(len(spread)),
+            spread=np.array(spread),
+            noise=noise,
+            corner=corner,
+            offsets=np.zeros((count, 3)),
+            offset_weight=0.0 if offset_spread is None else noise / offset_spread,
+        )
+
+    @cached_property
+    def kinds(self) -> IntArray:
+        """(S,) which parameters are of a kind: bends and twists, stretches, places."""
+        kinds = np.zeros(len(self.parameters), np.intp)
+        for part in self.parts:
+            kinds[part.shape.start + _STRETCH : part.shape.stop] = _STRETCHED
+            kinds[part.place] = 2
+        return kinds
+
+    def with_spreads(self, variance: FloatArray) -> DeformableTarget:
+        """The same target, each kind of parameter pulled to zero as firmly as it shows itself.
+
+        Expectation and maximisation: a kind's variance is the mean of what was found squared and
+        of what is left open. Few boards say little of it, so it leans on what prints are like.
+        Stretches stay as firm as they are: prints are known to keep their proportions, and a
+        board that is always held upright shows no photo which of it and the pixels is not square.
+
+        Args:
+            variance: (S,) of each parameter, what the pairs leave open.
+
+        """
+        spread = self.spread.copy()
+        for kind in np.setdiff1d(self.kinds, [_STRETCHED]):
+            own = self.kinds == kind
+            found = np.sum(self.parameters[own] ** 2 + variance[own])
+            spread[own] = np.sqrt((found + _USUAL_SPREAD**2) / (own.sum() + 1))
+        return replace(self, spread=spread)
+
+    def with_noise(self, noise: float, offset_spread: float | None) -> DeformableTarget:
+        """The same target under pulls that follow another noise, pixels, and offsets' spread."""
+        weight = 0.0 if offset_spread is None else noise / offset_spread
+        return replace(self, noise=noise, offset_weight=weight)
+
+    def select(self, rows: IntArray) -> DeformableTarget:
+        """The same target for the pairs of some rows (n,); what is free stays as it is."""
+        parts = []
+        for part in self.parts:
+            place = np.full(len(self.nominal), -1, np.intp)
+            place[part.pairs] = np.arange(len(part.pairs))
+            own = np.flatnonzero(place[rows] >= 0)
+            parts.append(replace(part, pairs=own, basis=part.basis[place[rows[own]]]))
+        return replace(
+            self,
+            nominal=self.nominal[rows],
+            parts=tuple(parts),
+            corner=self.corner[rows] if len(self.corner) else self.corner,
+        )
+
+    def like(self, other: DeformableTarget) -> DeformableTarget:
+        """These pairs' points under the shapes, places and offsets of another selection."""
+        return replace(self, parameters=other.parameters, offsets=other.offsets)
+
+    def started(self, other: DeformableTarget) -> DeformableTarget:
+        """The same freedom, with shapes and places from where boards have them in another."""
+        parameters, spread = self.parameters.copy(), self.spread.copy()
+        theirs = {part.board: part for part in other.parts}
+        for part in self.parts:
+            known = theirs.get(part.board, part)
+            for own, other_own in ((part.shape, known.shape), (part.place, known.place)):
+                # The board that holds still may be another one.
+                if known is not part and own.stop - own.start == other_own.stop - other_own.start:
+                    parameters[own] = other.parameters[other_own]
+                    spread[own] = other.spread[other_own]
+        return replace(self, parameters=parameters, spread=spread)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """(N, 3) world point of each pair."""
+        points = self.nominal.copy()
+        if len(self.corner):
+            points += self.offsets[self.corner]
+        for part in self.parts:
+            own = points[part.pairs] + part.basis @ self.parameters[part.shape]
+            points[part.pairs] = self._placed(part, own)
+        return points
+
+    def _placed(self, part: BoardPart, points: FloatArray) -> FloatArray:
+        place = self.parameters[part.place]
+        if not len(place):
+            return points
+        rotation = rotation_from_vector(place[:3])
+        return part.middle + (points - part.middle) @ rotation.T + place[3:] * part.size
+
+    def moved(self, parameters: FloatArray, offsets: FloatArray) -> DeformableTarget:
+        """The same target after steps (S,) and (Q, 3)."""
+        return replace(
+            self, parameters=self.parameters + parameters, offsets=self.offsets + offsets
+        )
+
+    def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
+        """From d pixel / d world point (n, 2, 3) to d pixel / d parameters (n, 2, S).
+
+        The n pairs are those of ``run``. Turns of a board are small (some hundredths of a radian
+        at most): the derivatives of its shape and of its corners' offsets leave the turn out.
+        """
+        chained = np.zeros((len(d_world), 2, len(self.parameters)))
+        d_world = np.ascontiguousarray(d_world)
+        for part in self.parts:
+            first, stop = np.searchsorted(part.pairs, [run.start, run.stop])
+            pairs = part.pairs[first:stop]
+            own, shape = d_world[pairs - run.start], part.basis.shape[2]
+            columns = np.empty((len(pairs), 2, part.place.stop - part.shape.start))
+            columns[:, :, :shape] = own @ part.basis[first:stop]
+            place = self.parameters[part.place]
+            if len(place):
+                arm = self.points[pairs] - part.middle - place[3:] * part.size
+                turned = cross(arm.T, own.transpose(1, 2, 0))
+                columns[:, :, shape:-3] = turned.transpose(2, 0, 1)
+                columns[:, :, -3:] = own * part.size
+            chained[pairs - run.start, :, part.shape.start : part.place.stop] = columns
+        return chained
+
+    def prior(self) -> FloatArray:
+        """Pull of the parameters to zero, and of the mean stretch far more: the overall scale.
+
+        (S + 1, S + 1) as a lens's prior is.
+        """
+        weight = self.noise / self.spread
+        rows = [np.diag(weight)]
+        stretches = [
+            place
+            for part in self.parts
+            if part.basis.shape[2]
+            for place in range(part.shape.start + _STRETCH, part.shape.stop)
+        ]
+        if stretches:
+            mean = np.zeros((1, len(self.parameters)))
+            mean[0, stretches] = self.noise / (_SCALE_SPREAD * len(stretches))
+            rows.append(mean)
+        slope = np.concatenate(rows)
+        return gram(slope, slope @ self.parameters)
+
+    def refined_target(self, target: Target, pairs: Observations, *, scale: float) -> Target:
+        """The target with these shapes, places and offsets, in its own units."""
+        return target.with_boards(
+            {
+                part.board: self._refined_board(target.boards[part.board], part, pairs, scale)
+                for part in self.parts
+            }
+        )
+
+    def _refined_board(
+        self, board: Board, part: BoardPart, pairs: Observations, scale: float
+    ) -> Board:
+        place = self.parameters[part.place]
+        if not len(place):
+            place = np.zeros(_PLACE_TERMS)
+        rotation = rotation_from_vector(place[:3])
+        shift = place[3:] * part.size * scale
+        middle = part.middle * scale
+        offsets = np.zeros((board.rows, board.columns, 3))
+        if len(self.corner):
+            sure = part.pairs[pairs.certain[part.pairs]]
+            own = self.offsets[self.corner[sure]] * scale
+            offsets[pairs.row[sure], pairs.column[sure]] = own @ board.axes.T
+        shape = np.zeros(_SHAPE_TERMS)
+        if part.basis.shape[2]:
+            shape = self.parameters[part.shape] * part.size * scale
+        half = board.normalised(np.zeros(2))[1] if board.points is None else np.ones(2)
+        departed = BoardShape(
+            bend=shape[:2], twist=float(shape[2]), stretch=shape[3:] / half, offsets=offsets
+        )
+        shape_now = departed if board.shape is None else board.shape.plus(departed)
+        if board.points is not None:
+            # A list of points has no axes of its own that could turn: its offsets do.
+            points = middle + (board.points - middle) @ rotation.T + shift
+            turned = replace(shape_now, offsets=shape_now.offsets @ rotation.T)
+            return replace(board, points=points, shape=turned)
+        return replace(
+            board,
+            origin=middle + rotation @ (board.origin - middle) + shift,
+            x_axis=rotation @ board.x_axis,
+            y_axis=rotation @ board.y_axis,
+            shape=shape_now,
+        )
+
+
+def _part(
+    pairs: Observations, board: Board, index: int, scale: float, first: int, still: bool
+) -> BoardPart:
+    own = np.flatnonzero(pairs.board == index)
+    if board.points is None:
+        plane = board.plane_points(pairs.column[own], pairs.row[own])
+        hat, half = board.normalised(plane)
+        middle = board.world_points((board.columns - 1) / 2, (board.rows - 1) / 2) / scale
+        size = float(np.hypot(*half)) / scale
+        basis = np.zeros((len(own), 3, _SHAPE_TERMS))
+        x_axis, y_axis, normal = board.axes
+        basis[:, :, 0] = np.outer(hat[:, 0] ** 2, normal)
+        basis[:, :, 1] = np.outer(hat[:, 1] ** 2, normal)
+        basis[:, :, 2] = np.outer(hat[:, 0] * hat[:, 1], normal)
+        basis[:, :, 3] = np.outer(hat[:, 0], x_axis)
+        basis[:, :, 4] = np.outer(hat[:, 1], y_axis)
+        basis *= size
+    else:
+        extent = np.ptp(board.points, axis=0)
+        middle = (board.points.min(axis=0) + extent / 2) / scale
+        size = float(np.linalg.norm(extent)) / 2 / scale
+        basis = np.zeros((len(own), 3, 0))
+    terms = basis.shape[2]
+    places = 0 if still else _PLACE_TERMS
+    return BoardPart(
+        board=index,
+        pairs=own,
+        basis=basis,
+        shape=slice(first, first + terms),
+        place=slice(first + terms, first + terms + places),
+        middle=middle,
+        size=size,
+    )

@@ -1,0 +1,48 @@
+"""By how much a refined target differs from its drawing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cubicfish_cli.core.assess.fit_record import Departure
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.shape import BoardShape
+from cubicfish_cli.core.target import Target
+
+
+def departures(drawn: Target, refined: Target) -> list[Departure]:
+    """By how much each board departs from its drawing; boards that are as drawn are left out."""
+    return [
+        _departure(before, after)
+        for before, after in zip(drawn.boards, refined.boards, strict=True)
+        if after is not before
+    ]
+
+
+def _departure(drawn: Board, refined: Board) -> Departure:
+    shape = refined.shape
+    if shape is None:
+        shape = BoardShape(
+            bend=np.zeros(2),
+            twist=0.0,
+            stretch=np.zeros(2),
+            offsets=np.zeros((refined.rows, refined.columns, 3)),
+        )
+    turn = 0.0
+    if drawn.points is not None and refined.points is not None:
+        middle, moved = drawn.points.mean(axis=0), refined.points.mean(axis=0)
+    else:
+        half = drawn.normalised(np.zeros(2))[1]
+        middle, moved = (board.origin + half @ board.axes[:2] for board in (drawn, refined))
+        cosine = (np.trace(refined.axes @ drawn.axes.T) - 1) / 2
+        turn = float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1))))
+    length = np.linalg.norm(shape.offsets, axis=2)
+    return Departure(
+        board=drawn.name,
+        bend=(float(shape.bend[0]), float(shape.bend[1])),
+        twist=float(shape.twist),
+        stretch=(float(shape.stretch[0]), float(shape.stretch[1])),
+        shift=float(np.linalg.norm(moved - middle)),
+        turn_deg=turn,
+        offset_rms=float(np.sqrt(np.mean(length[length > 0] ** 2))) if length.any() else 0.0,
+    )

@@ -1,0 +1,132 @@
+"""How well a known camera explains pairs: poses refitted, the lens fixed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics, PhotoRecord
+from cubicfish_cli.core.assess.records import plain_record
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.held_out import pose_only_residual
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.statistics import error_statistics, photo_records
+from cubicfish_cli.core.fit.subset import middle, select, with_mean_weight_one
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.placement import best_named
+from cubicfish_cli.core.threads import one_blas_thread
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import Brief
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Evaluation(Brief):
+    """Reprojection errors of a known camera on pairs.
+
+    Attributes:
+        errors: over all corners in the camera's field, none dropped.
+        pairs: the pairs that were counted.
+        residual: (N, 2) projection less pixel, pixels.
+        poses: camera_from_world of each of ``pairs.images``.
+        outside: corners beyond the field where the camera may be trusted; not counted.
+        unplaced: photos with too few corners to be placed.
+
+    """
+
+    errors: ErrorStatistics
+    pairs: Observations
+    residual: FloatArray
+    poses: Poses
+    outside: int
+    unplaced: tuple[str, ...]
+
+    @cached_property
+    def photos(self) -> tuple[PhotoRecord, ...]:
+        """Errors and pose of each of ``pairs.images``."""
+        pairs = self.pairs
+        return photo_records(
+            pairs.images, pairs.image, self.residual, self.poses, pairs.tells_error
+        )
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            **self.errors.as_record(),
+            "images": len(self.pairs.images),
+            "outside_field": self.outside,
+            "unplaced": list(self.unplaced),
+            "per_image": plain_record(self.photos),
+        }
+
+
+def named_as_refined(camera: CubicCamera, pairs: Observations) -> Observations:
+    """Corners by the names under which a known camera sees them best.
+
+    A target that looks the same after a turn does so no more when its corners are refined.
+    """
+    target = pairs.target
+    if target is None or all(board.shape is None for board in target.boards):
+        return pairs
+    return best_named(pairs, target, partial(_squared, camera))
+
+
+def _squared(camera: CubicCamera, pairs: Observations) -> FloatArray:
+    """(N,) squared errors of corners, their photos' poses fitted; 0 outside the camera's field."""
+    squared = np.full(len(pairs.image), np.inf)
+    placed, own, photos = fit_poses(camera.radial, pairs)
+    if placed is not None:
+        _, residual, index = pose_only_residual(camera, own, placed.poses)
+        rows = np.flatnonzero(np.isin(pairs.image, photos))
+        squared[rows] = 0
+        squared[rows[index]] = np.sum(residual**2, axis=1)
+    return squared
+
+
+@one_blas_thread()
+def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
+    """Refit the pose of every photo under a fixed camera and measure what is left.
+
+    Raises:
+        FitError: the photos are of another size than the camera's, none of them can be placed,
+            or no corner lies in the camera's field.
+
+    """
+    if tuple(pairs.image_size) != tuple(camera.image_size):
+        raise FitError(
+            "the corners are of photos of {}x{} pixels and the camera is for {}x{}: "
+            "use photos of the camera's own size".format(*pairs.image_size, *camera.image_size)
+        )
+    if pairs.target is not None:
+        camera = camera.in_units(pairs.target.units)
+    pairs = named_as_refined(camera, pairs)
+    origin = middle(pairs)
+    weight = pairs.weight.mean()
+    pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
+    placed, own, photos = fit_poses(camera.radial, pairs)
+    if placed is None:
+        raise FitError(
+            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
+            "board) that are not on one line"
+        )
+    poses, residual, index = pose_only_residual(camera, own, placed.poses)
+    if not index.size:
+        raise FitError(
+            f"no corner lies within the {camera.max_angle_deg:.0f}° where this camera may be "
+            "trusted: check that camera and photos belong together"
+        )
+    counted, kept = select(own, np.isin(np.arange(len(own.image)), index))
+    return Evaluation(
+        errors=error_statistics(residual),
+        pairs=replace(counted, world=counted.world + origin, weight=counted.weight * weight),
+        residual=residual,
+        poses=poses[kept].of_world(origin),
+        outside=len(own.image) - len(index),
+        unplaced=tuple(
+            name for photo, name in enumerate(pairs.images) if photo not in set(photos.tolist())
+        ),
+    )

@@ -1,0 +1,247 @@
+"""Held-out error: what the camera says of photos that did not take part in its fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.folds import photo_folds
+from cubicfish_cli.core.fit.left_out import LeaveOneOut
+from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.linearise import State
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.refinement import TargetFit
+from cubicfish_cli.core.fit.robust import huber_px, wide_px
+from cubicfish_cli.core.fit.statistics import likely_positive
+from cubicfish_cli.core.fit.subset import select, select_photos
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+
+# A step expected to lower a fold's cost by a smaller share is taken without evaluating it.
+_FOLD_DECREASE = 1e-4
+# Photos' ratios are never told apart better than this.
+_LEAST_SPREAD = 1e-3
+_RADIAL_DECREASE = 1e-5
+# For fits of poses alone.
+_WIDE_PX = 10.0
+_POSE_DECREASE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """Errors on photos left out of the fit, their poses refitted.
+
+    Attributes:
+        square: (N,) squared error of the cubic camera at each pair, pixels²; NaN where the camera
+            that did not see the pair's photo does not see the pair either, and where the pair does
+            not tell its error.
+        radial_square: (N,) the same of the radial reference, on the same folds.
+        image: (N,) photo of each pair.
+        folds: into how many parts the photos were split.
+
+    """
+
+    square: FloatArray
+    radial_square: FloatArray
+    image: IntArray
+    folds: int
+
+    @property
+    def rms_px(self) -> float:
+        """Of the cubic camera."""
+        return float(np.sqrt(np.nanmean(self.square)))
+
+    @property
+    def companion_rms_px(self) -> float:
+        """Of the radial reference."""
+        return float(np.sqrt(np.nanmean(self.radial_square)))
+
+    @property
+    def corners(self) -> int:
+        """Corners that were counted."""
+        return int(np.isfinite(self.square).sum())
+
+    @cached_property
+    def photos_px(self) -> FloatArray:
+        """(M,) RMS of the cubic camera on each photo; NaN where it sees none of it."""
+        seen = np.isfinite(self.square)
+        count = np.bincount(self.image, seen)
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.bincount(self.image, np.where(seen, self.square, 0)) / count)
+
+    def of(self, pairs: BoolArray) -> HeldOut:
+        """The error on some of the pairs (N,)."""
+        return replace(
+            self,
+            square=self.square[pairs],
+            radial_square=self.radial_square[pairs],
+            image=self.image[pairs],
+        )
+
+    def times(self, other: HeldOut) -> float:
+        """Ratio to the error of another fit of the same photos.
+
+        The geometric mean of that of all corners and of that of the typical photo: one photo on
+        which one fit fails counts, but does not decide.
+        """
+        mine, theirs = self.beside(other), other.beside(self)
+        photos = np.log(mine.photos_px / theirs.photos_px)
+        typical = np.nanmean(photos) if np.isfinite(photos).any() else np.inf
+        return float(np.exp((typical + np.log(mine.rms_px / theirs.rms_px)) / 2))
+
+    def beside(self, other: HeldOut) -> HeldOut:
+        """The error where the other one is known too: what only one of them tells compares none."""
+        return replace(self, square=np.where(np.isnan(other.square), np.nan, self.square))
+
+    def doubt(self, other: HeldOut) -> float:
+        """How likely it is that the other fit predicts other photos better, 0 to 1.
+
+        Student's t of the photos' ratios: photos are drawn at random, their corners are not.
+        """
+        photos = np.log(self.beside(other).photos_px / other.beside(self).photos_px)
+        return likely_positive(
+            photos[np.isfinite(photos)],
+            float(np.log(self.times(other))),
+            least_error=_LEAST_SPREAD,
+        )
+
+
+def held_out_error(
+    fit: TargetFit, progress: Callable[[int, int], None] | None = None
+) -> HeldOut | None:
+    """Cross-validation by photo: each photo is judged by a camera that never saw it.
+
+    folds.py says which photos are left out together. In each fold reference, P and, at its level,
+    the target are fitted to the other photos; then only the poses of the photos left out are
+    fitted. The cubic's fit starts one first-order step from the fit to all photos, poses and target
+    included; the reference's starts where that fit ended. The priors and their weights are those
+    that the fit to all photos chose.
+
+    Args:
+        fit: the fit to all photos.
+        progress: called before each fold with folds done and all folds.
+
+    Returns:
+        The errors; None with fewer than :data:`~cubicfish_cli.core.fit.folds.MIN_PHOTOS` places.
+
+    """
+    parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
+    if not parts:
+        return None
+    pairs, cubic = fit.reference.pairs, fit.cubic.fit
+    of_cubic, of_radial = np.full((2, len(pairs.image)), np.nan)
+    leave_one_out = LeaveOneOut(cubic, pairs, huber_px(cubic.errors), parts)
+    for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
+        if progress is not None:
+            progress(done, len(parts))
+        rows = np.flatnonzero(np.isin(pairs.image, test))
+        of_cubic[rows], of_radial[rows] = _fold(fit, test, cubic.state.moved(*step))
+    of_cubic[~pairs.tells_error] = of_radial[~pairs.tells_error] = np.nan
+    return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
+
+
+def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatArray, FloatArray]:
+    """Squared errors on the photos ``test``, of the cubic and the reference fitted to the others.
+
+    The fit to the others starts at ``near``.
+    """
+    pairs, world = fit.reference.pairs, near.world
+    out = np.isin(pairs.image, test)
+    train = np.setdiff1d(np.arange(len(pairs.images)), test)
+    training = select_photos(pairs, train)
+    limit, own = huber_px(fit.cubic.errors), np.flatnonzero(~out)
+    try:
+        trained = _trained(near, training, train, own, limit)
+    except FitError:  # the first-order step was too long: start where the fit ended
+        trained = _trained(fit.cubic.fit.state, training, train, own, limit)
+    radial = adjust(
+        fit.reference.lens,
+        fit.reference.poses[train],
+        training.with_world(trained.world.points),
+        huber_px=wide_px(fit.reference.errors),
+        relative_decrease=_RADIAL_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
+    camera = CubicCamera(
+        image_size=pairs.image_size,
+        P=trained.lens.P,
+        max_angle_deg=fit.cubic.max_angle_deg,
+        radial=radial.lens.lens,
+        pupil_travel=trained.lens.travel,
+    )
+    left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
+    return (
+        _squares(camera, left_out, fit.cubic.poses[test]),
+        _squares(camera.radial, left_out, fit.reference.poses[test]),
+    )
+
+
+def _squares(camera: CubicCamera | RadialCamera, pairs: Observations, start: Poses) -> FloatArray:
+    """(N,) squared error at each pair, the poses fitted, pixels²; NaN beyond the field."""
+    _, residual, seen = pose_only_residual(camera, pairs, start)
+    square = np.full(len(pairs.pixel), np.nan)
+    square[seen] = np.sum(np.square(residual), axis=1)
+    return square
+
+
+def _trained(
+    start: State[CubicFit], pairs: Observations, photos: IntArray, rows: IntArray, limit: float
+) -> Adjustment[CubicFit]:
+    """The fit to ``photos``, from a state of the fit to all.
+
+    ``pairs`` are theirs, and ``rows`` says which of all pairs these are.
+    """
+    return adjust(
+        start.lens,
+        start.poses[photos],
+        pairs,
+        huber_px=limit,
+        world=start.world.select(rows),
+        relative_decrease=_FOLD_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
+
+
+def pose_only_residual(
+    camera: CubicCamera | RadialCamera, pairs: Observations, poses: Poses
+) -> tuple[Poses, FloatArray, IntArray]:
+    """Fit poses with the lens fixed, over the corners that lie in the camera's field.
+
+    Args:
+        camera: the lens.
+        pairs: pairs of the photos.
+        poses: a start for each photo, near enough that each corner's place in or out of the
+            field is known.
+
+    Returns:
+        Poses of each photo; residuals (K, 2) of the corners in the field, pixels; and the
+        indices (K,) of those corners.
+
+    """
+    seen = camera.project(poses.apply(pairs.image, pairs.world))
+    inside = np.isfinite(seen[:, 0])
+    index = np.flatnonzero(inside)
+    if not index.size:
+        return poses, np.zeros((0, 2)), index
+    own, photos = select(pairs, inside)
+    lens = FixedLens(camera=camera)
+    fit = adjust(
+        lens,
+        poses[photos],
+        own,
+        huber_px=_WIDE_PX,
+        relative_decrease=_POSE_DECREASE,
+        damping=WARM_DAMPING,
+    )
+    # Once more, with a loss that follows what the first left.
+    fit = fit.again(own, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
+    return poses.with_photos(photos, fit.poses), fit.residual, index

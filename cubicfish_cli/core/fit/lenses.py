@@ -1,0 +1,417 @@
+"""The lenses as least squares sees them: free parameters, derivatives and prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cubicfish_cli.core.fit.asymmetric import BentFit, StillRays
+from cubicfish_cli.core.fit.fit_lens import FitLens, gram
+from cubicfish_cli.core.fit.linear import linear_coefficients
+from cubicfish_cli.core.fit.normal_equations import solve_scaled
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift, sphere_basis
+from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
+from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
+from cubicfish_cli.core.types import BoolArray, FloatArray
+
+# From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
+_NEAREST_ROUNDS = 2
+# Squared: a share of a parameter's own effect that no other has.
+_TOLD_APART = 1e-13
+# All that an image of things far away depends on, and 1.
+_FAR = np.delete(np.arange(49), 47)
+WEIGHT_BEYOND = 0.1
+"""Largest weight of pseudo-observations where no corners are."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FixedLens:
+    """A known lens, or one that was fitted: only poses are free."""
+
+    camera: CubicCamera | RadialCamera | FitLens
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(0,)."""
+        return np.zeros(0)
+
+    def with_parameters(self, parameters: FloatArray) -> FixedLens:
+        """Itself: nothing is free."""
+        return self
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        if isinstance(self.camera, CubicCamera):
+            moved, by_point, _ = from_pupil_and_slopes(points, self.camera.pupil_travel)
+            length = np.linalg.norm(moved, axis=-1)
+            rays = moved / length[:, None]
+            pixel, slope = self.camera.pixel_and_slope(rays)
+            across = _through_unit_ray(slope.transpose(1, 2, 0), rays.T, length)
+            d_point = across.transpose(2, 0, 1)
+            d_point = d_point + d_point[:, :, 2:] * by_point[:, None, :]
+        elif isinstance(self.camera, RadialCamera):
+            pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
+        else:
+            pixel, d_point, _ = self.camera.project_jacobian(points)
+        return pixel, d_point, np.zeros((len(points), 2, 0))
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        return self.project_jacobian(points)[0]
+
+    def prior(self) -> FloatArray:
+        """Nothing."""
+        return np.zeros((1, 1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RayPrior:
+    """Pseudo-observations that tie a lens to the nearest bent one.
+
+    That lens is as free as its kind allows: it follows, so that it is not what corners say
+    about both that is held fast. Where no cubic can follow it, P is held to the cubic that comes
+    nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
+
+    Attributes:
+        rays: (M, 3) unit rays.
+        lens: a bent one that is near.
+        miss: (M, 2) by how much the nearest cubic misses it at the rays, pixels.
+        within: (M,) which rays are as far from the axis as corners are.
+        weight: residuals are multiplied by this, among corners.
+        coefficients: (16,) of the P3 that its denominators are to stay near.
+        denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
+
+    """
+
+    rays: FloatArray
+    lens: BentFit
+    miss: FloatArray
+    within: BoolArray
+    weight: float
+    coefficients: FloatArray
+    denominator_weight: float
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
+        return lift(self.rays) @ sphere_basis()
+
+    @cached_property
+    def denominators(self) -> FloatArray:
+        """(17, 17) Gram matrix of P3Φ's relative changes, by P3's coefficients and 1."""
+        share = self.denominator_weight / (self.values @ self.coefficients)
+        unchanged = np.full(len(share), -self.denominator_weight)
+        return gram(share[:, None] * self.values, unchanged)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """(M,) what the residuals at each ray are multiplied by.
+
+        Where no corners are that lens is a guess: there it is enough that no pole comes in,
+        and a firm hold would have P follow the guess at the cost of what corners say.
+        """
+        return np.where(self.within, self.weight, min(self.weight, WEIGHT_BEYOND))
+
+    def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
+        """The bent lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
+
+        It sees all of them: where steps lead to one that does not, ``lens`` is as near as any.
+
+        Returns:
+            The lens; what it sees (M, 2), and its derivatives by the lens's parameters (M, 2, K).
+
+        """
+        lens, (seen, by_lens) = self.lens, self._sees
+        weights, pixel = self.weights[:, None, None], pixel - self.miss
+        for _ in range(_NEAREST_ROUNDS):
+            miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
+            square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
+            step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
+            moved = lens.with_parameters(lens.parameters - step)
+            sees = moved.seen(self.still)
+            if not np.isfinite(sees[0]).all():
+                return self.lens, self._sees
+            lens, (seen, by_lens) = moved, sees
+        return lens, (seen, by_lens)
+
+    @cached_property
+    def _sees(self) -> tuple[FloatArray, FloatArray]:
+        """What the lens sees of the rays, and its derivatives."""
+        return self.lens.seen(self.still)
+
+    @cached_property
+    def still(self) -> StillRays:
+        """The rays as lenses that P is held to see them."""
+        return StillRays.of(self.rays)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CubicFit:
+    """The ``ray`` lift in the 16 dimensions that cubics span on the sphere (Eq. 5–7).
+
+    P = T C Bᵀ: B is the orthonormal (20, 16) basis, T the Hartley normalisation of pixels. The
+    homogeneous scale is fixed by holding the mean of P3Φ over the prior's rays at 1, which is
+    linear, so 47 parameters are free. The prior also fixes the rotation of the camera frame.
+
+    Attributes:
+        coefficients: (3, 16) C.
+        denominator_basis: (16, 15) the directions in which P3's coefficients may move.
+        centre, scale: pixels are (m − centre) / scale inside.
+        ray_prior: the pseudo-observations; None where nothing holds P.
+        travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.core.lenses.pupil`), in the
+            unit of the points: P is for points that are far away.
+        travel_weight: pixels that one of it counts as, in its pull to 0.
+
+    """
+
+    coefficients: FloatArray
+    denominator_basis: FloatArray
+    centre: FloatArray
+    scale: float
+    ray_prior: RayPrior | None = None
+    travel: float = 0.0
+    travel_weight: float = 0.0
+
+    @classmethod
+    def linear(
+        cls,
+        rays: FloatArray,
+        pixel: FloatArray,
+        camera: RadialCamera,
+        *,
+        denominator_pull: float,
+        weights: FloatArray | None = None,
+    ) -> CubicFit:
+        """P by linear least squares (Eq. 8–9, reweighted), without a prior.
+
+        Args:
+            rays: (N, 3) unit rays.
+            pixel: (N, 2) where they are seen.
+            camera: a lens like it, whose centre and focal length normalise pixels.
+            denominator_pull: how firmly P3Φ is kept near a constant.
+            weights: (N,) of each ray; 1 by default.
+
+        """
+        centre, scale = np.array([camera.cx, camera.cy]), (camera.fx + camera.fy) / 2
+        coefficients = linear_coefficients(
+            rays, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
+        )
+        mean = (lift(rays) @ sphere_basis()).mean(axis=0)
+        return cls(
+            coefficients=coefficients,
+            denominator_basis=np.linalg.svd(mean[None])[2][1:].T,
+            centre=centre,
+            scale=scale,
+        )
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(48,)."""
+        return np.concatenate(
+            [
+                self.coefficients[0],
+                self.coefficients[1],
+                self.denominator_basis.T @ self.coefficients[2],
+                [self.travel],
+            ]
+        )
+
+    def with_parameters(self, parameters: FloatArray) -> CubicFit:
+        """The same lens with other parameters."""
+        moved = parameters[32:47] - self.denominator_basis.T @ self.coefficients[2]
+        return replace(
+            self,
+            coefficients=np.stack(
+                [
+                    parameters[:16],
+                    parameters[16:32],
+                    self.coefficients[2] + self.denominator_basis @ moved,
+                ]
+            ),
+            travel=float(parameters[47]),
+        )
+
+    def with_pixels_of(self, other: CubicFit, rays: FloatArray) -> CubicFit:
+        """The P of another, pixels and scale normalised as here: the mean of P3Φ over rays is 1.
+
+        Args:
+            other: the other.
+            rays: (M, 3) those by which this one is normalised.
+
+        """
+        coefficients = other.coefficients.copy()
+        coefficients[:2] *= other.scale / self.scale
+        away = (other.centre - self.centre) / self.scale
+        coefficients[:2] += away[:, None] * coefficients[2]
+        mean = float((lift(rays) @ sphere_basis() @ coefficients[2]).mean())
+        return replace(self, coefficients=coefficients / mean)
+
+    def held_to(self, lens: BentFit, weight: float | None = None) -> CubicFit:
+        """The same P, held to another lens, as firmly as it is or otherwise."""
+        prior = self.ray_prior
+        if prior is None:
+            return self
+        weight = prior.weight if weight is None else weight
+        if prior.lens is lens and prior.weight == weight:
+            return self  # which knows what it worked out
+        return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
+        pixel, d_point, d_parameters = self.far_jacobian(moved)
+        by_depth = d_point[:, :, 2:]
+        d_parameters[:, :, 47:] = by_depth * by_travel[:, None, None]
+        return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
+
+    def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As :meth:`project_jacobian`, of points far away."""
+        length = np.sqrt(np.einsum("ij,ij->i", points, points))
+        rays = points / length[:, None]
+        values = lift(rays) @ sphere_basis()
+        pixel, denominator = self._pixel(values)
+        _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
+        # One coordinate of all points after the other is the quickest to work on.
+        across = gradient.transpose(1, 2, 0)
+        slope = across[:2] - pixel.T[:, None] * across[2]
+        slope *= self.scale / denominator
+        return (
+            pixel * self.scale + self.centre,
+            _through_unit_ray(slope, rays.T, length).transpose(2, 0, 1),
+            self._d_parameters(values, pixel, denominator, 48),
+        )
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        return self.far(from_pupil(points, self.travel))
+
+    def far(self, points: FloatArray) -> FloatArray:
+        """Of points far away."""
+        rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
+        return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
+
+    def prior(self) -> FloatArray:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        return self._prior
+
+    @cached_property
+    def _prior(self) -> FloatArray:
+        weight = 0.0 if self.ray_prior is None else self.ray_prior.weight
+        return self.priors(np.array([weight]))[0]
+
+    def _with_travel(self, priors: FloatArray) -> FloatArray:
+        """(H, 49, 49) of (H, 48, 48)."""
+        grown = np.zeros((len(priors), 49, 49))
+        grown[:, _FAR[:, None], _FAR] = priors
+        pull = np.array([1, self.travel]) * self.travel_weight
+        grown[:, 47:, 47:] += np.outer(pull, pull)
+        return grown
+
+    def priors(self, weights: FloatArray) -> FloatArray:
+        """(H, 48, 48) what it is to be held more or less firmly, all at once; see :meth:`prior`.
+
+        Weighted misses of the nearest lens of the prior's kind, and of its denominators. That
+        lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
+        derivatives are Kaufman's, whose gradient is exact); the lens that is nearest under the
+        weight of today follows linearly.
+
+        Pixels alone leave room for a pole that a zero of both numerators all but cancels
+        (a Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic
+        P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
+
+        Args:
+            weights: (H,) how firmly; see :attr:`RayPrior.weight`.
+
+        """
+        prior = self.ray_prior
+        if prior is None:
+            return self._with_travel(np.zeros((len(weights), 48, 48)))
+        inside, denominator = self._pixel(prior.values)
+        pixel = inside * self.scale + self.centre
+        if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
+            return np.full((len(weights), 49, 49), np.inf)
+        near, (seen, by_lens) = prior.nearest(pixel)
+        # What moves P's pixels, what moves the lens's, and the miss.
+        rows = np.concatenate(
+            [
+                self._d_parameters(prior.values, inside, denominator),
+                -by_lens,
+                (pixel - prior.miss - seen)[:, :, None],
+            ],
+            axis=2,
+        )
+        among, beyond = (
+            part.T @ part
+            for part in (
+                rows[which].reshape(-1, rows.shape[2]) for which in (prior.within, ~prior.within)
+            )
+        )
+        squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
+        whole = squares[0] * among + squares[1] * beyond
+        whole[:, 47:, 47:] += near.prior()
+        kept = np.r_[:47, rows.shape[2] - 1]
+        cross = whole[:, 47:-1, kept]
+        followed = _follow(whole[:, 47:-1, 47:-1], cross)
+        left = whole[:, kept[:, None], kept] - cross.transpose(0, 2, 1) @ followed
+        by_values = np.zeros((17, 48))
+        by_values[:16, 32:47], by_values[:16, 47] = self.denominator_basis, self.coefficients[2]
+        by_values[16, 47] = 1
+        return self._with_travel(left + by_values.T @ prior.denominators @ by_values)
+
+    def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        homogeneous = values @ self.coefficients.T
+        denominator = homogeneous[:, 2]
+        # A pole on the way is a bad step, not an error: its infinite cost turns it down.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            pixel = homogeneous[:, :2] / denominator[:, None]
+        return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
+
+    def _d_parameters(
+        self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = 47
+    ) -> FloatArray:
+        """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
+        share = values * (self.scale / denominator[:, None])
+        slope = np.zeros((len(values), 2, count))
+        slope[:, 0, :16] = slope[:, 1, 16:32] = share
+        by_denominator = share @ self.denominator_basis
+        np.multiply(-pixel[:, :, None], by_denominator[:, None, :], out=slope[:, :, 32:47])
+        return slope
+
+    @property
+    def P(self) -> FloatArray:
+        """(3, 20) in pixels, Frobenius norm 1, P3Φ positive on the prior's rays."""
+        normalisation = np.array(
+            [
+                [self.scale, 0, self.centre[0]],
+                [0, self.scale, self.centre[1]],
+                [0, 0, 1],
+            ]
+        )
+        P = normalisation @ self.coefficients @ sphere_basis().T
+        return P / np.linalg.norm(P)
+
+
+def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
+    """What parameters follow other things by: (..., K, K) JᵀJ and (..., K, n) Jᵀ of these.
+
+    Parameters of a narrow lens are hardly told apart; what is lost in rounding stays.
+    """
+    index = np.arange(square.shape[-1])
+    square[..., index, index] *= 1 + _TOLD_APART
+    return solve_scaled(square, cross)
+
+
+def _through_unit_ray(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
+    """From d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖.
+
+    Args:
+        slope: (2, 3, N).
+        rays: (3, N).
+        length: (N,) of the points.
+
+    """
+    radial = (slope * rays).sum(axis=1)
+    return np.asarray((slope - radial[:, None] * rays) / length)

@@ -1,0 +1,270 @@
+"""One table of lens models: the same corners, the same loss, the same folds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
+from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.folds import folds_of
+from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.prior_choice import choose_prior
+from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
+from cubicfish_cli.core.fit.robust import wide_px
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.registry import LENSES
+from cubicfish_cli.core.lenses.sphere import cone_rays, usable_angle_deg
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.threads import one_blas_thread
+from cubicfish_cli.core.types import FloatArray
+
+L = TypeVar("L", bound=Lens)
+F = TypeVar("F", bound=FitLens)
+
+CUBIC = "cubic"
+COMPARED = tuple(kind for kind in LENSES if kind.compared)
+# Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
+_CUBIC_PARAMETERS = 44
+_START_RAYS = 400
+_LOST_PX = 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFigures:
+    """How one lens model did.
+
+    Attributes:
+        model: its name.
+        parameters: how many numbers of the lens are free, poses not counted.
+        rms_px: reprojection error over all corners; None when the model could not be fitted.
+        held_out_rms_px: the same over photos that took no part; None when not measured, or
+            when a fold could not be fitted.
+        largest_angle_deg: how far from its axis the fitted model is still a camera: every
+            pixel finite, the picture neither folded nor mirrored.
+        seconds: for the fit to all photos, from the common start.
+
+    """
+
+    model: str
+    parameters: int
+    rms_px: float | None
+    held_out_rms_px: float | None
+    largest_angle_deg: float | None
+    seconds: float
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fold:
+    """Photos to learn from, and corners of the others to be judged on."""
+
+    reference: RadialReference
+    left_out: Observations
+    poses: Poses
+
+
+# From a reference to a fitted lens.
+_Fit = Callable[[RadialReference], tuple[FitLens, FloatArray]]
+
+
+@one_blas_thread()
+def compare_models(
+    calibration: Calibration, *, drawn: Target | None = None, hold_out: bool = True
+) -> list[ModelFigures]:
+    """Fit every lens model to the corners that a calibration used, the cubic among them.
+
+    Each starts at the radial reference: first the model is fitted to the reference's pixels on
+    the covered cone, then lens and poses are adjusted jointly. The Huber loss follows the noise
+    of each model's own residuals by one rule. Held-out errors count the corners within the
+    cubic's cone, the same ones for every model.
+
+    Args:
+        calibration: the fit of the cubic camera.
+        drawn: the target as drawn. A target that was refined was so with the cubic's help and
+            on all photos; needed where it was, and every model is then fitted to the drawing.
+        hold_out: also measure the held-out error (five more fits per model).
+
+    Returns:
+        One row per model: the cubic, Kannala–Brandt, then :data:`COMPARED`.
+
+    """
+    pairs = calibration.pairs
+    prior: PriorChoice | None = calibration.prior
+    if drawn is not None and calibration.refined != "off":
+        world = drawn.world_points(pairs.board, pairs.column, pairs.row)
+        pairs, prior = pairs.with_world(world), None
+    reference = _reference(calibration, pairs)
+    # The choice of how P is held is part of the cubic's time.
+    begun = time.perf_counter()
+    chosen = choose_prior(reference, folds_of(reference)).prior
+    choosing = time.perf_counter() - begun
+    prior = chosen if prior is None else prior
+    folds = _folds(reference, prior) if hold_out else []
+    known = calibration.held_out if pairs is calibration.pairs and folds else None
+    rows = [
+        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(prior), reference, () if known else folds),
+        _figures(RadialCamera.label, 4 + reference.terms, _fit_radial, reference, folds),
+    ]
+    if known is not None:  # one thing has one figure, and that of the fit is known
+        rows[0] = replace(rows[0], rms_px=calibration.fit.rms_px, held_out_rms_px=known.rms_px)
+    camera = calibration.camera
+    rows[0] = replace(
+        rows[0],
+        seconds=rows[0].seconds + choosing,
+        largest_angle_deg=float(min(rows[0].largest_angle_deg or np.inf, camera.max_angle_deg)),
+    )
+    for kind in COMPARED:
+        start = FreeLens.of(kind.starts(reference.camera, reference.covered)[0])
+        rows.append(_figures(kind.label, len(start.parameters), _fit_model(kind), reference, folds))
+    return rows
+
+
+def _reference(calibration: Calibration, pairs: Observations) -> RadialReference:
+    """The reference of the corners that were used, adjusted to just these."""
+    scale = world_scale(pairs)
+    pairs = pairs.with_world(pairs.world / scale)
+    poses = Poses(
+        rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
+    )
+    camera = calibration.camera.radial
+    terms = int(np.flatnonzero(np.append(1.0, camera.k)).max())
+    return radial_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
+
+
+def _folds(reference: RadialReference, prior: PriorChoice) -> list[_Fold]:
+    """The same folds as :func:`cubicfish_cli.core.fit.held_out.held_out_error`."""
+    pairs = reference.pairs
+    photos = np.arange(len(pairs.images))
+    folds = []
+    for test in folds_of(reference):
+        train = np.setdiff1d(photos, test)
+        try:
+            fitted = refit_radial(reference, select_photos(pairs, train), reference.poses[train])
+            cone = np.deg2rad(fit_cubic(fitted, prior).max_angle_deg)
+        except FitError:
+            return []
+        left_out, poses = select_photos(pairs, test), reference.poses[test]
+        inside = angle_from_axis(poses.apply(left_out.image, left_out.world)) <= cone
+        counted, kept = select(left_out, inside)
+        folds.append(_Fold(reference=fitted, left_out=counted, poses=poses[kept]))
+    return folds
+
+
+def _figures(
+    name: str,
+    parameters: int,
+    fit: _Fit,
+    reference: RadialReference,
+    folds: Sequence[_Fold],
+) -> ModelFigures:
+    begun = time.perf_counter()
+    try:
+        lens, residual = fit(reference)
+    except FitError:
+        return ModelFigures(
+            model=name,
+            parameters=parameters,
+            rms_px=None,
+            held_out_rms_px=None,
+            largest_angle_deg=None,
+            seconds=time.perf_counter() - begun,
+        )
+    seconds = time.perf_counter() - begun
+    return ModelFigures(
+        model=name,
+        parameters=parameters,
+        rms_px=rms_px(residual),
+        held_out_rms_px=_held_out(fit, folds),
+        largest_angle_deg=usable_angle_deg(lambda rays: lens.project_jacobian(rays)[:2]),
+        seconds=seconds,
+    )
+
+
+def _held_out(fit: _Fit, folds: Sequence[_Fold]) -> float | None:
+    residuals = []
+    for fold in folds:
+        try:
+            lens, _ = fit(fold.reference)
+            frozen = FixedLens(camera=lens)
+            judged = adjust(frozen, fold.poses, fold.left_out, huber_px=10.0)
+            judged = judged.again(fold.left_out).again(fold.left_out)
+        except FitError:
+            return None
+        residuals.append(judged.residual)
+    return rms_px(np.vstack(residuals)) if residuals else None
+
+
+def _adjusted(lens: F, poses: Poses, pairs: Observations, limit: float) -> Adjustment[F]:
+    """Adjust with a loss that then follows the residuals."""
+    return adjust(lens, poses, pairs, huber_px=limit).again(pairs)
+
+
+def _fit_cubic(prior: PriorChoice) -> _Fit:
+    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+        result = fit_cubic(reference, prior)
+        return result.lens, result.residual
+
+    return fit
+
+
+def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+    fit = _adjusted(reference.lens, reference.poses, reference.pairs, wide_px(reference.residual))
+    return fit.lens, fit.residual
+
+
+def _fit_model(kind: type[Lens]) -> _Fit:
+    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
+        lens = FreeLens.of(near_reference(kind, reference))
+        seen = lens.project(reference.poses.apply(reference.pairs.image, reference.pairs.world))
+        with np.errstate(invalid="ignore"):
+            miss = np.nan_to_num(seen - reference.pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
+        fitted = _adjusted(
+            lens,
+            reference.poses,
+            reference.pairs,
+            max(wide_px(miss), wide_px(reference.residual)),
+        )
+        return fitted.lens, fitted.residual
+
+    return fit
+
+
+def near_reference(kind: type[L], reference: RadialReference) -> L:
+    """The lens of a kind that agrees best with the reference's pixels on the covered cone.
+
+    Raises:
+        FitError: the model cannot see that cone at all.
+
+    """
+    camera = reference.camera
+    rays = cone_rays(reference.covered, _START_RAYS)
+    wanted = camera.project(rays)
+    rays, wanted = rays[np.isfinite(wanted[:, 0])], wanted[np.isfinite(wanted[:, 0])]
+    starts = [
+        start
+        for start in kind.starts(camera, reference.covered)
+        if np.isfinite(start.pixels(rays)).all()
+    ]
+    if not starts:
+        raise FitError(
+            f"the {kind.label} model does not reach {np.rad2deg(reference.covered):.0f}°"
+        )
+    return nearest_lens(starts, rays, wanted)

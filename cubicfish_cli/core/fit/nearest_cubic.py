@@ -1,0 +1,162 @@
+"""The cubic nearest to a radial lens: what P is held to, and where its fit starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from cubicfish_cli.core.fit.lenses import WEIGHT_BEYOND, CubicFit
+from cubicfish_cli.core.lenses.cubic import check_validity
+from cubicfish_cli.core.lenses.lift import lift, sphere_basis
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.types import BoolArray, FloatArray
+
+MARGIN_DEG = 5.0
+"""The valid cone reaches this far beyond the farthest corner."""
+# The prior's cone reaches this far beyond the farthest corner: past the valid cone.
+_PRIOR_MARGIN_DEG = 10.0
+_PRIOR_RAYS = 300
+# Beyond half a turn less this, a ray's azimuth says nothing.
+_LARGEST_ANGLE_DEG = 175.0
+# Near its fold the reference's profile is flat; the prior stays short of that.
+_FOLD_SHARE = 0.98
+# In normalised pixels: what leads least squares to the nearest cubic without a pole on the way.
+DENOMINATOR_PULL = 1e-4
+SAFER_PULLS = (1e-2, 1.0, 100.0)
+"""Each is safer and less exact than the one before: P3Φ nears a constant."""
+# What rays count where no corners are: as little as keeps poles out. There the radial lens is a
+# guess, of which a profile with many coefficients makes what no cubic can follow.
+_SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
+_MOST = 100  # evaluations
+_SETTLED = 1e-6
+_FREE = 47  # numbers of P, its scale held
+# Pixels that a ray counts as being off which the lens of a step does not see.
+_UNSEEN_PX = 1e3
+
+
+def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float:
+    """Half-angle of the cone that reaches so far beyond the corners, short of a fold, radians.
+
+    Args:
+        camera: the radial lens.
+        covered: angle from the axis of the farthest corner, radians.
+        margin_deg: how far beyond it, degrees.
+
+    """
+    return min(
+        covered + np.deg2rad(margin_deg),
+        max(_FOLD_SHARE * camera.max_angle, covered),
+        np.deg2rad(_LARGEST_ANGLE_DEG),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearestCubic:
+    """The cubic that is nearest to a radial lens over the field that corners fill.
+
+    Attributes:
+        rays: (M, 3) unit rays, past the valid cone.
+        within: (M,) which of them are as far from the axis as corners are.
+        lens: the cubic; nothing holds it.
+        miss: (M, 2) its pixels less the radial lens's at the rays.
+
+    """
+
+    rays: FloatArray
+    within: BoolArray
+    lens: CubicFit
+    miss: FloatArray
+
+    @property
+    def weights(self) -> FloatArray:
+        """(M,) what rays count in a linear solution: beyond corners the lens is a guess."""
+        return np.where(self.within, 1.0, WEIGHT_BEYOND)
+
+    @property
+    def rms_px(self) -> float:
+        """How near it comes among corners: RMS of the distances, pixels."""
+        return float(np.sqrt(np.square(self.miss[self.within]).sum(axis=1).mean()))
+
+
+def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> NearestCubic:
+    """Find the cubic nearest to a radial lens.
+
+    The least squares of its pixels, all numbers of P free: the linear solution (Eq. 8–9), whose
+    P3Φ is pulled to a constant, is up to a tenth of a pixel off on lenses of strong curvature.
+
+    Args:
+        camera: the radial lens.
+        reached: angles from the axis of the nearest and of the farthest corner, radians.
+
+    """
+    first, last = reached
+    rays = cone_rays(cone_angle(camera, last, _PRIOR_MARGIN_DEG), _PRIOR_RAYS)
+    within = (rays[:, 2] >= np.cos(last)) & (rays[:, 2] <= np.cos(first))
+    pixel = camera.project(rays)
+    valid_deg = float(np.rad2deg(cone_angle(camera, last, MARGIN_DEG)))
+    for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
+        weights = np.where(within, 1.0, share)
+        start = CubicFit.linear(rays, pixel, camera, denominator_pull=pull, weights=weights)
+        lens = refined_cubic(start, rays, pixel, weights=weights)
+        miss = lens.far(rays) - pixel
+        # The rays reach beyond the valid cone, and no pole may be there either.
+        if np.isfinite(miss).all() and check_validity(lens.P, valid_deg).valid:
+            return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
+    # No start is without a pole: the safest, whose P3Φ is nearly constant, and no miss is known.
+    return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
+
+
+def refined_cubic(
+    start: CubicFit,
+    rays: FloatArray,
+    pixel: FloatArray,
+    *,
+    weights: FloatArray | None = None,
+    stiffness: float = 0.0,
+) -> CubicFit:
+    """Refine a cubic to see rays where they are seen, by Levenberg–Marquardt.
+
+    Args:
+        start: a cubic that is near.
+        rays: (M, 3) unit rays.
+        pixel: (M, 2) where they are seen.
+        weights: (M,) of each ray's miss; 1 by default.
+        stiffness: pixels that a relative change of P3Φ by 1 counts as, at each ray.
+
+    """
+    from scipy.optimize import least_squares  # it takes long to load
+
+    root = np.ones((len(rays), 1)) if weights is None else weights[:, None]
+    stiff = stiffness * (lift(rays) @ sphere_basis()) if stiffness else np.zeros((0, 16))
+
+    def with_parameters(parameters: FloatArray) -> CubicFit:
+        return start.with_parameters(np.append(parameters, start.travel))
+
+    def miss(parameters: FloatArray) -> FloatArray:
+        lens = with_parameters(parameters)
+        found = root * (lens.far(rays) - pixel)
+        drift = stiff @ (lens.coefficients[2] - start.coefficients[2])
+        return np.append(np.where(np.isfinite(found), found, _UNSEEN_PX).ravel(), drift)
+
+    def slope(parameters: FloatArray) -> FloatArray:
+        by_parameters = with_parameters(parameters).far_jacobian(rays)[2][:, :, :_FREE]
+        by_parameters = np.where(np.isfinite(by_parameters), by_parameters, 0.0)
+        drift = np.zeros((len(stiff), _FREE))
+        drift[:, 32:] = stiff @ start.denominator_basis
+        return np.vstack([(root[:, :, None] * by_parameters).reshape(-1, _FREE), drift])
+
+    with np.errstate(all="ignore"):
+        found = least_squares(
+            miss,
+            start.parameters[:_FREE],
+            jac=slope,
+            x_scale="jac",
+            method="lm",
+            max_nfev=_MOST,
+            ftol=_SETTLED,
+            xtol=_SETTLED,
+        )
+    return with_parameters(found.x)

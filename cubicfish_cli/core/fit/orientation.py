@@ -1,0 +1,295 @@
+"""Which way round photos show a target that looks the same after a turn.
+
+No photo says which end of such a board is which, so the names of its corners are a guess in each.
+The print says it: corners are a little off their drawn places, and that repeats in all photos, one
+way round. Named at random, what corners are off by is averaged away and stays in the residuals.
+
+To first order, every photo pulls at the corners' places by its residuals, its pose fitted anew, in
+one direction by the one name and in another by the other. What is named rightly pulls together: the
+likelihood of a choice, with lens, shapes and places left open, grows with the squared length of the
+sum of all pulls, in the metric of their covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.linearise import runs_linearised
+from cubicfish_cli.core.fit.normal_equations import summed_by_corner
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, free_target
+from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.placement import Symmetry, chosen, symmetries
+from cubicfish_cli.core.types import FloatArray, IntArray
+
+# What corners may be off by, as a share of the target's typical extent, and in that: the likeliest
+# is taken.
+_SPREAD = 1e-4
+_SPREADS = (1.0, 3.0, 10.0, 30.0)
+# A photo is named otherwise where that is more likely by this factor, its errors as large as its
+# residuals are now.
+_LIKELIER = np.log(10.0)
+_ROUNDING = 1e-10
+_LEAST_PULL, _LEAST_NOISE = 1e-9, 1e-9
+_STARTS = 30
+_SWEEPS = 50
+
+
+def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, NominalTarget]]:
+    """A fit and its drawing, and again with each photo named as goes with the other photos.
+
+    Args:
+        fit: below the level ``points``.
+        nominal: the target as drawn, with the pairs of ``fit``.
+
+    Returns:
+        The two that were given; then, where other names are likelier, those with other names and
+        the poses that leave all corners where they were.
+
+    """
+    given, target = (fit, nominal), nominal.target
+    motions = symmetries(target) if target else ()
+    if not motions or target is None:
+        return [given]
+    pairs, poses, scale = nominal.pairs, fit.cubic.poses, nominal.scale
+    namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
+    turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
+    try:
+        way = _likeliest(fit, nominal, namings, turned, _products(motions))
+    except np.linalg.LinAlgError:  # corners without any error: nothing pulls
+        return [given]
+    # What may be another corner altogether is left as it is.
+    way[pairs.image[~pairs.certain]] = 0
+    if not way.any():
+        return [given]
+    for number, views in enumerate(turned):
+        photos = np.flatnonzero(way == number)
+        poses = poses.with_photos(photos, views[photos])
+    adjusted = replace(fit.cubic.fit, poses=poses, sums=None)
+    renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
+    other = replace(fit, cubic=replace(fit.cubic, fit=adjusted))
+    return [given, (other, replace(nominal, pairs=chosen(namings, way), renamed=renamed))]
+
+
+def _products(motions: Sequence[Symmetry]) -> IntArray:
+    """(W, W) which way one way after another is; the first is to stay."""
+    forms = np.tile(np.eye(4), (len(motions) + 1, 1, 1))
+    for form, motion in zip(forms[1:], motions, strict=True):
+        form[:3, :3], form[:3, 3] = motion.rotation, motion.shift
+    both = forms[:, None] @ forms
+    apart = np.abs(both[:, :, None] - forms).max(axis=(-2, -1))
+    return np.asarray(apart.argmin(axis=-1))
+
+
+def _likeliest(
+    fit: TargetFit,
+    nominal: NominalTarget,
+    namings: Sequence[Observations],
+    turned: Sequence[Poses],
+    products: IntArray,
+) -> IntArray:
+    """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
+    noise = noise_px(fit.cubic.residual)
+    free = free_target(
+        nominal.of(Observations.stacked(namings)),
+        noise=noise,
+        offset_spread=_SPREAD,
+    )
+    free = free.started(fit.cubic.fit.world)
+    count = len(nominal.pairs.image)
+    pulls = [
+        _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
+        for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
+    ]
+    found = _best(fit, free, pulls, products)
+    corners = np.bincount(nominal.pairs.image, minlength=len(fit.cubic.poses))
+    return found.surely(noise, 2 * corners - 6)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pulls:
+    """What M photos put into the normal equations, their poses eliminated.
+
+    D unknowns: the lens's parameters, the boards', three coordinates of each free corner.
+
+    Attributes:
+        gradient: (M, D).
+        hessian: (D, D), of all photos.
+        square: (M,) of the residuals that no pose takes away.
+
+    """
+
+    gradient: FloatArray
+    hessian: FloatArray
+    square: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """What n pairs put into the normal equations, all weighted by their roots."""
+
+    rows: FloatArray  # (n, 2, K + 1) by what is shared; the residual is last
+    pose: FloatArray  # (n, 2, 6)
+    corner: IntArray  # (n,) free corner of each pair; empty where there are none
+    by_corner: FloatArray  # (n, 2, 3)
+    place: IntArray  # (n,) the pose that each is seen from
+
+    @classmethod
+    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> _Seen:
+        """Of all pairs of a fit."""
+        lens, count = len(fit.lens.parameters), len(pairs.image)
+        shared = lens + len(fit.world.parameters)
+        seen = cls(
+            rows=np.zeros((count, 2, shared + 1)),
+            pose=np.empty((count, 2, 6)),
+            corner=fit.world.corner,
+            by_corner=np.empty((count, 2, 3)),
+            place=np.empty(count, np.intp),
+        )
+        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, huber_px):
+            weight = root[:, None, None]
+            rows = seen.rows[run]
+            np.multiply(terms.d_lens, weight, out=rows[:, :, terms.columns])
+            np.multiply(terms.d_board, weight, out=rows[:, :, lens:shared])
+            np.multiply(terms.residual, root[:, None], out=rows[:, :, shared])
+            np.multiply(terms.d_turn, weight, out=seen.pose[run, :, :3])
+            np.multiply(terms.d_shift, weight, out=seen.pose[run, :, 3:])
+            np.multiply(terms.d_corner, weight, out=seen.by_corner[run])
+            seen.place[run] = terms.pose
+        return seen
+
+
+def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget) -> _Pulls:
+    moved = replace(fit.cubic.fit, poses=poses, world=world)
+    seen = _Seen.of(moved, pairs, huber_px(fit.cubic.residual))
+    photos, corners, shared = len(poses), len(world.offsets), seen.rows.shape[2] - 1
+    left, basis = seen.rows, np.zeros_like(seen.pose)
+    of_shared, square = np.zeros((photos, shared)), np.zeros(photos)
+    bounds = np.searchsorted(seen.place, np.arange(photos + 1))
+    for photo, (first, stop) in enumerate(pairwise(bounds)):
+        unit, _ = np.linalg.qr(seen.pose[first:stop].reshape(-1, 6))
+        basis[first:stop, :, : unit.shape[1]] = unit.reshape(stop - first, 2, -1)
+        flat = left[first:stop].reshape(-1, shared + 1)
+        flat -= unit @ (unit.T @ flat)
+        of_shared[photo] = flat[:, :-1].T @ flat[:, -1]
+        square[photo] = flat[:, -1] @ flat[:, -1]
+    # A photo sees each corner once, so no place comes twice.
+    of_corner, by_pose = np.zeros((photos, corners, 3)), np.zeros((photos, 6, corners, 3))
+    of_corner[seen.place, seen.corner] = np.einsum("nji,nj->ni", seen.by_corner, left[:, :, -1])
+    by_pose[seen.place, :, seen.corner] = np.einsum("njk,nji->nki", basis, seen.by_corner)
+    turned = by_pose.reshape(6 * photos, 3 * corners)
+    flat = left.reshape(-1, shared + 1)[:, :-1]
+    hessian = np.zeros((shared + 3 * corners,) * 2)
+    hessian[:shared, :shared] = flat.T @ flat
+    cross = summed_by_corner(seen.corner, corners, seen.by_corner, left[:, :, :-1])
+    hessian[shared:, :shared] = cross.reshape(-1, shared)
+    hessian[:shared, shared:] = hessian[shared:, :shared].T
+    hessian[shared:, shared:] = -turned.T @ turned
+    own = summed_by_corner(seen.corner, corners, seen.by_corner, seen.by_corner)
+    places = shared + np.arange(3 * corners).reshape(corners, 3)
+    hessian[places[:, :, None], places[:, None, :]] += own
+    gradient = np.concatenate([of_shared, of_corner.reshape(photos, -1)], axis=1)
+    return _Pulls(gradient=gradient, hessian=hessian, square=square)
+
+
+def _best(
+    fit: TargetFit, world: DeformableTarget, pulls: Sequence[_Pulls], products: IntArray
+) -> _Together:
+    """The likeliest way of each photo, whatever its corners are then off by."""
+    lens = len(fit.cubic.lens.parameters)
+    shared = lens + len(world.parameters)
+    each = np.stack([one.gradient for one in pulls], axis=1)
+    square = np.stack([one.square for one in pulls], axis=1)
+    # By what names photos are seen changes the equations little: they are those of all alike.
+    hessian = np.mean([one.hessian for one in pulls], axis=0)
+    held = np.zeros(len(hessian))
+    of_lens, of_boards = fit.cubic.lens.prior(), world.prior()
+    for own, prior in ((slice(0, lens), of_lens), (slice(lens, shared), of_boards)):
+        hessian[own, own] += prior[:-1, :-1]
+        held[own] += prior[:-1, -1]
+    flat = np.vstack([held, each.reshape(-1, len(held))]).T
+    tried = []
+    for spread in _SPREADS:
+        pull = np.full(len(held) - shared, max(world.offset_weight / spread, _LEAST_PULL))
+        pulled = hessian + np.diag(np.append(np.zeros(shared), pull**2))
+        unit = np.sqrt(np.diagonal(pulled))
+        root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
+        length = solve_triangular(root, flat / unit[:, None], lower=True).T
+        found = _Together.most(length[0], length[1:].reshape(*each.shape), square, products)
+        likely = -found.left / (2 * max(world.noise, _LEAST_NOISE) ** 2) + np.log(pull).sum()
+        tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
+    return max(tried, key=lambda one: one[0])[1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Together:
+    """Pulls that add up.
+
+    Attributes:
+        choice: (M,) which of each photo's.
+        gain: (M,) by how much more is left with the first of a photo's.
+        square: (M,) of their residuals with the first.
+        left: of the squares of all residuals.
+
+    """
+
+    choice: IntArray
+    gain: FloatArray
+    square: FloatArray
+    left: float
+
+    @classmethod
+    def most(
+        cls, held: FloatArray, pulls: FloatArray, square: FloatArray, products: IntArray
+    ) -> _Together:
+        """Those of pulls (M, W, D) that leave the least of squares (M, W), with another pull (D,).
+
+        They take the square of their sum away. Photo by photo from many starts, as far as it goes.
+        """
+        photos, ways, _ = pulls.shape
+        every = np.arange(photos)
+        choice = np.random.default_rng(0).integers(0, ways, (_STARTS, photos))
+        choice[0] = 0
+        total = held + pulls[every, choice].sum(axis=1)
+        for _ in range(_SWEEPS):
+            before = choice.copy()
+            for photo, own in enumerate(pulls):
+                rest = total - own[choice[:, photo]]
+                gain = 2 * rest @ own.T + np.sum(own * own, axis=1) - square[photo]
+                choice[:, photo] = gain.argmax(axis=1)
+                total = rest + own[choice[:, photo]]
+            if (choice == before).all():
+                break
+        left = square[every, choice].sum(axis=1) - np.sum(total * total, axis=1)
+        # A motion of all photos alike is none: of these, the nearest to the names that are given.
+        alike = products[:, choice[np.argmin(left)]]
+        best = alike[np.argmin(np.count_nonzero(alike, axis=1))]
+        rest = held + pulls[every, best].sum(axis=0) - pulls[every, best]
+        each = square - np.sum(np.square(rest[:, None] + pulls), axis=2)
+        return cls(
+            choice=best,
+            gain=each[:, 0] - each[every, best],
+            square=square[:, 0],
+            left=float(left.min()),
+        )
+
+    def surely(self, noise: float, rows: IntArray) -> IntArray:
+        """(M,) the choice where it is likelier than the first, beyond errors that photos share.
+
+        Args:
+            noise: of the typical photo, pixels.
+            rows: (M,) residuals of each photo less what its pose takes.
+
+        """
+        # One photo's corners may be off by more than those of others.
+        variance = np.maximum(noise**2, self.square / np.maximum(rows, 1))
+        return np.where(self.gain > 2 * _LIKELIER * variance, self.choice, 0)

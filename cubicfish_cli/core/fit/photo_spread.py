@@ -1,0 +1,190 @@
+"""Uncertainty of the camera from how much it depends on single photos.
+
+Corners of one photo share their errors: its blur, its light, the sheet's own bend in it, and what
+the model misses. The noise of single corners, carried through the fit, knows nothing of that. What
+does is how far the camera moves when a photo is left out: a variance estimate that is robust to
+errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
+
+Leaving photos out does not show how P should be held either. The squared distances to cameras under
+other priors are added, by how often other photos would have had them chosen (as in the averaging of
+models, Buckland, Burnham & Augustin 1997); likewise where held-out photos cannot tell whether the
+target should be refined further. And in a middle without any corner, where a mirror
+camera sees itself, P and the lens that it is held to are two guesses: they are off by what they
+differ by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from cubicfish_cli.core.fit.asymmetric import BentFit
+from cubicfish_cli.core.fit.cubic_fit import CubicResult, held
+from cubicfish_cli.core.fit.folds import dealt_out
+from cubicfish_cli.core.fit.left_out import LeaveOneOut
+from cubicfish_cli.core.fit.lenses import CubicFit
+from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG
+from cubicfish_cli.core.fit.radial_reference import RadialReference
+from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.uncertainty import Uncertainty, camera_uncertainty
+from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import FloatArray, IntArray
+
+# More clusters than that say little more, and each costs a linear system.
+MOST_CLUSTERS = 24
+_RAYS = 300
+_WITHIN = 0.95  # of one side: 0.9 between both
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoSpread:
+    """How far the camera moves without each cluster of photos.
+
+    Attributes:
+        noise: the part of the corners' own noise, which is a lower bound.
+        left_out: (G, K) steps of the lens's parameters without each cluster.
+        influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
+        runner_up: (R, K) steps to other lenses that may be better (that of a target refined
+            further, those of other priors), each times the root of its probability.
+        held_to: the lens that P is held to, in P's frame.
+        empty: angle from the axis within which no corner is or is near, radians.
+
+    """
+
+    noise: Uncertainty
+    left_out: FloatArray
+    influence: FloatArray
+    runner_up: FloatArray
+    held_to: BentFit
+    empty: float
+
+    @property
+    def noise_px(self) -> float:
+        """Standard deviation of a corner's coordinate, pixels."""
+        return self.noise.noise_px
+
+    def sigma_px(self, rays: FloatArray) -> FloatArray:
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+        left_out, influence, runner_up = self._changes(rays)
+        of_photos = self._of_photos(left_out, influence).reshape(-1, 2).sum(axis=1)
+        of_prior = np.square(runner_up).sum(axis=1).reshape(-1, 2).sum(axis=1)
+        of_guess = np.square(self._guessed(rays)).sum(axis=1)
+        of_noise = np.square(self.noise.sigma_px(rays))
+        return np.sqrt(np.maximum(of_noise, of_photos) + of_prior + of_guess)
+
+    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish_cli.core.fit.uncertainty.Sigma`."""
+        left_out, influence, runner_up = (weights @ change for change in self._changes(rays))
+        of_photos = self._of_photos(left_out, influence)
+        of_prior = np.square(runner_up).sum(axis=1)
+        of_guess = np.square(weights @ self._guessed(rays).reshape(-1))
+        return np.maximum(self.noise.variance(rays, weights), of_photos) + of_prior + of_guess
+
+    def _guessed(self, rays: FloatArray) -> FloatArray:
+        """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
+        if not self.empty:
+            return np.zeros((len(rays), 2))
+        differ = self.noise.gauge.lens.far(rays) - self.held_to.project(rays)
+        return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
+
+    def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
+        """(F,) variances from changes (F, G) without each cluster.
+
+        With leverage h, leaving out divides squared residuals by (1 - h)² (HC3), influence by
+        nothing (HC0). The product of the two divides by 1 - h, cluster by cluster, which is
+        unbiased where errors are alike (HC2; MacKinnon & White 1985), however large h is.
+        """
+        clusters = left_out.shape[1]
+        if clusters < 2:
+            return np.zeros(len(left_out))
+        once, none = (
+            change - change.mean(axis=1, keepdims=True) for change in (left_out, influence)
+        )
+        return variance_of_few(np.sum(once * none, axis=1), clusters)
+
+    def _changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(2N, steps) how the pixels of rays move, the common turn taken out.
+
+        By each step of ``left_out``, of ``influence`` and of ``runner_up``.
+        """
+        change = self.noise.gauge.by_lens(rays)
+        left_out, influence, runner_up = (
+            change @ steps.reshape(-1, change.shape[1]).T
+            for steps in (self.left_out, self.influence, self.runner_up)
+        )
+        return left_out, influence, runner_up
+
+
+def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
+    """Variances that were found from some clusters, of any shape, enlarged since these are few.
+
+    A variance that is itself estimated from few is below the true one more often than above it.
+    It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
+    its root, as often as they would with the true one: by Student's t.
+    """
+    larger = (stdtrit(clusters - 1, _WITHIN) / ndtri(_WITHIN)) ** 2
+    return variance * larger
+
+
+def photo_spread(
+    result: CubicResult,
+    reference: RadialReference,
+    places: IntArray,
+    doubted: Sequence[tuple[CubicFit, float]] = (),
+) -> PhotoSpread:
+    """Leave out the photos of a cubic fit, cluster by cluster, to first order.
+
+    Args:
+        result: the fit, at its optimum.
+        reference: what P is held to, with the fit's pairs.
+        places: (M,) from which place each photo is, counted from 0: those from one place are left
+            out together.
+        doubted: other lenses, and how likely each is the better one, 0 to 1.
+
+    """
+    count = len(result.lens.parameters)
+    limit, clusters = huber_px(result.errors), _clusters(places, reference.pairs)
+    leave_one_out = LeaveOneOut(result.fit, reference.pairs, limit, clusters)
+    prior = result.lens.ray_prior
+    assert prior is not None
+    rays = cone_rays(reference.covered, _RAYS)
+    others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
+    if result.runners_up:
+        steps = leave_one_out.held_as(
+            [
+                held(result.lens, reference, runner_up.prior, result.errors)
+                for runner_up in result.runners_up
+            ]
+        )
+        likely = np.array([runner_up.likely for runner_up in result.runners_up])
+        others += list(np.sqrt(likely)[:, None] * steps[:, :count])
+    return PhotoSpread(
+        noise=camera_uncertainty(result, reference.pairs),
+        left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),
+        influence=leave_one_out.influence()[:, :count],
+        runner_up=np.array(others),
+        held_to=prior.nearest(result.lens.far(prior.rays))[0],
+        empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
+    )
+
+
+def _step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
+    """(K,) from a lens to another, whose own parameters may be scaled otherwise."""
+    _, _, by_lens = lens.far_jacobian(rays)
+    change = (other.far(rays) - lens.far(rays)).reshape(-1)
+    return np.asarray(np.linalg.lstsq(by_lens.reshape(len(change), -1), change, rcond=None)[0])
+
+
+def _clusters(places: IntArray, pairs: Observations) -> list[IntArray]:
+    """Photos of which some corner tells its error, those from one place together."""
+    telling = np.unique(pairs.image[pairs.tells_error])
+    _, place = np.unique(places[telling], return_inverse=True)
+    clusters = min(int(place.max(initial=-1)) + 1, MOST_CLUSTERS)
+    if clusters < 2:
+        return []
+    images = [pairs.images[photo] for photo in telling]
+    return [telling[part] for part in dealt_out(place, images, clusters)]

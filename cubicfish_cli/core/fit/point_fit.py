@@ -1,0 +1,330 @@
+"""Fitting the ``point`` lift: P on the points themselves, as the paper's experiments do.
+
+One photo: in the world frame, without any pose. Several: in the camera frame, with the poses
+that the radial reference found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from cubicfish_cli.core.assess.fit_record import FitRecord, PhotoRecord
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.folds import photo_folds
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.linear import ROUNDS, linear_ratios
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.radial_reference import fit_radial, refit_radial
+from cubicfish_cli.core.fit.robust import gross_px, huber_px
+from cubicfish_cli.core.fit.statistics import (
+    error_statistics,
+    photo_records,
+    rms_px,
+)
+from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
+from cubicfish_cli.core.io.calibrated import CameraRecord
+from cubicfish_cli.core.lenses.lift import lift
+from cubicfish_cli.core.lenses.point import PointCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.threads import one_blas_thread
+from cubicfish_cli.core.types import FloatArray
+
+# Singular values of Φ below this share of the largest are rounding and print errors, not a view.
+RANK_TOLERANCE = 1e-6
+# Pulls of P3Φ towards 1 that are tried until no corner lies behind a pole.
+_PULLS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
+_MAX_STEPS = 300
+_DROP_ROUNDS = 3
+# Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
+MIN_PAIRS = 30
+# Corners at the very edge of the volume must stay inside when they are read back from text.
+_REACH_SLACK = 1.001
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RatioFit:
+    """P on given points, at the paper's three stages.
+
+    Attributes:
+        plain: (3, 20) the linear solution of Eq. 8–9.
+        reweighted: (3, 20) the same with each equation over its denominator.
+        refined: (3, 20) after Levenberg–Marquardt on Eq. 10.
+        rank: numerical rank of Φ.
+        null: (20 − rank, 20) orthonormal cubics that vanish on the points.
+
+    """
+
+    plain: FloatArray
+    reweighted: FloatArray
+    refined: FloatArray
+    rank: int
+    null: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PointCalibration(CameraRecord):
+    """A fitted ``point`` camera and how well it fits.
+
+    Attributes:
+        camera: the camera.
+        pairs: the pairs that were used.
+        poses: camera_from_world of each photo, from the radial reference; None with one photo
+            whose pose was not needed.
+        residual: (N, 2) projection less pixel, pixels.
+        fit: how well it fits; photos that were left out of it for the held-out error were placed
+            by a radial reference that never saw them either.
+        unfit: photos left out, with the reason.
+        target: the calibration target, as drawn; None of pairs.
+        made_by: where it comes from, plain data.
+
+    """
+
+    camera: PointCamera
+    pairs: Observations
+    poses: Poses | None
+    residual: FloatArray
+    fit: FitRecord
+    unfit: Mapping[str, Finding]
+    target: Target | None = None
+    made_by: Mapping[str, Any] = field(default_factory=dict)
+
+    def named(self, corners: Observations) -> Observations:
+        """The corners as this fit names them: as they were given."""
+        return corners
+
+    @property
+    def remarks(self) -> tuple[Finding, ...]:
+        """What is told beside the figures: photos that were left out."""
+        unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
+        return (*unfit,)
+
+
+@one_blas_thread()
+def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCalibration:
+    """Fit the ``point`` lift to 2D-3D pairs.
+
+    Args:
+        pairs: of one photo (world frame), or of several (camera frame, poses from the radial
+            reference).
+        hold_out: also measure the held-out error (five more fits), with three photos or more.
+
+    Raises:
+        FitError: the pairs are too few for the rank that they have, the photos cannot be
+            placed, or no P without a pole among the corners was found.
+
+    """
+    used, poses, unfit = (pairs, None, {}) if len(pairs.images) == 1 else _placed(pairs)
+    given = len(pairs.pixel) - sum(
+        int(np.sum(pairs.image == pairs.images.index(photo))) for photo in unfit
+    )
+    camera, stages, residual = _fit(used, poses)
+    for _ in range(_DROP_ROUNDS):
+        near = np.hypot(*residual.T) <= gross_px(residual)
+        if near.all():
+            break
+        used, photos = select(used, near)
+        poses = poses[photos] if poses is not None else None
+        camera, stages, residual = _fit(used, poses)
+    errors = error_statistics(residual)
+    return PointCalibration(
+        camera=camera,
+        pairs=used,
+        poses=poses,
+        residual=residual,
+        fit=FitRecord(
+            **vars(errors),
+            images=len(used.images),
+            held_out_rms_px=_held_out(used, poses) if hold_out else np.nan,
+            lift="point",
+            frame=camera.frame,
+            rank=camera.rank,
+            plain_rms_px=stages[0],
+            reweighted_rms_px=stages[1],
+            dropped=given - len(used.pixel),
+            unfit_images={photo: why.line for photo, why in unfit.items()},
+            per_image=(PhotoRecord(image=used.images[0], **vars(errors)),)
+            if poses is None
+            else photo_records(used.images, used.image, residual, poses, used.tells_error),
+        ),
+        unfit=unfit,
+        target=pairs.target,
+    )
+
+
+def _held_out(pairs: Observations, poses: Poses | None) -> float:
+    """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
+    if poses is None:
+        return np.nan
+    photos = np.arange(len(pairs.images))
+    folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi)
+    residuals = []
+    for fold in folds:
+        train = select_photos(pairs, np.setdiff1d(photos, fold))
+        test = select_photos(pairs, fold)
+        scale = world_scale(train)
+        try:
+            camera = calibrate_points(train, hold_out=False).camera
+            reference = fit_radial(train.with_world(train.world / scale))
+        except FitError:
+            return np.nan
+        placed, own, _ = fit_poses(reference.camera, test.with_world(test.world / scale))
+        if placed is None:
+            return np.nan
+        points = placed.poses.apply(own.image, own.world) * scale
+        residuals.append(camera.project(points) - own.pixel)
+    if not residuals:
+        return np.nan
+    residual = np.vstack(residuals)
+    # Beyond the volume of the training corners there is no answer to judge.
+    return rms_px(residual[np.isfinite(residual[:, 0])])
+
+
+def _placed(pairs: Observations) -> tuple[Observations, Poses, dict[str, Finding]]:
+    """The pairs that fit a radial lens, the poses that it gives, and the photos that do not."""
+    scale = world_scale(pairs)
+    reference = fit_radial(pairs.with_world(pairs.world / scale))
+    near = np.hypot(*reference.residual.T) <= gross_px(reference.residual)
+    kept, photos = select(reference.pairs, near)
+    reference = refit_radial(reference, kept, reference.poses[photos])
+    used = reference.pairs.with_world(reference.pairs.world * scale)
+    return used, reference.poses.scaled(scale), reference.unfit
+
+
+def _fit(
+    pairs: Observations, poses: Poses | None
+) -> tuple[PointCamera, tuple[float, float], FloatArray]:
+    """The camera, the RMS of both linear solutions, and the residual (N, 2), pixels."""
+    points = pairs.world if poses is None else poses.apply(pairs.image, pairs.world)
+    offset = points.mean(axis=0)
+    scale = float(np.sqrt(np.mean(np.square(points - offset)))) or 1.0
+    local = (points - offset) / scale
+    fit = fit_ratio(local, pairs.pixel)
+    camera = PointCamera(
+        image_size=pairs.image_size,
+        P=fit.refined,
+        frame="world" if poses is None else "camera",
+        offset=offset,
+        scale=scale,
+        null=fit.null,
+        reach=float(_REACH_SLACK * np.linalg.norm(local, axis=1).max()),
+        valid=_outline(pairs.pixel),
+    )
+    values = lift(local)
+    linear = [rms_px(ratio(P, values) - pairs.pixel) for P in (fit.plain, fit.reweighted)]
+    return camera, (linear[0], linear[1]), ratio(fit.refined, values) - pairs.pixel
+
+
+def fit_ratio(local: FloatArray, pixel: FloatArray) -> RatioFit:
+    """P (3, 20) on points by Eq. 8–9, plain and reweighted, and by Eq. 10.
+
+    All three are solved in the numerical row space of Φ: points on few planes leave cubics that
+    vanish on every one of them, and the smallest singular vector of the whole system would be
+    made of those.
+
+    Args:
+        local: (N, 3) points of order 1 about 0.
+        pixel: (N, 2).
+
+    Raises:
+        FitError: the points are too few for their rank, or every P has a pole among them.
+
+    """
+    lifted = lift(local)
+    _, size, right = np.linalg.svd(lifted, full_matrices=True)
+    rank = int(np.sum(size > RANK_TOLERANCE * size[0]))
+    if 2 * len(local) < 3 * rank - 1 or len(local) < MIN_PAIRS:
+        raise FitError(
+            f"{len(local)} corners are too few for the point lift: at least "
+            f"{max(MIN_PAIRS, -(-(3 * rank - 1) // 2))} are needed (and some hundreds to be good)"
+        )
+    basis, null = right[:rank].T, right[rank:]
+    values = lifted @ basis
+    centre = pixel.mean(axis=0)
+    scale = float(np.sqrt(np.mean(np.square(pixel - centre)))) or 1.0
+    target = (pixel - centre) / scale
+    to_pixels = np.array([[scale, 0, centre[0]], [0, scale, centre[1]], [0, 0, 1]])
+
+    def as_P(coefficients: FloatArray) -> FloatArray:
+        P = to_pixels @ coefficients @ basis.T
+        return P / np.linalg.norm(P)
+
+    plain = linear_ratios(values, target, denominator_pull=0, rounds=0)
+    reweighted = _without_pole(values, target)
+    return RatioFit(
+        plain=as_P(plain),
+        reweighted=as_P(reweighted),
+        refined=as_P(_refined(values, target, reweighted, scale)),
+        rank=rank,
+        null=null,
+    )
+
+
+def _without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
+    """The reweighted linear solution, tamed as little as puts every point before the poles."""
+    for pull in _PULLS:
+        coefficients = linear_ratios(values, pixel, denominator_pull=pull, rounds=ROUNDS)
+        if (values @ coefficients[2] > 0).all():
+            return coefficients
+    raise FitError(
+        "no ratio of cubics without a pole among the corners was found: check that the corners "
+        "are named rightly, or use lift 'ray'"
+    )
+
+
+def _refined(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: float) -> FloatArray:
+    """Levenberg–Marquardt on Eq. 10, in the basis of ``values``; the mean of P3Φ stays 1."""
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+
+    rank = values.shape[1]
+    # Directions in which C3 may move without changing the mean denominator.
+    free = np.linalg.svd(values.mean(axis=0)[None, :])[2][1:].T
+
+    def unpack(parameters: FloatArray) -> FloatArray:
+        moved = start[2] + free @ parameters[2 * rank :]
+        return np.stack([parameters[:rank], parameters[rank : 2 * rank], moved])
+
+    def residual(parameters: FloatArray) -> FloatArray:
+        miss = ratio(unpack(parameters), values) - pixel
+        return np.nan_to_num(scale * miss.reshape(-1), nan=np.inf, posinf=np.inf, neginf=np.inf)
+
+    def slope(parameters: FloatArray) -> FloatArray:
+        coefficients = unpack(parameters)
+        share = scale * values / (values @ coefficients[2])[:, None]
+        seen = ratio(coefficients, values)
+        jacobian = np.zeros((len(values), 2, 3 * rank - 1))
+        jacobian[:, 0, :rank] = share
+        jacobian[:, 1, rank : 2 * rank] = share
+        jacobian[:, :, 2 * rank :] = -seen[:, :, None] * (share @ free)[:, None, :]
+        return jacobian.reshape(2 * len(values), -1)
+
+    first = np.concatenate([start[0], start[1], np.zeros(rank - 1)])
+    limit = huber_px(residual(first).reshape(-1, 2))
+    fit = least_squares(
+        residual,
+        first,
+        jac=slope,
+        loss="huber",
+        f_scale=limit,
+        x_scale="jac",
+        max_nfev=_MAX_STEPS,
+    )
+    return unpack(fit.x)
+
+
+def ratio(P: FloatArray, values: FloatArray) -> FloatArray:
+    """Ratios of P · Φ: (3, K), (N, K) -> (N, 2), inf where P3Φ is not positive."""
+    homogeneous = values @ P.T
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pixel = homogeneous[:, :2] / homogeneous[:, 2:]
+    return np.where(homogeneous[:, 2:] > 0, pixel, np.inf)
+
+
+def _outline(pixel: FloatArray) -> FloatArray:
+    return pixel[ConvexHull(pixel).vertices]

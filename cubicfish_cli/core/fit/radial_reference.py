@@ -1,0 +1,466 @@
+"""Fitting the radial reference and all poses, from nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import islice, pairwise
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.codes import Code
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.asymmetric import Bend, BentFit, bend, bend_between
+from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.robust import gross_px, noise_px, wide_px
+from cubicfish_cli.core.fit.start import start_at_centre
+from cubicfish_cli.core.fit.subset import select_photos
+from cubicfish_cli.core.lenses.nearest import FreeLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+
+RadialAdjustment = Adjustment[FreeLens[RadialCamera]]
+
+CHECK_ALL = (
+    "check the target's square sizes, axes and origins, that corners are counted and not squares, "
+    "and that all photos show this one target through one lens at one zoom"
+)
+"""What to do where corners fit no lens at all."""
+# A fit whose noise is above this share of the photo's longer side is not accepted.
+_POOR_SHARE = 0.004
+# A start whose photos are off by more than this share of it in the median leads nowhere, and
+# neither does a first fit so many times as noisy as what is accepted.
+_HOPELESS_SHARE = 0.1
+_HOPELESS = 4.0
+_FIRST_ITERATIONS = 30
+# Centres that are tried when the middle of the photo does not serve, as shares of its sides.
+_CENTRE_SHARES = (-0.24, -0.12, 0.0, 0.12, 0.24)
+_CENTRES_TO_FIT = 4
+# Photos that take part in ranking the centres.
+_PHOTOS_FOR_CENTRE = 8
+# A photo is set aside in the first fit when its start is this many times worse than the median.
+_BAD_START = 6.0
+_ROUNDS = 3
+# Photos that are added may make the others this many times as noisy.
+_PULLED_AWAY = 2.0
+# A profile with fewer coefficients may be noisier by this factor.
+_WORTH_A_TERM = 1.05
+_ALL_TERMS = 4
+# A step that lowers the cost by a smaller share is taken unseen.
+_NEAR_DECREASE = 1e-8
+# Where another fit follows at once.
+_ROUGH_DECREASE = 1e-5
+LOST_PX = 10.0
+"""What a corner that a known lens does not see counts as being off, at first."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialReference:
+    """The Kannala–Brandt lens, the poses of the photos that fit it, and their pairs.
+
+    Attributes:
+        camera: the lens.
+        poses: camera_from_world, one for each of ``pairs.images``.
+        pairs: the pairs of the photos that fit.
+        residual: (N, 2) projection less pixel, pixels.
+        unfit: why each photo that was left out was, by name.
+        terms: how many coefficients of the radial profile are in use.
+        focal_uncertainty: standard deviation of the focal length, as a share of it.
+        bends: what bent this lens before, by expected asymmetry: it is bent so again.
+
+    """
+
+    camera: RadialCamera
+    poses: Poses
+    pairs: Observations
+    residual: FloatArray
+    unfit: dict[str, Finding]
+    terms: int
+    focal_uncertainty: float
+    bends: dict[float, Bend] = field(default_factory=dict, repr=False)
+    _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
+    _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
+
+    @property
+    def errors(self) -> FloatArray:
+        """(K, 2) residuals of the pairs whose error a fit can tell."""
+        return self.residual[self.pairs.tells_error]
+
+    def followed(self, world: FloatArray) -> RadialReference:
+        """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
+        follower = replace(self, pairs=self.pairs.with_world(world))
+        follower._bent.update(self._bent)
+        follower._cubic.extend(self._cubic)
+        return follower
+
+    @property
+    def cubic(self) -> NearestCubic:
+        """The cubic that comes nearest to the lens."""
+        if not self._cubic:
+            self._cubic.append(nearest_cubic(self.camera, self.reached))
+        return self._cubic[0]
+
+    def bent(self, spread: float) -> tuple[BentFit, Poses]:
+        """The nearest lens of this expected asymmetry, and the poses that go with it."""
+        if spread not in self._bent:
+            near = self.bends.get(spread)
+            bent, poses = self._bent[spread] = bend(
+                self.camera, self.terms, self.poses, self.pairs, self.errors, spread, near
+            )
+            if near is None:
+                self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
+        return self._bent[spread]
+
+    @property
+    def lens(self) -> FreeLens[RadialCamera]:
+        """The lens with what is free of it."""
+        return _free(self.camera, self.terms)
+
+    @property
+    def covered(self) -> float:
+        """Angle from the axis of the farthest corner that is not gross, radians."""
+        return self.reached[1]
+
+    @cached_property
+    def reached(self) -> tuple[float, float]:
+        """Angles from the axis of the nearest and of the farthest corner that is not gross.
+
+        In the middle of a mirror camera's picture is the camera itself.
+        """
+        angle = angle_from_axis(self.poses.apply(self.pairs.image, self.pairs.world))
+        length = np.hypot(self.residual[:, 0], self.residual[:, 1])
+        good = angle[length <= gross_px(self.errors)]
+        return float(good.min()), float(good.max())
+
+
+def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference:
+    """Fit a Kannala–Brandt lens and the pose of every photo, without any guess.
+
+    Photos that do not fit the lens of the others are tried again with the lens that the others
+    gave; those that still do not fit are left out and named.
+
+    Args:
+        pairs: 2D-3D pairs.
+        thorough: try other centres of the lens where the photo's middle does not serve.
+
+    Raises:
+        FitError: no photo can be placed, or the corners do not fit the target.
+
+    """
+    # Photos without any pair would shift the others' indices further on.
+    pairs = select_photos(pairs, np.arange(len(pairs.images)))
+    fit, used = _first_fit(pairs, thorough)
+    unfit: dict[str, Finding] = {}
+    for round_ in range(_ROUNDS):
+        missing = np.setdiff1d(np.arange(len(pairs.images)), used)
+        before = len(used)
+        fit, used, refused = _with_missing(fit, used, pairs, missing, again=round_ > 0)
+        own = select_photos(pairs, used)
+        if len(used) > before:
+            fit = _adjusted(fit, own)
+        unfit = {
+            pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
+            for photo in np.setdiff1d(missing, used).tolist()
+        }
+        bad = _bad_photos(fit, own, gross_px(fit.residual))
+        unfit |= {own.images[photo]: why for photo, why in bad.items()}
+        if not bad:
+            break
+        good = np.array([photo for photo in range(len(used)) if photo not in bad])
+        if 2 * len(good) < len(used) or not len(good):
+            raise _does_not_fit(noise_px(fit.residual))
+        own, used = select_photos(own, good), used[good]
+        limit = gross_px(fit.residual)
+        fit = adjust(
+            fit.lens, fit.poses[good], own, huber_px=limit, relative_decrease=_ROUGH_DECREASE
+        )
+        fit = _adjusted(fit, own)
+        if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
+            break
+    return _sound(fit, select_photos(pairs, used), unfit, {})
+
+
+def radial_near(
+    camera: RadialCamera,
+    pairs: Observations,
+    poses: Poses,
+    *,
+    terms: int = _ALL_TERMS,
+    lost_px: float = LOST_PX,
+) -> RadialReference:
+    """The reference of a calibration that is known, adjusted to its pairs again.
+
+    Args:
+        camera: its radial lens.
+        pairs: the pairs, world points of order 1.
+        poses: camera_from_world of each photo under that lens.
+        terms: how many coefficients of the profile may be free.
+        lost_px: see :data:`LOST_PX`.
+
+    """
+    miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
+    near = RadialReference(
+        camera=camera,
+        poses=poses,
+        pairs=pairs,
+        residual=np.nan_to_num(miss, nan=lost_px),
+        unfit={},
+        terms=terms,
+        focal_uncertainty=0.0,
+    )
+    return refit_radial(near, pairs, poses)
+
+
+def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) -> RadialReference:
+    """Adjust a reference to other pairs of the same lens, from known poses.
+
+    Used for pairs without the dropped ones and for the training part of a fold.
+    """
+    fit = adjust(
+        reference.lens,
+        poses,
+        pairs,
+        huber_px=wide_px(reference.errors),
+        relative_decrease=_NEAR_DECREASE,
+        damping=WARM_DAMPING,
+        trust_last=True,
+    )
+    return _sound(fit, pairs, reference.unfit, dict(reference.bends))
+
+
+def _sound(
+    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding], bends: dict[float, Bend]
+) -> RadialReference:
+    """The reference of a fit, with a profile that grows over the whole valid cone."""
+    fit, terms = _sound_profile(fit, pairs)
+    return RadialReference(
+        camera=fit.lens.lens,
+        poses=fit.poses,
+        pairs=pairs,
+        residual=fit.residual,
+        unfit=unfit,
+        terms=terms,
+        focal_uncertainty=_focal_uncertainty(fit),
+        bends=bends,
+    )
+
+
+def _does_not_fit(error: float) -> FitError:
+    size = f"{error:.0f}" if error >= 10 else f"{error:.2g}"
+    return FitError(
+        f"the corners do not fit the target (typical error {size} px)",
+        do=CHECK_ALL,
+    )
+
+
+def _first_fit(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, IntArray]:
+    poor = _POOR_SHARE * max(pairs.image_size)
+    best: tuple[float, RadialAdjustment, IntArray] | None = None
+    for centre in islice(_centres(pairs), None if thorough else 1):
+        found = _fit_from_centre(pairs, centre)
+        if found is None:
+            continue
+        error = noise_px(found[0].residual)
+        if best is None or error < best[0]:
+            best = (error, *found)
+        if error <= poor:
+            break
+    if best is None:
+        raise FitError(
+            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
+            "board) that are not on one line"
+        )
+    if best[0] > poor:
+        raise _does_not_fit(best[0])
+    return best[1], best[2]
+
+
+def _centres(pairs: Observations) -> Iterator[FloatArray]:
+    """The middle of the photo, and only if that does not serve the best-ranked others."""
+    size = np.array(pairs.image_size, float)
+    middle = (size - 1) / 2
+    yield middle
+    counts = np.bincount(pairs.image, minlength=len(pairs.images))
+    few = select_photos(pairs, np.argsort(-counts, kind="stable")[:_PHOTOS_FOR_CENTRE])
+    centres = [
+        middle + size * [x, y]
+        for x in _CENTRE_SHARES
+        for y in _CENTRE_SHARES
+        if (x, y) != (0.0, 0.0)
+    ]
+    scores = [start_at_centre(few, centre).score for centre in centres]
+    for index in np.argsort(scores, kind="stable")[:_CENTRES_TO_FIT]:
+        yield centres[index]
+
+
+def _fit_from_centre(
+    pairs: Observations, centre: FloatArray
+) -> tuple[RadialAdjustment, IntArray] | None:
+    start = start_at_centre(pairs, centre)
+    placed = np.isfinite(start.error)
+    if not placed.any():
+        return None
+    size, typical = max(pairs.image_size), float(np.median(start.error[placed]))
+    limit = max(0.02 * size, _BAD_START * typical)
+    used = np.flatnonzero(start.error <= limit)
+    own = select_photos(pairs, used)
+    camera = RadialCamera.from_parameters(
+        [start.focal, start.focal, *start.centre, 0, 0, 0, 0], pairs.image_size
+    )
+    # Two coefficients first: with poses still rough, four would bend to the errors.
+    fit = adjust(
+        _free(camera, 2),
+        start.poses[used],
+        own,
+        huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
+        max_iterations=1 if typical > _HOPELESS_SHARE * size else _FIRST_ITERATIONS,
+        relative_decrease=_ROUGH_DECREASE,
+    )
+    if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
+        return fit, used
+    return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
+
+
+def _free(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
+    """A lens of which so many coefficients of the profile are free."""
+    return FreeLens.of(camera, held=terms_beyond(terms))
+
+
+def terms_beyond(terms: int) -> list[str]:
+    """Names of the profile's coefficients that are not in use."""
+    return [f"k{power}" for power in range(terms + 1, _ALL_TERMS + 1)]
+
+
+def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> RadialAdjustment:
+    camera = fit.lens.lens
+    camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
+    limit = wide_px(fit.residual)
+    return adjust(
+        _free(camera, terms), fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE
+    )
+
+
+def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
+    """Continue with a loss that follows the residuals down to the noise."""
+    fit = fit.again(pairs, relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING)
+    return fit.again(pairs, damping=WARM_DAMPING)
+
+
+def _with_missing(
+    fit: RadialAdjustment, used: IntArray, pairs: Observations, missing: IntArray, *, again: bool
+) -> tuple[RadialAdjustment, IntArray, dict[int, Finding]]:
+    """Add the photos that the start set aside, placed with the lens that the others gave.
+
+    Where these pull the others' corners away from a lens that fitted, those that are placed
+    grossly wrong under that lens are refused: a few corners say little of their photo's pose, and
+    a pose that is far off may turn a good lens into another. A photo that shows for the first time
+    how the lens goes on at the rim pulls nobody away; one that is tried ``again`` has to fit.
+
+    Returns:
+        The fit, its photos, and why each photo that could be placed was refused.
+
+    """
+    if not missing.size:
+        return fit, used, {}
+    found, own, placed = fit_poses(fit.lens.lens, select_photos(pairs, missing))
+    if found is None:
+        return fit, used, {}
+    # Those that go astray would hold up all others.
+    firm = np.flatnonzero(~_undetermined(found, noise_px(fit.residual)))
+    photos = missing[placed]
+    if not again:
+        joined, everyone = _joined(fit, used, pairs, found.poses[firm], photos[firm])
+        others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
+        if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
+            return joined, everyone, {}
+    wrong = _bad_photos(found, own, gross_px(fit.residual))
+    refused = {int(photos[photo]): why for photo, why in wrong.items()}
+    good = np.setdiff1d(firm, list(wrong))
+    if not good.size:
+        return fit, used, refused
+    return *_joined(fit, used, pairs, found.poses[good], photos[good]), refused
+
+
+def _joined(
+    fit: RadialAdjustment, used: IntArray, pairs: Observations, poses: Poses, photos: IntArray
+) -> tuple[RadialAdjustment, IntArray]:
+    """A fit to photos that are used already and to others, whose poses are known roughly."""
+    everyone = np.concatenate([used, photos])
+    order = np.argsort(everyone, kind="stable")
+    poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
+    joined = adjust(
+        fit.lens,
+        poses,
+        select_photos(pairs, everyone),
+        huber_px=wide_px(fit.residual),
+        relative_decrease=_ROUGH_DECREASE,
+    )
+    return joined, everyone
+
+
+def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:
+    """Photos of which most corners are off by more than a limit in pixels, with the reason.
+
+    And those whose corners do not say where they were taken from: they go astray without end.
+    """
+    length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+    bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
+    open_ = _undetermined(fit, noise_px(fit.residual))
+    bad = {}
+    for photo, (first, stop) in enumerate(pairwise(bounds.tolist())):
+        images, typical = (pairs.images[photo],), float(np.median(length[first:stop]))
+        if typical > limit:
+            figures = {"error_px": typical}
+            bad[photo] = Finding(code=Code.DOES_NOT_FIT, images=images, figures=figures)
+        elif open_[photo]:
+            bad[photo] = Finding(code=Code.TOO_FEW_CORNERS, images=images)
+    return bad
+
+
+def _undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
+    """(M,) photos whose corners, with so many pixels of noise, leave a turn or the distance open.
+
+    That is, a turn to a radian, or a shift to the distance itself: beyond that a pose is not
+    known at all, and what is linear about it says nothing.
+    """
+    far = np.linalg.norm(fit.poses.translation, axis=1)[:, None]
+    unit = np.hstack([np.ones((len(far), 3)), np.repeat(far, 3, axis=1)])
+    known = fit.normal.pose * unit[:, :, None] * unit[:, None, :]
+    return np.asarray(np.linalg.eigvalsh(known)[:, 0] < noise**2)
+
+
+def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAdjustment, int]:
+    """Take coefficients away until the profile grows over the whole valid cone.
+
+    A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
+    much worse with fewer: it keeps them all, and its valid cone ends at the fold.
+    """
+    terms = len(fit.lens.free) - 4
+    worst = _WORTH_A_TERM * noise_px(fit.residual)
+    best = fit
+    for fewer in range(terms, -1, -1):
+        if fewer < terms:
+            fit = _with_terms(fit, pairs, fewer)
+        if noise_px(fit.residual) > worst:
+            break
+        near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
+        covered = angle_from_axis(fit.poses.apply(pairs.image, pairs.world))[near].max()
+        if fit.lens.lens.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
+            return fit, fewer
+    return best, terms
+
+
+def _focal_uncertainty(fit: RadialAdjustment) -> float:
+    covariance = (
+        np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
+    )
+    focal = abs(fit.lens.lens.fx)
+    return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / focal)

@@ -1,0 +1,231 @@
+"""How much of the target is fitted along with the camera: nothing, the boards' shapes and places,
+or each corner's own place as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.folds import folds_of
+from cubicfish_cli.core.fit.normal_equations import solve_scaled
+from cubicfish_cli.core.fit.photo_noise import weighed
+from cubicfish_cli.core.fit.prior_choice import choose_prior
+from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
+from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.placement import Symmetry
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+
+L = TypeVar("L", bound=FitLens)
+Level = Literal["off", "shape", "points"]
+LEVELS: tuple[Level, ...] = ("off", "shape", "points")
+
+_ROUGH_DECREASE = 1e-5
+# Median length of a 3D normal vector of unit standard deviation a component.
+_MEDIAN_OF_MAXWELL = 1.53817
+FIRST_SPREAD = 3e-3
+"""Corners' offsets start from this share of the target's typical extent: more than prints have.
+The spread that the data show is found in a few rounds from there, and in hundreds from below: what
+is held firmly shows nothing but that."""
+_SMALLEST_SPREAD = 1e-7
+_SPREAD_ROUNDS = 6
+_SPREAD_SETTLED = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NominalTarget:
+    """The target as drawn, and its pairs in units in which it is of order 1.
+
+    Attributes:
+        target: the drawing; None for pairs that came without one.
+        pairs: pairs whose world points are the drawing's, divided by ``scale``.
+        scale: the target's units in one unit of ``pairs``.
+        renamed: by which motion of the target photos were named otherwise than they came.
+
+    """
+
+    target: Target | None
+    pairs: Observations
+    scale: float
+    renamed: Mapping[str, Symmetry] = field(default_factory=dict)
+
+    def pairs_at(self, level: Level) -> Observations:
+        """The pairs of a fit at a level of the target, which says what tells its error.
+
+        Of a target of which no corner is certain, each tells what its own point leaves of it.
+        """
+        certain = self.pairs.certain
+        if level != "points" or not certain.any():
+            return self.pairs
+        return replace(self.pairs, tells_error=certain)
+
+    def of(self, pairs: Observations) -> NominalTarget:
+        """The same target for some of the pairs."""
+        return replace(self, pairs=pairs)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetFit:
+    """A camera, its reference and the target, fitted together.
+
+    Attributes:
+        level: how much of the target was free.
+        reference: the radial fit, its pairs with the refined world points.
+        cubic: the cubic fit.
+
+    """
+
+    level: Level
+    reference: RadialReference
+    cubic: CubicResult
+
+    def refined_target(self, nominal: NominalTarget) -> Target | None:
+        """The target as fitted, in the target's units; the drawing itself at level ``off``."""
+        world = self.cubic.fit.world
+        if nominal.target is None or not world.free:
+            return nominal.target
+        return world.refined_target(nominal.target, nominal.pairs, scale=nominal.scale)
+
+
+def fit_nominal_target(rough: TargetFit, nominal: NominalTarget) -> TargetFit:
+    """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
+
+    Raises:
+        FitError: no prior gives a sound camera.
+
+    """
+    pairs = weighed(nominal.pairs, rough.cubic.residual)
+    reference = refit_radial(rough.reference, pairs, rough.cubic.poses)
+    groups = folds_of(reference)
+    cubic = choose_prior(reference, groups, start=rough.cubic, everywhere=True)
+    return replace(rough, reference=reference, cubic=cubic)
+
+
+def refine_object(
+    fit: TargetFit, nominal: NominalTarget, level: Level, groups: Sequence[IntArray]
+) -> TargetFit:
+    """Let the target depart from its drawing, as far as the pairs say, at the next level.
+
+    Args:
+        fit: a fit at a lower level, from whose camera and poses to start.
+        nominal: the target as drawn, with the pairs of ``fit``.
+        level: ``shape`` or ``points``.
+        groups: photos that are left out together to choose how P is held; see
+            :func:`~cubicfish_cli.core.fit.prior_choice.choose_prior`.
+
+    The fit is good to compare and to go on from; :func:`to_the_bottom` goes the rest of the way.
+
+    Raises:
+        FitError: no sound camera was found.
+        ValueError: the drawing is unknown.
+
+    """
+    if nominal.target is None:
+        raise ValueError("pairs without a target have no boards to refine")
+    spread = FIRST_SPREAD if level == "points" else None
+    free = free_target(nominal, noise=noise_px(fit.cubic.errors), offset_spread=spread)
+    free = free.started(fit.cubic.fit.world)
+    pairs = replace(nominal.pairs_at(level), weight=fit.reference.pairs.weight)
+    # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
+    # the loss's scale by.
+    adjusted = adjust(
+        fit.cubic.lens,
+        fit.cubic.poses,
+        pairs,
+        huber_px=2 * huber_px(np.full((1, 2), free.noise)),
+        world=free,
+        relative_decrease=1e-3,
+        damping=WARM_DAMPING,
+    )
+    adjusted, spread = estimate_spread(adjusted, pairs, spread)
+    # With the target near its place: the reference anew, how P is held, then all at once.
+    pairs = weighed(nominal.pairs_at(level), adjusted.residual)
+    pairs = pairs.with_world(adjusted.world.points)
+    reference = refit_radial(fit.reference, pairs, adjusted.poses)
+    world = adjusted.world.with_noise(noise_px(adjusted.errors), spread)
+    near = replace(fit.cubic, fit=replace(adjusted, world=world))
+    cubic = choose_prior(reference, groups, world=world, start=near)
+    return TargetFit(level=level, reference=reference.followed(cubic.fit.world.points), cubic=cubic)
+
+
+def to_the_bottom(fit: TargetFit) -> TargetFit:
+    """The same fit to the last digit that counts; to lead on or to be compared it need not be."""
+    cubic = fit_cubic(fit.reference, fit.cubic.prior, world=fit.cubic.fit.world, start=fit.cubic)
+    reference = fit.reference.followed(cubic.fit.world.points)
+    return replace(fit, reference=reference, cubic=replace(cubic, runners_up=fit.cubic.runners_up))
+
+
+def free_target(
+    nominal: NominalTarget, *, noise: float, offset_spread: float | None
+) -> DeformableTarget:
+    """The target as drawn, free to depart from it."""
+    if nominal.target is None:
+        raise ValueError("pairs without a target have no boards to refine")
+    return DeformableTarget.from_nominal(
+        nominal.pairs,
+        nominal.target,
+        noise=noise,
+        offset_spread=offset_spread,
+        scale=nominal.scale,
+    )
+
+
+def estimate_spread(
+    fit: Adjustment[L], pairs: Observations, spread: float | None
+) -> tuple[Adjustment[L], float | None]:
+    """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.
+
+    Expectation and maximisation in turn: a variance is what was found plus what the pairs leave
+    open. Loose pulls would leave a board that few photos show wherever their noise puts it.
+    """
+    for _ in range(_SPREAD_ROUNDS):
+        world, before = fit.world, spread
+        noise = noise_px(fit.errors)
+        shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
+        if spread is not None:
+            spread = _offset_spread(fit, noise) or spread
+        fit = fit.again(
+            pairs,
+            world=shapes.with_noise(noise, spread),
+            relative_decrease=_ROUGH_DECREASE,
+            damping=WARM_DAMPING,
+            limit=huber_px,
+        )
+        change = np.log(shapes.spread / world.spread)
+        if spread is not None and before is not None:
+            change = np.append(change, np.log(spread / before))
+        if np.all(np.abs(change) < _SPREAD_SETTLED):
+            break
+    return fit, spread
+
+
+def _left_open(fit: Adjustment[Any], noise: float) -> FloatArray:
+    """(S,) variance of the boards' parameters."""
+    hessian, count = fit.normal.reduced_shared(), len(fit.world.parameters)
+    inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
+    return np.asarray(noise**2 * np.diagonal(inverse[-count:]))
+
+
+def _offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
+    """Of corners' own offsets; None where no corner is seen twice.
+
+    Medians stand for means, since a few corners (a smudge, a knock) are off by much more.
+    """
+    world = fit.world
+    often = np.bincount(world.corner, minlength=len(world.offsets)) >= 2
+    if not often.any():
+        return None
+    length = np.linalg.norm(world.offsets[often], axis=1)
+    covariance = noise**2 * np.linalg.inv(fit.normal.corner[often])
+    left_open = np.trace(covariance, axis1=1, axis2=2) / 3
+    found = np.median(length) / _MEDIAN_OF_MAXWELL
+    return max(float(np.sqrt(found**2 + np.median(left_open))), _SMALLEST_SPREAD)

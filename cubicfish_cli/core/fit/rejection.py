@@ -1,0 +1,124 @@
+"""Outliers: corners that are grossly off or depart from their neighbours, and noisy photos."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cubicfish_cli.core.assess.fit_record import DroppedCorner
+from cubicfish_cli.core.fit.cubic_fit import fit_cubic
+from cubicfish_cli.core.fit.findings import noisy_photos
+from cubicfish_cli.core.fit.local_noise import around
+from cubicfish_cli.core.fit.prior_choice import EXPECTED
+from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
+from cubicfish_cli.core.fit.refinement import TargetFit
+from cubicfish_cli.core.fit.robust import gross_px, noise_by_photo, stray_px, tail_px
+from cubicfish_cli.core.fit.subset import select, select_photos
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import BoolArray, FloatArray
+
+_DROP_ROUNDS = 12
+# Enough to tell a corner that is pixels off.
+_DROP_DECREASE = 1e-4
+# From so many on, the median of neighbours is none of those that are wrong themselves.
+_FEWEST_NEIGHBOURS = 3
+# A corner stands alone when it is so many times farther off than most neighbours (percent) are.
+_BEYOND_NEIGHBOURS = 3.0
+_MOST = 75
+
+
+def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedCorner, ...]:
+    """Pairs (N) that were left out, and by how many pixels (N,) they were off."""
+    return tuple(
+        DroppedCorner(
+            image=pairs.images[pairs.image[index]],
+            board=pairs.boards[pairs.board[index]] if pairs.boards else None,
+            column=int(pairs.column[index]),
+            row=int(pairs.row[index]),
+            error_px=float(error),
+        )
+        for index, error in enumerate(error_px)
+    )
+
+
+def without_gross(reference: RadialReference) -> tuple[TargetFit, Observations, FloatArray]:
+    """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
+
+    P is held as is expected of any lens. Every round judges all corners anew: a corner that only
+    looked wrong because others had pulled its photo's pose away comes back.
+    """
+    everything, poses = reference.pairs, reference.poses
+    length = np.hypot(reference.residual[:, 0], reference.residual[:, 1])
+    good, kept = length <= gross_px(reference.residual), np.ones(len(length), bool)
+    for round_ in range(_DROP_ROUNDS):
+        if not (good == kept).all():
+            remaining, photos = select(everything, good)
+            reference = refit_radial(reference, remaining, poses[photos])
+        elif round_:
+            break
+        else:
+            photos = np.arange(len(poses))
+        kept = good
+        cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
+        poses = poses.with_photos(photos, cubic.poses)
+        miss = cubic.lens.project(poses.apply(everything.image, everything.world))
+        miss -= everything.pixel
+        length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
+        good = length <= gross_px(cubic.residual)
+    fit = TargetFit(level="off", reference=reference, cubic=cubic)
+    return fit, everything.select(~kept), length[~kept]
+
+
+def without_noisy(fit: TargetFit) -> TargetFit:
+    """Leave out photos that are blurred, moving or badly lit, and say so."""
+    pairs = fit.reference.pairs
+    noisy = noisy_photos(pairs, fit.cubic.residual)
+    if not noisy:
+        return fit
+    good = np.setdiff1d(np.arange(len(pairs.images)), list(noisy))
+    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
+    named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
+    reference = replace(reference, unfit=reference.unfit | named)
+    cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
+    return replace(fit, reference=reference, cubic=cubic)
+
+
+def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
+    """(N,) corners that depart from their neighbours by far more than noise: slips of detection.
+
+    What a lens, a pose or a sheet leaves, neighbours share. Noise is that of all corners, their
+    long tails included, or the photo's where it is larger. A corner without neighbours is none.
+
+    Args:
+        pairs: the pairs, sorted by photo.
+        residual: (N, 2) projection less pixel, pixels.
+
+    """
+    near = around(pairs)
+    own = np.flatnonzero(((near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS) & pairs.tells_error)
+    found = np.zeros(len(residual), bool)
+    if not own.size:
+        return found
+    theirs = np.where((near[own] >= 0)[..., None], residual[near[own]], np.nan)
+    middle = np.nanmedian(theirs, axis=1)
+    departs = residual[own] - middle
+    noise = noise_by_photo(pairs.image[own], departs, len(pairs.images))
+    limit = stray_px(np.maximum(noise, tail_px(departs)))[pairs.image[own]]
+    length = np.minimum(np.hypot(*departs.T), np.hypot(*residual[own].T))
+    far = np.flatnonzero(length > limit)
+    # On a slope, the corner at its end departs from neighbours that depart from each other.
+    apart = np.linalg.norm(theirs[far] - middle[far, None], axis=2)
+    alone = length[far] > _BEYOND_NEIGHBOURS * np.nanpercentile(apart, _MOST, axis=1)
+    found[own[far[alone]]] = True
+    return found
+
+
+def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
+    """The same fit of all corners but some (N,), to be adjusted on; every photo keeps some."""
+    rows = np.flatnonzero(~wrong)
+    pairs, world = fit.reference.pairs.select(~wrong), fit.cubic.fit.world.select(rows)
+    reference = refit_radial(fit.reference, pairs, fit.reference.poses)
+    residual = fit.cubic.residual[rows]
+    near = replace(fit.cubic.fit, residual=residual, world=world, pairs=pairs, sums=None)
+    return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=near))

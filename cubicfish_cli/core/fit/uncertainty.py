@@ -1,0 +1,316 @@
+"""How far the camera itself may be off: corners' noise carried through the fit to pixels.
+
+The question is mrcal's ("projection uncertainty"): how far would the pixel of a distant point move
+if the same photos were taken again with other noise, and lens, target and poses fitted anew? The
+point stays fixed in the world, so a turn that poses and lens share does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid, summed
+from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.cubic_fit import CubicResult
+from cubicfish_cli.core.fit.lenses import CubicFit
+from cubicfish_cli.core.fit.poses import cross_matrix
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.radial import project_jacobian
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import FloatArray
+
+GRID = (13, 9)  # columns and rows over the photo
+_STEP = 1e-3  # of a difference that stands for a derivative, radians
+# More of them hardly change the turn that is taken out.
+_MOST_CORNERS = 5000
+_FEW_RAYS = 11  # a radial lens and its turn have so many unknowns
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gauge:
+    """A lens, and the turn that it has in common with poses, which is taken out.
+
+    A turn of the lens and the opposite turn of all poses leave every pixel where it is. So lenses
+    are turned to agree as well as they can at corners. What is left depends neither on the frame of
+    the target nor on how well single poses are known: no corner's weight counts.
+
+    Attributes:
+        lens: the lens.
+        by_turn: (3, 3) the normal equations of a turn, summed over corners.
+        by_both: (3, K) their right side for each of the lens's parameters.
+
+    """
+
+    lens: CubicFit
+    by_turn: FloatArray
+    by_both: FloatArray
+
+    @classmethod
+    def over(cls, lens: CubicFit, points: FloatArray, times: float = 1.0) -> Gauge:
+        """Over corners (N, 3), camera frame, each of which stands for some."""
+        turned, by_lens = _far(lens, points)
+        return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
+
+    def __add__(self, other: Gauge) -> Gauge:
+        """Over the corners of both."""
+        return replace(
+            self, by_turn=self.by_turn + other.by_turn, by_both=self.by_both + other.by_both
+        )
+
+    def by_lens(self, rays: FloatArray) -> FloatArray:
+        """(2N, K) pixels of distant points (N, 3) by the lens's parameters, the turn taken out."""
+        turned, by_lens = _far(self.lens, rays)
+        return np.asarray(by_lens - turned @ self.turn)
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """(3, K) the turn by the lens's parameters."""
+        return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
+
+
+def _far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
+    _, by_point, by_lens = lens.far_jacobian(points)
+    turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
+    return turned, by_lens.reshape(len(turned), -1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Covariance of the lens, as seen without the turn that poses and lens share.
+
+    Attributes:
+        gauge: what takes the turn out.
+        lens: (K, K) covariance of the lens's parameters.
+        noise_px: standard deviation of a corner's coordinate, pixels.
+
+    """
+
+    gauge: Gauge
+    lens: FloatArray
+    noise_px: float
+
+    def sigma_px(self, rays: FloatArray) -> FloatArray:
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+        by_lens = self.gauge.by_lens(rays)
+        variance = np.sum((by_lens @ self.lens) * by_lens, axis=1).reshape(-1, 2).sum(axis=1)
+        # Rounding may leave nothing of it where photos hardly say anything: that is not known.
+        return np.sqrt(np.where(variance >= 0, variance, np.nan))
+
+    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
+        """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
+        by_lens = weights @ self.gauge.by_lens(rays)
+        return np.diagonal(by_lens @ self.lens @ by_lens.T).copy()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Information:
+    """What a fit's photos say of the shared unknowns: it adds up, photo by photo.
+
+    Attributes:
+        gauge: the fit's lens, and what takes the common turn out.
+        hessian: (K, K) of lens and target parameters, priors included and poses, corners and the
+            lens that P is held to eliminated; for corners whose noise is one pixel.
+        noise_px: standard deviation of a corner's coordinate, pixels.
+
+    """
+
+    gauge: Gauge
+    hessian: FloatArray
+    noise_px: float
+
+    def of_photo(self, points: FloatArray) -> Information:
+        """What a photo alone would add, of known corners of the target.
+
+        The photo's own pose is unknown and eliminated. The target counts as known there, which is
+        not quite right of a fit that refines it, by a few percent.
+
+        Args:
+            points: (N, 3) the corners in the camera frame, in the fit's unit; six or more numbers
+                must fix the pose.
+
+        """
+        _, d_point, d_lens = self.gauge.lens.project_jacobian(points)
+        by_lens = d_lens.reshape(-1, d_lens.shape[2])
+        length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
+        moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
+        by_pose = moved.reshape(-1, 6)
+        inverse = np.linalg.inv(by_pose.T @ by_pose)
+        cross = by_lens.T @ by_pose
+        lens = slice(0, by_lens.shape[1])
+        hessian = np.zeros_like(self.hessian)
+        hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
+        gauge = Gauge.over(self.gauge.lens, points)
+        return replace(self, hessian=hessian, gauge=gauge)
+
+    def __add__(self, other: Information) -> Information:
+        """What both say of the same lens."""
+        return replace(self, hessian=self.hessian + other.hessian, gauge=self.gauge + other.gauge)
+
+    def uncertainty(self) -> Uncertainty:
+        """The covariance σ² H⁻¹."""
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(self.hessian), 1e-300))
+        inverse = scale * scale[:, None] * np.linalg.inv(self.hessian * scale * scale[:, None])
+        count = len(self.gauge.lens.parameters)
+        return Uncertainty(
+            gauge=self.gauge,
+            lens=self.noise_px**2 * inverse[:count, :count],
+            noise_px=self.noise_px,
+        )
+
+
+def corner_noise_px(fit: Adjustment[Any]) -> float:
+    """Standard deviation of a coordinate of a corner that weighs 1, as residuals show it, pixels.
+
+    Corners count by their weights, and as far as the loss lets them pull: a noisy photo and a few
+    slips have hardly a say in the fit, and are no measure of what it is uncertain by.
+    """
+    own = fit.pairs.tells_error
+    length = np.minimum(np.hypot(fit.errors[:, 0], fit.errors[:, 1]), fit.huber_px)
+    freedom = max(2 * len(length) - _unknowns(fit), 1.0)
+    return float(np.sqrt(np.sum(fit.pairs.weight[own] * np.square(length)) / freedom))
+
+
+def _unknowns(fit: Adjustment[Any]) -> float:
+    """How many unknowns residuals went into: what a prior holds counts for less than one.
+
+    The trace of what data say, over what data and priors say (as of ridge regression's degrees of
+    freedom); of corners' offsets as if all else were known, which is a little too many.
+    """
+    normal, world, own = fit.normal, fit.world, fit.pairs.tells_error
+    hessian, lens = normal.reduced_shared(), len(fit.lens.parameters)
+    prior = np.zeros_like(hessian)
+    prior[:lens, :lens] = fit.lens.prior()[:-1, :-1]
+    prior[lens:, lens:] = world.prior()[:-1, :-1]
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    square = scale * scale[:, None]
+    shared = len(hessian) - np.sum(
+        np.linalg.pinv(hessian * square, hermitian=True) * prior * square
+    )
+    poses = min(len(np.unique(fit.pairs.image[own])), len(normal.pose))
+    corner = normal.corner[np.unique(world.corner[own])] if len(world.corner) else normal.corner[:0]
+    held = np.trace(np.linalg.inv(corner), axis1=1, axis2=2).sum() * world.offset_weight**2
+    return float(shared + 6 * poses + 3 * len(corner) - held)
+
+
+def information(
+    result: CubicResult, pairs: Observations, *, noise_px: float | None = None
+) -> Information:
+    """What the photos of a cubic fit say, from its normal equations at the optimum.
+
+    Args:
+        result: the fit.
+        pairs: its pairs, in its frame.
+        noise_px: standard deviation of a corner's coordinate; by default what the residuals show.
+
+    """
+    count = len(pairs.image)
+    some = np.arange(count)
+    if count > _MOST_CORNERS:  # at random: every so many could be one column of a board
+        some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
+    points = result.poses.apply(pairs.image[some], pairs.world[some])
+    return Information(
+        gauge=Gauge.over(result.lens, points, count / len(some)),
+        hessian=result.fit.normal.reduced_shared(),
+        noise_px=corner_noise_px(result.fit) if noise_px is None else noise_px,
+    )
+
+
+def camera_uncertainty(result: CubicResult, pairs: Observations) -> Uncertainty:
+    """Covariance at the optimum of a cubic fit, see :func:`information`."""
+    return information(result, pairs).uncertainty()
+
+
+def field_grid(
+    camera: CubicCamera, blind: float = 0.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where uncertainty over the field is counted.
+
+    Returns:
+        x (C,) and y (R,) of a grid over the photo, and its rays (R, C, 3), NaN outside the valid
+        field and within ``blind`` radians of the axis.
+
+    """
+    width, height = camera.image_size
+    x = np.linspace(0, width - 1, GRID[0])
+    y = np.linspace(0, height - 1, GRID[1])
+    rays = camera.unproject(np.stack(np.meshgrid(x, y), axis=-1))
+    return x, y, np.where((angle_from_axis(rays) >= blind)[..., None], rays, np.nan)
+
+
+class Sigma(Protocol):
+    """What tells how far a camera's pixels may be off."""
+
+    @property
+    def noise_px(self) -> float:
+        """Standard deviation of a corner's coordinate, pixels."""
+
+    def sigma_px(self, rays: FloatArray) -> FloatArray:
+        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
+
+    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
+        """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
+
+
+def _focal_sigma_px(uncertainty: Sigma) -> FloatArray:
+    """One standard deviation of the focal lengths on the axis: (2,) pixels per radian."""
+    variance = []
+    for k in range(2):
+        side = _STEP * np.eye(3)[k]
+        rays = np.stack([side, -side]) + np.array([0.0, 0.0, 1.0])
+        weights = np.zeros((1, 2, 2))
+        weights[0, :, k] = np.array([1, -1]) / (2 * np.arctan(_STEP))
+        unit = rays / np.linalg.norm(rays, axis=1)[:, None]
+        variance.append(uncertainty.variance(unit, weights.reshape(1, 4))[0])
+    return np.sqrt(variance)
+
+
+def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -> FloatArray:
+    """One standard deviation of the centre of symmetry: (2,) pixels.
+
+    How the centre of the nearest radial lens, free to turn, moves with the pixels of the field.
+
+    Args:
+        uncertainty: of the camera.
+        radial: (8,) parameters of the reference.
+        rays: (N, 3) unit rays over the field.
+
+    """
+    _, d_ray, d_radial = project_jacobian(radial, rays)
+    unknowns = np.concatenate([d_radial, -d_ray @ cross_matrix(rays)], axis=2)
+    scale = np.linalg.norm(unknowns, axis=(0, 1)) + 1e-300
+    centre = (np.linalg.pinv((unknowns / scale).reshape(2 * len(rays), -1)).T / scale).T[2:4]
+    return np.sqrt(uncertainty.variance(rays, centre))
+
+
+def uncertainty_grid(
+    uncertainty: Sigma, camera: CubicCamera, blind: float = 0.0
+) -> UncertaintyGrid:
+    """Uncertainty on a grid over the photo, for the fit's record.
+
+    It is NaN outside the valid field and within ``blind`` radians of the axis.
+    """
+    x, y, rays = field_grid(camera, blind)
+    seen = np.isfinite(rays[..., 0])
+    sigma = np.full(seen.shape, np.nan)
+    sigma[seen] = uncertainty.sigma_px(rays[seen])
+    whole = summed(sigma[seen]) if seen.any() else None
+    centre = np.full(2, np.nan)
+    if seen.sum() > _FEW_RAYS:
+        centre = _centre_sigma_px(uncertainty, camera.radial.parameters, rays[seen])
+    return UncertaintyGrid(
+        noise_px=uncertainty.noise_px,
+        median_px=whole.median_px if whole else np.nan,
+        p95_px=whole.p95_px if whole else np.nan,
+        max_px=float(np.max(sigma[seen])) if seen.any() else np.nan,
+        focal_px=tuple(_focal_sigma_px(uncertainty).tolist()),
+        principal_point_px=tuple(centre.tolist()),
+        x=tuple(x.tolist()),
+        y=tuple(y.tolist()),
+        sigma_px=tuple(tuple(round(value, 5) for value in row) for row in sigma.tolist()),
+    )

@@ -1,0 +1,295 @@
+"""What a camera format of another tool offers, the ``FORMAT`` of its module; rigs for it.
+
+Bounded reading of text, JSON and values from untrusted files, with one-line errors.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.io.reading import read_bytes, read_text
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import did_you_mean, quoted
+
+Pose = tuple[FloatArray, FloatArray]
+
+METRES = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
+"""Unit of length -> metres."""
+Poses = Mapping[str, tuple[FloatArray, FloatArray]]
+"""camera_from_world, rotation (3, 3) and translation (3,), by the photo's name."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedLens:
+    """A lens and where it stands.
+
+    Attributes:
+        name: of the camera.
+        lens: the :class:`~cubicfish_cli.core.lenses.lens.Lens`, of the model that the format holds.
+        note: how it was made, a line each.
+        rotation: (3, 3) of lens_from_rig.
+        translation: (3,) of lens_from_rig, in the rig's units.
+        max_angle_deg: how far from the axis the camera is trusted.
+        poses: camera_from_world of its photos, in the lens's frame, by the photo's name.
+
+    """
+
+    name: str
+    lens: Any
+    note: Sequence[str]
+    rotation: FloatArray
+    translation: FloatArray
+    max_angle_deg: float
+    poses: Mapping[str, Pose]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlatPair:
+    """How two lenses' pictures become flat ones with common rows, as cv2.stereoRectify has it.
+
+    Attributes:
+        size: (width, height) of the flat pictures.
+        rotations: of the two: (3, 3) rectified_from_lens.
+        projections: of the two: (3, 4), of points in the first's rectified frame.
+        Q: (4, 4) takes (column, row, disparity, 1) to a point of the first's rectified frame.
+
+    """
+
+    size: tuple[int, int]
+    rotations: tuple[FloatArray, FloatArray]
+    projections: tuple[FloatArray, FloatArray]
+    Q: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensRig:
+    """All that is written of a rig.
+
+    Attributes:
+        lenses: of the cameras; the first camera's frame is the rig's.
+        units: of lengths; None where not known.
+        overlaps: (N, N) whether two lenses see some direction in common.
+        flat: of two lenses, where flat pictures of both exist.
+
+    """
+
+    lenses: tuple[PlacedLens, ...]
+    units: str | None
+    overlaps: npt.NDArray[np.bool_]
+    flat: FlatPair | None = None
+
+    @property
+    def metres(self) -> float:
+        """Metres in one unit of length.
+
+        Raises:
+            CameraFileError: it is not known which unit that is.
+
+        """
+        if self.units not in METRES:
+            what = "says no unit of length" if self.units is None else f"is in {quoted(self.units)}"
+            raise CameraFileError(
+                f"the rig {what}, and this format is in metres: write units: mm (or cm, m, in, ft) "
+                "into rig.yaml"
+            )
+        return METRES[self.units]
+
+    def between(self, second: int, first: int) -> Pose:
+        """second_from_first, (3, 3) and (3,), in the rig's units."""
+        a, b = self.lenses[first], self.lenses[second]
+        turn = b.rotation @ a.rotation.T
+        return turn, b.translation - turn @ a.translation
+
+    def rig_from_lens(self, number: int) -> Pose:
+        """Where a lens stands in the rig: (3, 3) and (3,), in the rig's units."""
+        one = self.lenses[number]
+        return one.rotation.T, -one.rotation.T @ one.translation
+
+
+def matrix_rows(rotation: FloatArray, translation: FloatArray) -> list[list[float]]:
+    """The four rows of a 4x4 transform."""
+    whole = np.eye(4)
+    whole[:3, :3], whole[:3, 3] = rotation, translation
+    return (whole + 0.0).tolist()  # no -0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFormat:
+    """A format.
+
+    Attributes:
+        lenses: by the names that it is written under, the lens that the file holds.
+        file_name: what its file is usually called.
+        write: lens, notes of how it was made and photos' poses -> text. Raises
+            :class:`~cubicfish_cli.core.errors.CameraFileError` for values that the format does not take.
+        read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
+            it is :attr:`sizeless`. None where files are only written.
+        holds_several: whether a file holds several cameras, of which one is named.
+        sizeless: whether a file may not say how large the photos are.
+        marks: sets of words of which one is in every file; files are told by them.
+        vague: whether others' files may hold the words too, so that theirs are looked for first.
+        looks_like: tells files that have no such words; asked after all words.
+        binary_looks_like: tells files that are no text.
+        rig: what the file, or the folder of files, of a rig is usually called, and what it holds.
+        front_only: by the name it is written under, what reads it and divides by z first: it sees
+            nothing behind, whatever the lens.
+
+    """
+
+    lenses: Mapping[str, type[Lens]]
+    file_name: str
+    write: Callable[[Any, Sequence[str], Poses], str]
+    read: Callable[..., Lens] | None = None
+    holds_several: bool = False
+    sizeless: bool = False
+    marks: Sequence[Sequence[str]] = ()
+    vague: bool = False
+    looks_like: Callable[[str], bool] | None = None
+    binary_looks_like: Callable[[bytes], bool] | None = None
+    rig: tuple[str, Callable[[LensRig], str | dict[str, str]]] | None = None
+    front_only: Mapping[str, str] = field(default_factory=dict)
+
+
+MAX_SIDE = 100_000
+_LARGEST = 1e100
+MAX_VALUES = 2_000_000
+
+
+def read_bounded(path: Path, *, max_bytes: int) -> str:
+    """The text of a camera's file of at most ``max_bytes``; a byte order mark is dropped.
+
+    Raises:
+        CameraFileError: the file cannot be read, is larger, or is not UTF-8 text.
+
+    """
+    return read_text(path, max_bytes=max_bytes, error=CameraFileError)
+
+
+def read_bounded_bytes(path: Path, *, max_bytes: int) -> bytes:
+    """The contents of a camera's file of at most ``max_bytes``.
+
+    Raises:
+        CameraFileError: the file cannot be read, or is larger.
+
+    """
+    return read_bytes(path, max_bytes=max_bytes, error=CameraFileError)
+
+
+def mapping(path: Path | str, value: Any, what: str) -> dict[str, Any]:
+    """A record, or an error that says what it should be."""
+    if not isinstance(value, dict):
+        raise CameraFileError(f"{path}: {what} must hold keys and values")
+    return value
+
+
+def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatArray:
+    """A list of finite numbers, as many as one of ``counts``."""
+    if (
+        not isinstance(value, list)
+        or len(value) not in counts
+        or not all(isinstance(one, int | float) and not isinstance(one, bool) for one in value)
+        or not all(abs(one) < _LARGEST for one in value)  # NaN fails this too
+    ):
+        wanted = " or ".join(map(str, counts))
+        raise CameraFileError(f"{path}: {key} must hold {wanted} finite numbers")
+    return np.array(value, float)
+
+
+def number(path: Path, record: dict[str, Any], key: str) -> float:
+    """One finite number."""
+    return float(numbers(path, [record.get(key)], key, (1,))[0])
+
+
+def focal(path: Path, values: FloatArray, key: str) -> FloatArray:
+    """Focal lengths, which must be above 0."""
+    if not (values > 0).all():
+        raise CameraFileError(f"{path}: {key}: focal lengths must be above 0")
+    return values
+
+
+def refuse_unknown(path: Path, record: Mapping[Any, Any], keys: Iterable[str]) -> None:
+    """Refuse a record that has another key."""
+    keys = tuple(keys)
+    for key in map(str, record):
+        if key not in keys:
+            raise CameraFileError(f"{path}: unknown key {quoted(key)}: {did_you_mean(key, keys)}")
+
+
+def refuse_version(path: Path, found: Any, version: int) -> None:
+    """Refuse a file of our own of another version."""
+    if found != version or isinstance(found, bool):
+        raise CameraFileError(
+            f"{path}: format version {found!r} is not {version}: read it with the version of "
+            "cubicfish that wrote it, or calibrate again"
+        )
+
+
+def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:
+    """(width, height) in pixels."""
+    for side in (width, height):
+        if isinstance(side, bool) or not isinstance(side, int | float) or side != side:
+            raise CameraFileError(f"{path}: {key} must be two whole numbers")
+        if not 1 <= side <= MAX_SIDE or side != int(side):
+            raise CameraFileError(f"{path}: {key} must be two whole numbers from 1 to {MAX_SIDE}")
+    return int(width), int(height)
+
+
+def chosen_camera(path: Path, there: Sequence[str], camera: str | None) -> str:
+    """The name of the one camera of a file, or of the one that is wanted of several."""
+    if camera is None and len(there) == 1:
+        return there[0]
+    if camera is not None and camera in there:
+        return camera
+    names = ", ".join(quoted(one)[1:-1] for one in there[:10]) or "none"
+    more = f" and {len(there) - 10} more" if len(there) > 10 else ""
+    raise CameraFileError(f"{path}: name one of its cameras with --camera: {names}{more}")
+
+
+def json_text(data: Any) -> str:
+    """Plain data as the text of a file, finite numbers only."""
+    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def parse_plain_json(path: Path, text: str) -> Any:
+    """What the text of a file holds; ``path`` is for messages.
+
+    Raises:
+        CameraFileError: it is not JSON, a key is there twice, a number is not one, or there are
+            more than :data:`MAX_VALUES`; one line.
+
+    """
+    if sum(map(text.count, ",[{")) > MAX_VALUES:
+        raise CameraFileError(
+            f"{path} holds more than {MAX_VALUES:,} values: is it the right file?"
+        )
+
+    def refuse_constant(name: str) -> NoReturn:
+        raise CameraFileError(f"{path}: {name} is not a finite number")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        data = dict(pairs)
+        if len(data) < len(pairs):
+            twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+            raise CameraFileError(f"{path}: the key {quoted(twice)} is there twice")
+        return data
+
+    try:
+        return json.loads(text, parse_constant=refuse_constant, object_pairs_hook=unique)
+    except CameraFileError:
+        raise
+    except json.JSONDecodeError as problem:
+        raise CameraFileError(
+            f"{path}, line {problem.lineno}: not valid JSON: {problem.msg}"
+        ) from problem
+    except (ValueError, RecursionError) as problem:  # a number of many digits; deep nesting
+        raise CameraFileError(f"{path}: not the JSON of a camera") from problem

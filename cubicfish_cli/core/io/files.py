@@ -1,0 +1,390 @@
+"""Writing files so that they appear whole or not at all, and never over another unasked."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import cache
+from itertools import islice
+from pathlib import Path
+
+from cubicfish_cli.core.errors import MISSING, CubicfishError, OutputError
+
+_host: ContextVar[str] = ContextVar("host", default="")
+
+
+def on_host() -> str:
+    """`` on node7`` while the work of another machine is done on node7, else nothing."""
+    name = _host.get()
+    return f" on {name}" if name else ""
+
+
+@contextmanager
+def working_on(name: str) -> Iterator[None]:
+    """Work inside is done for another machine, on the host ``name``: messages say so."""
+    token = _host.set(name)
+    try:
+        yield
+    finally:
+        _host.reset(token)
+
+
+Content = str | bytes | Callable[[Path], object]
+"""Of a file: its text, its bytes, or what writes it to a name."""
+
+MAX_BYTES = 2_000_000_000
+"""Of any one file that is read; most kinds have bounds far below."""
+
+
+def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> None:
+    """Raise :class:`OutputError` when one of ``paths`` may not be replaced, or cannot be written.
+
+    Args:
+        paths: what is to be written.
+        overwrite: whether it may be replaced.
+        can_skip: whether the command that asks can leave out what exists.
+
+    """
+    for path in paths:
+        _refuse_existing(path, overwrite=overwrite, can_skip=can_skip)
+
+
+def _refuse_existing(path: Path, *, overwrite: bool, can_skip: bool) -> None:
+    if os.path.isdir(path):
+        raise OutputError("is a folder: give the name of a file", about=str(path))
+    if not overwrite and os.path.lexists(path):
+        ways = "--overwrite or --skip-existing" if can_skip else "--overwrite"
+        raise OutputError(f"exists already: choose another name or add {ways}", about=str(path))
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise OutputError(
+            "is no plain file, and is not replaced: choose another name", about=str(path)
+        )
+    _refuse_unwritable(path)
+
+
+_writable: set[Path] = set()
+
+
+def _refuse_unwritable(path: Path) -> None:
+    """Raise :class:`OutputError` when no file can be made where ``path`` is to be.
+
+    Of a folder that is not there yet, the nearest one above it is tried, once per process.
+    """
+    folder = next(above for above in path.absolute().parents if os.path.lexists(above))
+    if folder in _writable:
+        return
+    if not folder.is_dir():
+        raise OutputError(f"cannot be written: {folder} is a file, not a folder", about=str(path))
+    trial = temporary_name(folder / path.name)
+    try:
+        os.close(os.open(trial, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+        os.unlink(trial)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    _writable.add(folder)
+
+
+def _unwritable(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"cannot be written{on_host()} ({error.strerror or error}): check the folder, its "
+        "permissions and the free space",
+        about=str(path),
+    )
+
+
+@contextmanager
+def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
+    """Yield a temporary name beside ``path`` that becomes ``path`` when the block succeeds.
+
+    The temporary file keeps the suffix of ``path``, since writers choose the format by it.
+    Without ``overwrite`` the final step is a hard link, which fails if the name was taken
+    in the meantime; with it, an atomic rename.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    with whole_files([path], overwrite=overwrite) as (temporary,):
+        yield temporary
+
+
+@contextmanager
+def whole_files(
+    paths: Sequence[Path], *, overwrite: bool, obsolete: Sequence[Path] = ()
+) -> Iterator[tuple[Path, ...]]:
+    """Yield one temporary name for each path; all become final when the block succeeds.
+
+    Names that are taken are refused before the block starts. When the block fails, nothing
+    is left of any file, and what was to be replaced is there as before.
+
+    The first path is the last to become final, and the first to go where it is replaced: also
+    when the process is killed in between, the others are there and its own where it is.
+
+    Args:
+        paths: the files.
+        overwrite: whether they may be replaced.
+        obsolete: files of earlier results that go when the new ones are there, if there are any.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+
+    """
+    paths = [Path(path) for path in paths]
+    for path in paths:
+        refuse_existing(path, overwrite=overwrite)
+    for folder in {path.parent for path in paths}:
+        if not _looked_through(folder):
+            remove_orphans(folder)
+    temporaries = tuple(temporary_name(path) for path in paths)
+    aside = {path: temporary_name(path) for path in (*paths, *obsolete)} if overwrite else {}
+    path = paths[0]  # the one to name when something goes wrong
+    try:
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporaries
+        for path, temporary in zip(paths, temporaries, strict=True):  # noqa: B007 - see except
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+        together = dict(zip(paths, temporaries, strict=True))
+        if not overwrite:
+            _put_at_free_names(together)
+        elif len(aside) == 1:
+            os.replace(temporaries[0], path)
+        else:
+            _replace(together, aside)
+    except CubicfishError:  # says what went wrong already, and some are OSErrors too
+        raise
+    except OSError as error:
+        at_fault = {str(name) for name in (error.filename, error.filename2) if name is not None}
+        path = next((path for path in (*paths, *obsolete) if str(path) in at_fault), path)
+        raise _unwritable(path, error) from error
+    finally:
+        _remove((*temporaries, *aside.values()))
+
+
+def _put_at_free_names(together: dict[Path, Path]) -> None:
+    """Give temporary files (path -> temporary) their names, all or none."""
+    try:
+        for path, temporary in reversed(together.items()):
+            _move_to_free_name(temporary, path)
+    except BaseException:
+        for path, temporary in together.items():
+            with suppress(OSError):
+                if not temporary.exists() or temporary.samefile(path):  # else somebody else's
+                    path.unlink(missing_ok=True)
+        raise
+
+
+def _replace(together: dict[Path, Path], aside: dict[Path, Path]) -> None:
+    """Replace files, all or none, by temporary ones.
+
+    Args:
+        together: path -> its temporary file.
+        aside: these and other paths that go -> where they are kept until all is done.
+
+    """
+    try:
+        for path, old in aside.items():
+            with suppress(FileNotFoundError):
+                os.replace(path, old)
+        for path, temporary in reversed(together.items()):
+            os.replace(temporary, path)
+    except BaseException:
+        for path, old in reversed(aside.items()):
+            with suppress(OSError):
+                if os.path.lexists(old):
+                    os.replace(old, path)
+                elif path in together and not together[path].exists():  # there was none before
+                    path.unlink(missing_ok=True)
+        raise
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    """Remove files that may not be there, also when a signal comes meanwhile."""
+    try:
+        for path in paths:
+            with suppress(OSError):  # nothing was made where the folder itself is unusable
+                path.unlink(missing_ok=True)
+    except KeyboardInterrupt:
+        _remove(paths)
+        raise
+
+
+_TEMPORARY = re.compile(
+    r"\..*\.(?P<family>[0-9a-f]{12})-(?P<process>[0-9]{1,10})-[0-9a-f]{8}\.part(\.[^.]*)?"
+)
+# A folder of more files than these is not read to its end for what may have been left there.
+_MOST_ENTRIES = 20_000
+_STEM_BYTES = 100
+
+
+def temporary_name(path: Path) -> Path:
+    """A new name beside ``path`` with its suffix, which says that the file is not finished.
+
+    It is hidden, ``.camera.<family>-<process>-<random>.part.yaml`` for ``camera.yaml``, where the
+    process is the one that calls this: what it leaves when it is killed can be told.
+    """
+    stem = os.fsencode(path.stem)[:_STEM_BYTES].decode(errors="ignore")
+    token = f"{_family()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return path.with_name(f".{stem}.{token}.part{path.suffix}")
+
+
+@cache
+def _family() -> str:
+    """12 digits that processes share which can tell of each other whether they are alive."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text()
+        space = os.readlink("/proc/self/ns/pid")
+    except OSError:  # no Linux: a family of one
+        return secrets.token_hex(6)
+    return hashlib.sha256(f"{platform.node()} {boot} {space}".encode()).hexdigest()[:12]
+
+
+def remove_orphans(folder: Path) -> None:
+    """Remove the temporary files in a folder that processes of this machine left when killed."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in islice(entries, _MOST_ENTRIES):
+            found = _TEMPORARY.fullmatch(entry.name)
+            if found and found["family"] == _family() and not _is_alive(int(found["process"])):
+                with suppress(OSError):
+                    os.unlink(entry.path)
+
+
+def _is_alive(process: int) -> bool:
+    if process == os.getpid():
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # another user's
+        return True
+    return True
+
+
+_known_folders: set[str] = set()
+
+
+def _looked_through(folder: Path) -> bool:
+    """Whether this was asked of the folder before: once per process is enough."""
+    name = os.path.abspath(folder)
+    before = name in _known_folders
+    _known_folders.add(name)
+    return before
+
+
+def _move_to_free_name(source: Path, path: Path) -> None:
+    try:
+        os.link(source, path)
+    except FileExistsError:
+        refuse_existing(path, overwrite=False)
+        raise
+    except OSError:  # a file system without hard links: check once more, then rename
+        refuse_existing(path, overwrite=False)
+        os.replace(source, path)
+
+
+def write_text(path: Path, text: str, *, overwrite: bool) -> None:
+    """Write ``text`` as UTF-8 to ``path``, whole or not at all."""
+    write_files({path: text}, overwrite=overwrite)
+
+
+def write_files(
+    files: Mapping[Path, Content], *, overwrite: bool, obsolete: Sequence[Path] = ()
+) -> list[Path]:
+    """Write files, all or none, as :func:`whole_files` does.
+
+    Args:
+        files: path -> its text, its bytes, or what writes it to the name that it is called with.
+        overwrite: whether they may be replaced.
+        obsolete: files of earlier results that go when the new ones are there.
+
+    Returns:
+        The paths.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+
+    """
+    if files:
+        with whole_files(list(files), overwrite=overwrite, obsolete=obsolete) as temporaries:
+            for temporary, content in zip(temporaries, files.values(), strict=True):
+                if isinstance(content, str):
+                    temporary.write_text(content, encoding="utf-8", newline="\n")
+                elif isinstance(content, bytes):
+                    temporary.write_bytes(content)
+                else:
+                    content(temporary)
+    return list(files)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fingerprint:
+    """What a file held when it was looked at.
+
+    Attributes:
+        path: the file.
+        sha256: of its bytes, 64 hexadecimal digits.
+        stamp: its size, times and place on the disk, which change when it is written to.
+
+    """
+
+    path: Path
+    sha256: str
+    stamp: tuple[int, ...]
+
+    def refuse_changed(self) -> None:
+        """Raise :class:`OutputError` when the file is no longer what it was."""
+        try:
+            same = _stamp(self.path) == self.stamp
+        except OSError:
+            same = False
+        if not same:
+            raise OutputError(
+                f"{self.path} changed while it was being read, and nothing was written: run again"
+            )
+
+
+def fingerprint(path: Path) -> Fingerprint:
+    """Take a file's fingerprint, before it is read.
+
+    Raises:
+        CubicfishError: the file cannot be read.
+
+    """
+    try:
+        if path.exists() and not path.is_file():  # a pipe can be read only once
+            raise CubicfishError(f"{path} is not a file: give the name of one")
+        if path.stat().st_size > MAX_BYTES:
+            raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
+        stamp = _stamp(path)
+        return Fingerprint(path=path, sha256=sha256_of(path), stamp=stamp)
+    except FileNotFoundError as error:
+        raise CubicfishError(f"{path} {MISSING}") from error
+    except OSError as error:
+        raise CubicfishError(
+            f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
+        ) from error
+
+
+def _stamp(path: Path) -> tuple[int, ...]:
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file's bytes, as 64 hexadecimal digits.
+
+    Raises:
+        OSError: the file cannot be read.
+
+    """
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,229 @@
+"""corners.csv (named corners) and correspondences.csv (2D-3D pairs): read and written."""
+
+from __future__ import annotations
+
+import re
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.errors import CorrespondenceError
+from cubicfish_cli.core.io.files import write_text
+from cubicfish_cli.core.io.tables import Table, csv_text, read_table
+from cubicfish_cli.core.observations import (
+    MAX_COORDINATE,
+    MAX_SIDE,
+    Observations,
+    first_bad_weight,
+    first_outside,
+    first_outside_photo,
+    first_repeated,
+    no_such_board,
+)
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import IntArray
+from cubicfish_cli.core.wording import quoted
+
+CORNER_COLUMNS = ("image", "board", "column", "row", "x", "y")
+PAIR_COLUMNS = ("image", "X", "Y", "Z", "x", "y")
+_CERTAIN = "certain"
+# The newest version of each kind of file that is read.
+_VERSIONS = {"corners": 2, "correspondences": 1}
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """``1280x800`` -> (1280, 800).
+
+    Raises:
+        CorrespondenceError: the text is not two positive whole numbers.
+
+    """
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+        raise CorrespondenceError(
+            f"{quoted(text)} is not an image size: write WIDTHxHEIGHT, such as 1280x800"
+        )
+    return width, height
+
+
+def load_corners(
+    path: Path | str, target: Target, *, image_size: tuple[int, int] | None = None
+) -> Observations:
+    """Read ``corners.csv``: pixels (N, 2), names and world points of corners, in the file's order.
+
+    Args:
+        path: the file; its first line is ``# cubicfish corners 2, image_size WxH``, or with a 1
+            where there is no column ``certain``.
+        target: the calibration target that the boards, columns and rows are of.
+        image_size: (width, height), for files without that first line.
+
+    Raises:
+        CorrespondenceError: the file is malformed or does not fit the target; the text names
+            the file and the line.
+
+    """
+    table = read_table(
+        Path(path),
+        required=CORNER_COLUMNS,
+        optional=("weight", _CERTAIN),
+        error=CorrespondenceError,
+    )
+    size = _image_size(table, "corners", image_size)
+    images, image = table.codes("image")
+    place = _boards(table, target), table.integers("column"), table.integers("row")
+    outside = first_outside(target, *place)
+    if outside is not None:
+        table.refuse(*outside)
+    twice = first_repeated(image, *place)
+    if twice is not None:
+        table.refuse(
+            twice[1], f"the same corner as in line {table.lines[twice[0]]}: keep one of them"
+        )
+    board, column, row = place
+    return Observations(
+        **_pixels(table, size),
+        **_certain(table),
+        image_size=size,
+        images=images,
+        boards=target.board_names,
+        image=image,
+        board=board,
+        column=column,
+        row=row,
+        world=target.world_points(*place),
+        target=target,
+    )
+
+
+def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = False) -> None:
+    """Write ``corners.csv``, pixels (N, 2) a corner per line; numbers read back exactly.
+
+    Where all names are certain, as nearly always, it is a file of version 1, which every reader
+    understands; else of version 2, with the column ``certain``.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    columns = [
+        _names(corners.images, corners.image),
+        _names(corners.boards, corners.board),
+        corners.column.tolist(),
+        corners.row.tolist(),
+        *corners.pixel.T.tolist(),
+    ]
+    header: tuple[str, ...] = CORNER_COLUMNS
+    version = 1
+    if not corners.certain.all():
+        header, version = (*header, _CERTAIN), 2
+        columns.append(corners.certain.astype(int).tolist())
+    if (corners.weight != 1).any():
+        header = (*header, "weight")
+        columns.append(corners.weight.tolist())
+    width, height = corners.image_size
+    first = f"# cubicfish corners {version}, image_size {width}x{height}\n"
+    text = csv_text(chain([header], zip(*columns, strict=True)))
+    write_text(Path(path), first + text, overwrite=overwrite)
+
+
+def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = None) -> Observations:
+    """Read ``correspondences.csv``: points and pixels that need no target, sorted by photo.
+
+    Args:
+        path: the file; a first line ``# cubicfish correspondences 1, image_size WxH`` may
+            give the size.
+        image_size: (width, height), for files without that first line.
+
+    Raises:
+        CorrespondenceError: the file is malformed, or its image size is not known; the text
+            names the file and the line.
+
+    """
+    table = read_table(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
+    size = _image_size(table, "correspondences", image_size)
+    images, image = table.codes("image")
+    world = np.stack([table.floats(axis) for axis in ("X", "Y", "Z")], axis=-1)
+    bad = np.flatnonzero((np.abs(world) > MAX_COORDINATE).any(axis=1))
+    if bad.size:
+        table.refuse(bad[0], f"X, Y, Z must lie within ±{MAX_COORDINATE:g}")
+    return Observations.without_names(
+        **_pixels(table, size),
+        image_size=size,
+        images=images,
+        image=image,
+        world=world,
+        column=np.arange(len(image), dtype=np.intp),
+    ).by_photo()
+
+
+def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
+    """The image size from the file's first line, from the caller, or from both if they agree."""
+    match = re.fullmatch(r"cubicfish (\w+) ([0-9]+)\s*,\s*image_size\s+(\S+)", table.comment)
+    if match is None:
+        if given is None:
+            raise CorrespondenceError(
+                f"{table.name}: the image size is not known: add --size WxH, or start the file "
+                f"with the line '# cubicfish {kind} 1, image_size WxH'"
+            )
+        return given
+    if match[1] != kind:
+        raise CorrespondenceError(
+            f"{table.name}, line 1: a file of {kind} is expected, this one holds {quoted(match[1])}"
+        )
+    if match[2] not in map(str, range(1, _VERSIONS[kind] + 1)):
+        raise CorrespondenceError(
+            f"{table.name}, line 1: version {quoted(match[2])[1:-1]} of this format is not known "
+            "here: use a newer cubicfish"
+        )
+    try:
+        stated = parse_size(match[3])
+    except CorrespondenceError as error:
+        raise CorrespondenceError(f"{table.name}, line 1: {error}") from error
+    if given is not None and stated != given:
+        raise CorrespondenceError(
+            f"{table.name}, line 1: the image size is {stated[0]}x{stated[1]} here, "
+            f"but {given[0]}x{given[1]} is expected"
+        )
+    return stated
+
+
+def _boards(table: Table, target: Target) -> IntArray:
+    names, code = table.codes("board")
+    for number, name in enumerate(names):
+        if name not in target.board_names:
+            table.refuse(int(np.argmax(code == number)), no_such_board(name, target))
+    index: IntArray = np.array([target.board_names.index(name) for name in names], np.intp)
+    return np.asarray(index[code])
+
+
+def _pixels(table: Table, image_size: tuple[int, int]) -> dict[str, Any]:
+    """Pixels, and weights where there are any."""
+    pixel = np.stack([table.floats("x"), table.floats("y")], axis=-1)
+    outside = first_outside_photo(pixel, image_size)
+    if outside is not None:
+        table.refuse(outside[0], f"{outside[1]}: is the image size right?")
+    if "weight" not in table.columns:
+        return {"pixel": pixel}
+    weight = table.floats("weight")
+    bad = first_bad_weight(weight)
+    if bad is not None:
+        table.refuse(*bad)
+    return {"pixel": pixel, "weight": weight}
+
+
+def _certain(table: Table) -> dict[str, Any]:
+    """Whether each name is certain, where that is said."""
+    if _CERTAIN not in table.columns:
+        return {}
+    certain = table.integers(_CERTAIN)
+    bad = np.flatnonzero((certain != 0) & (certain != 1))
+    if bad.size:
+        table.refuse(bad[0], f"{_CERTAIN} must be 1, or 0 where it may be another corner")
+    return {_CERTAIN: certain == 1}
+
+
+def _names(names: tuple[str, ...], index: IntArray) -> list[str]:
+    return [names[i] for i in index.tolist()]

@@ -1,0 +1,258 @@
+"""The cubic polynomial camera of Zhu & Yin (2010), applied to unit rays (the ``ray`` lift).
+
+λ m = P Φ(d) with m = (u, v, 1), P 3x20 and d the unit ray of a camera-frame point (Eq. 2 and
+5–7). P may be trusted on a cone about the camera's z axis; outside it every answer is NaN.
+
+An unconstrained fit can put a zero of P3Φ inside or just outside the data, where pixels run to
+infinity and come back mirrored. A sound P has P3Φ > 0 and a positive Jacobian determinant (the
+picture is neither folded nor mirrored) over the whole cone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.core.angles import angle_from_axis, azimuth, unit_rays
+from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift
+from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at, rays_of_pixels
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.units import times
+from cubicfish_cli.core.wording import Brief
+
+# Pixel -> ray is exact to this many pixels; what does not get there is NaN.
+UNPROJECT_TOLERANCE_PX = 1e-6
+# Pixels at a time: their intermediate arrays then stay in the processor's cache.
+_BLOCK = 8192
+# A ray this close beyond the edge of the cone is rounding, not a ray outside.
+_EDGE_SLACK_RAD = 1e-9
+_CHECK_RAYS = 6000
+# Of the angle in which the field ends: to some billionths of a radian.
+_HALVINGS = 30
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class CubicCamera(Brief):
+    """A fisheye camera: pixels are ratios of cubics in the unit ray.
+
+    Attributes:
+        image_size: (width, height), pixels.
+        P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.core.lenses.lift.MONOMIALS`).
+        max_angle_deg: half-angle of the cone about +z where P may be trusted.
+        radial: the Kannala–Brandt reference, in the same camera frame.
+        pupil_travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.core.lenses.pupil`); P is
+            for points that are far away, and near ones are seen farther from the axis.
+        units: what that is in; None where it is not known.
+
+    """
+
+    image_size: tuple[int, int]
+    P: FloatArray
+    max_angle_deg: float
+    radial: RadialCamera
+    pupil_travel: float = 0.0
+    units: str | None = None
+
+    def in_units(self, units: str | None) -> CubicCamera:
+        """The same for points in another unit; central where two are named and one not known."""
+        factor = times(self.units, units)
+        if factor == 1:
+            return self
+        return replace(self, pupil_travel=self.pupil_travel * (factor or 0.0), units=units)
+
+    def scaled(self, factor: float) -> CubicCamera:
+        """The same for points in another unit, so many of which are one of ``units``."""
+        return replace(self, pupil_travel=self.pupil_travel * factor, units=None)
+
+    def project(self, points: npt.ArrayLike, *, near: bool = False) -> FloatArray:
+        """Camera-frame points (..., 3) -> pixels (..., 2); NaN outside the cone.
+
+        Args:
+            points: of any length where they are far away.
+            near: how near they are counts: they are in ``units``.
+
+        """
+        points = np.asarray(points, float)
+        if near:
+            points = from_pupil(points, self.pupil_travel)
+        rays = unit_rays(points)
+        with np.errstate(invalid="ignore"):
+            inside = angle_from_axis(rays) <= np.deg2rad(self.max_angle_deg) + _EDGE_SLACK_RAD
+        rays = np.where(inside[..., None], rays, [0.0, 0.0, 1.0])
+        homogeneous = lift(rays) @ self.P.T
+        pixel = homogeneous[..., :2] / homogeneous[..., 2:]
+        return np.where(inside[..., None], pixel, np.nan)
+
+    def project_jacobian(
+        self, points: npt.ArrayLike, *, near: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pixels and how they move with the points, for an optimisation of the caller's own.
+
+        Args:
+            points: (..., 3) in the camera frame, as :meth:`project` takes them.
+            near: likewise.
+
+        Returns:
+            Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels per unit of the points; both
+            NaN outside the cone.
+
+        """
+        points = np.asarray(points, float)
+        pixel = self.project(points, near=near)
+        flat, by_point = points.reshape(-1, 3), None
+        if near:
+            flat, by_point, _ = from_pupil_and_slopes(flat, self.pupil_travel)
+        inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
+        slope = np.full((len(flat), 2, 3), np.nan)
+        rays = unit_rays(flat[inside])
+        length = np.sum(rays * flat[inside], axis=-1)
+        across = self.pixel_and_slope(rays)[1]
+        # A point that moves along its ray keeps its pixel.
+        across -= (across @ rays[:, :, None]) * rays[:, None, :]
+        across /= length[:, None, None]
+        if by_point is not None:
+            across = across + across[:, :, 2:] * by_point[inside, None, :]
+        slope[inside] = across
+        return pixel, slope.reshape((*points.shape[:-1], 2, 3))
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> unit rays (..., 3); NaN outside the valid field.
+
+        Newton's method on the sphere, from the reference's ray. A result counts only when it
+        reprojects within :data:`UNPROJECT_TOLERANCE_PX` from inside the cone.
+        """
+        pixel = np.asarray(pixel, float)
+        flat = pixel.reshape(-1, 2)
+        rays = np.full((len(flat), 3), np.nan)
+        candidates = np.flatnonzero(self._may_be_inside(flat))
+        for block in np.array_split(candidates, len(candidates) // _BLOCK + 1):
+            rays[block] = self._newton(flat[block])
+        return rays.reshape((*pixel.shape[:-1], 3))
+
+    def _may_be_inside(self, pixel: FloatArray) -> npt.NDArray[np.bool_]:
+        """Cheaply rule out pixels (N, 2) that lie clearly outside the image of the cone's rim."""
+        around = np.linspace(-np.pi, np.pi, 721)
+        rim = self.project(ray_at(np.full(721, np.deg2rad(self.max_angle_deg)), around))
+        middle = self.project([0.0, 0.0, 1.0])
+        offset = rim - middle
+        order = np.argsort(azimuth(offset))
+        with np.errstate(invalid="ignore", over="ignore"):
+            own = pixel - middle
+            farthest = np.interp(
+                azimuth(own),
+                azimuth(offset[order]),
+                np.hypot(offset[order, 0], offset[order, 1]),
+                period=2 * np.pi,
+            )
+            return np.hypot(own[:, 0], own[:, 1]) <= 1.02 * farthest
+
+    def _newton(self, pixel: FloatArray) -> FloatArray:
+        limit = np.deg2rad(self.max_angle_deg)
+        theta = np.arccos(np.clip(self.radial.unproject(pixel)[:, 2], -1, 1))
+        # The reference has no ray for a pixel beyond its own end: start those at the cone's edge.
+        theta = np.where(np.isfinite(theta), np.minimum(theta, limit), limit)
+        offset = (pixel - [self.radial.cx, self.radial.cy]) / [self.radial.fx, self.radial.fy]
+        rays = ray_at(theta, azimuth(offset))
+        best = rays_of_pixels(pixel, rays, self.pixel_and_slope, UNPROJECT_TOLERANCE_PX)
+        inside = np.arccos(np.clip(best[:, 2], -1, 1)) <= limit + _EDGE_SLACK_RAD
+        return np.where(inside[:, None], best, np.nan)
+
+    def pixel_and_slope(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Pixel and d pixel / d ray of unit rays, unchecked: (N, 3) -> (N, 2), (N, 2, 3)."""
+        homogeneous, gradient = evaluate_cubics(self.P, rays)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixel = homogeneous[:, :2] / homogeneous[:, 2:]
+            slope = (gradient[:, :2] - pixel[:, :, None] * gradient[:, 2:]) / homogeneous[
+                :, 2:, None
+            ]
+        return pixel, slope
+
+    def outline(self, count: int = 180) -> FloatArray:
+        """Outline of the valid field within the photo, a polygon: (count, 2) pixels.
+
+        Along each azimuth it is the farthest pixel that is inside the cone and the photo.
+        """
+        return self.project(self.edge(count))
+
+    def edge(self, count: int = 180) -> FloatArray:
+        """Unit rays (count, 3) at the edge of the valid field, evenly by their azimuths from x."""
+        return _edge(self, count)
+
+
+@lru_cache(maxsize=4)
+def _edge(camera: CubicCamera, count: int) -> FloatArray:
+    """See :meth:`CubicCamera.edge`: all that tell of a camera's field ask for the same."""
+    around = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    near, far = np.zeros(count), np.full(count, np.deg2rad(camera.max_angle_deg))
+    width, height = camera.image_size
+
+    def inside(theta: FloatArray) -> npt.NDArray[np.bool_]:
+        u, v = camera.project(ray_at(theta, around)).T
+        return (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
+
+    near = np.where(inside(far), far, near)
+    for _ in range(_HALVINGS):
+        middle = (near + far) / 2
+        ok = inside(middle)
+        near, far = np.where(ok, middle, near), np.where(ok, far, middle)
+    rays = ray_at(near, around)
+    rays.flags.writeable = False
+    return rays
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validity:
+    """What was found over a cone.
+
+    Attributes:
+        angle_deg: half-angle of the cone that was examined.
+        valid_to_deg: largest half-angle within it that has neither pole nor fold.
+
+    """
+
+    angle_deg: float
+    valid_to_deg: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether the whole cone is free of poles and folds."""
+        return self.valid_to_deg >= self.angle_deg
+
+
+def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
+    """Examine P (3, 20) for poles and folds over the cone of half-angle ``angle_deg``."""
+    P = np.asarray(P, float)
+    rays = _checked(float(angle_deg))
+    homogeneous, gradient = evaluate_cubics(P, rays)
+    numerators, denominator = homogeneous.T[:2], homogeneous.T[2]
+    # One coordinate of all rays after the other is the quickest to work on.
+    across, (x, y, z) = gradient.transpose(1, 2, 0), rays.T
+    # d(u, v) = (d(P1Φ, P2Φ) − (u, v) d(P3Φ)) / P3Φ; times P3Φ² it stays finite at a pole.
+    u, v = across[:2] * denominator - numerators[:, None] * across[2]
+    # Of a turn of the ray, which has no part along it: d · (∇u × ∇v).
+    determinant = (
+        x * (u[1] * v[2] - u[2] * v[1])
+        + y * (u[2] * v[0] - u[0] * v[2])
+        + z * (u[0] * v[1] - u[1] * v[0])
+    )
+    good = (denominator > 0) & (determinant > 0)
+    theta = np.rad2deg(np.arccos(np.clip(rays[:, 2], -1, 1)))
+    return Validity(
+        angle_deg=float(angle_deg),
+        valid_to_deg=float(angle_deg) if good.all() else float(theta[~good].min()),
+    )
+
+
+@lru_cache(maxsize=4)
+def _checked(angle_deg: float) -> FloatArray:
+    """Rays of a cone, (N, 3): a fit asks for the same many times."""
+    angle = np.deg2rad(angle_deg)
+    rim = ray_at(np.full(720, angle), np.linspace(0, 2 * np.pi, 720, endpoint=False))
+    rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])
+    rays.flags.writeable = False
+    return rays

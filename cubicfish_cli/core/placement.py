@@ -1,0 +1,376 @@
+"""Where on a target a grid can lie: which board, turned how, and moved by how many squares.
+
+A grid counts its corners (i, j) from its own first cell. On the board the same corner is
+(column, row) = turn · (i, j) + offset, with one of four quarter turns: photos are not mirrored.
+A board in one of its four turns is called a *side* here; a place is a side and an offset.
+
+Two labelings of the same grids are congruent when a similarity of space (turn, shift, scale)
+carries every named corner's place under the one onto its place under the other: the same photo
+is then explained equally well from another camera position. Some come from a symmetry of the
+whole target, such as half a turn of a board with even sides, and are harmless: the turned target
+is the same target. The others are slides along something that shows no end.
+
+Turns of a target after which it looks the same, and what its corners are called then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.geometry import Similarity
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+
+TURNS = np.array(
+    [[[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]]], np.intp
+)
+# Places that agree this well, in squares, are the same place.
+SAME = 0.01
+_SAME_SCALE = 1e-3
+# Candidate motions times places that are compared at a time, to bound memory.
+_AT_A_TIME = 100_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placement:
+    """All boards of a target in all four turns: S of them.
+
+    Attributes:
+        board: (S,) index into the target's boards.
+        turn: (S,) index into :data:`TURNS`.
+        size: (S, 2) columns and rows of the board.
+        square: (S,) side of its squares, in the target's units.
+        origin: (S, 3) world position of its corner (0, 0).
+        axes: (S, 3, 2) world directions of growing column and growing row.
+        colour: (S,) +1 when the square down-right of corner (0, 0) is light, else -1.
+
+    """
+
+    board: IntArray
+    turn: IntArray
+    size: IntArray
+    square: FloatArray
+    origin: FloatArray
+    axes: FloatArray
+    colour: IntArray
+
+    @cached_property
+    def matrix(self) -> IntArray:
+        """(S, 2, 2) the turn of each."""
+        return TURNS[self.turn]
+
+    @cached_property
+    def frame(self) -> FloatArray:
+        """(S, 3, 3) world directions of the grid's i, j and of i x j."""
+        ij = self.axes @ self.matrix
+        return np.concatenate([ij, np.cross(ij[..., 0], ij[..., 1])[..., None]], axis=-1)
+
+    @property
+    def sizes_seen(self) -> IntArray:
+        """(S, 2) corners of the board along the grid's i and j."""
+        return np.abs(np.swapaxes(self.matrix, -1, -2) @ self.size[..., None])[..., 0]
+
+    def world_from_grid(self, side: IntArray, offset: IntArray) -> FloatArray:
+        """(K,) sides and (K, 2) offsets -> (K, 3, 3): (i, j, 1) to world points."""
+        square = self.square[side][:, None]
+        shift = (self.axes[side] @ offset[:, :, None].astype(float))[:, :, 0]
+        return np.stack(
+            [
+                square * self.frame[side][:, :, 0],
+                square * self.frame[side][:, :, 1],
+                self.origin[side] + square * shift,
+            ],
+            axis=-1,
+        )
+
+    @cached_property
+    def wholes(self) -> list[tuple[IntArray, FloatArray]]:
+        """Where each board's pattern, whole, lies on the target.
+
+        For each board, (P,) the sides that it covers, colours included, the first of them its own
+        upright one, and (P, 4, 3) world points of its outermost corners there.
+        """
+        found = []
+        for upright in range(0, len(self.board), 4):
+            last = self.size[upright] - 1
+            cells = np.array([[0, 0], [last[0], 0], last, [0, last[1]]])
+            colour = int(self.colour[upright])
+            side, offset = reach_of(cells, colour, self).places()
+            fills = (np.abs(self.matrix[side]) @ (last + 1) == self.size[side]).all(axis=1)
+            order = np.argsort(side[fills] != upright, kind="stable")
+            side, offset = side[fills][order], offset[fills][order]
+            form = np.swapaxes(self.world_from_grid(side, offset), -1, -2)
+            found.append((side, np.column_stack([cells, np.ones(4)]) @ form))
+        return found
+
+    def landing(
+        self, matrix: FloatArray, shift: FloatArray, board: int
+    ) -> tuple[FloatArray, IntArray]:
+        """How far a board, moved, is from the nearest of its places, in squares, and which.
+
+        (C, 3, 3), (C, 3) -> (C,) the largest distance of an outermost corner, (C,) the place.
+        """
+        side, places = self.wholes[board]
+        moved = places[0] @ np.swapaxes(matrix, -1, -2) + shift[:, None]
+        error, place = [np.empty(0)], [np.empty(0, np.intp)]
+        step = max(1, _AT_A_TIME // len(side))
+        for first in range(0, len(moved), step):
+            apart = np.linalg.norm(moved[first : first + step, None] - places, axis=-1)
+            distance = apart.max(axis=-1) / self.square[side]
+            place.append(distance.argmin(axis=1))
+            error.append(distance.min(axis=1))
+        return np.concatenate(error), np.concatenate(place)
+
+    def motions(self, board: int) -> tuple[FloatArray, FloatArray]:
+        """(P, 3, 3), (P, 3) matrices and shifts that carry a board onto each of its places."""
+        side, places = self.wholes[board]
+        scale = self.square[side] / self.square[4 * board]
+        matrix = scale[:, None, None] * (self.frame[side] @ self.frame[4 * board].T)
+        return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
+
+    def carried(self, base: int, within: float) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Motions of the whole target that carry each of its boards onto a place, or nearly.
+
+        Args:
+            base: the board of which every place is tried.
+            within: how far each board may be from its place, in squares.
+
+        Returns:
+            (K, 3, 3) matrices, (K, 3) shifts, and which of its places each board takes, (K, B).
+
+        """
+        matrix, shift = self.motions(base)
+        landed = np.empty((len(matrix), 0), np.intp)
+        for board in range(len(self.wholes)):
+            error, place = self.landing(matrix, shift, board)
+            kept = error < within
+            matrix, shift = matrix[kept], shift[kept]
+            landed = np.column_stack([landed, place])[kept]
+        return matrix, shift, landed
+
+    def is_symmetry(self, motion: Similarity) -> bool:
+        """Whether ``motion`` carries the target onto itself, colours included."""
+        if abs(motion.scale - 1) > _SAME_SCALE:
+            return False
+        boards = range(len(self.wholes))
+        turn, shift = motion.rotation[None], motion.shift[None]
+        return all(self.landing(turn, shift, board)[0][0] < SAME for board in boards)
+
+    def board_cells(self, side: int, offset: IntArray, cells: IntArray) -> IntArray:
+        """(N, 2) columns and rows of the grid's cells at one place."""
+        return cells @ self.matrix[side].T + offset
+
+
+def placement_of(target: Target) -> Placement:
+    """All sides of the boards that carry a plain grid of squares (with or without markers)."""
+    boards = [
+        index for index, board in enumerate(target.boards)
+        if board.has_squares
+    ]  # fmt: skip
+    board = np.repeat(np.array(boards, np.intp), 4)
+    each = [target.boards[index] for index in board]
+    return Placement(
+        board=board,
+        turn=np.tile(np.arange(4), len(boards)),
+        size=np.array([(one.columns, one.rows) for one in each], np.intp).reshape(-1, 2),
+        square=np.array([one.square for one in each]),
+        origin=np.array([one.origin for one in each]).reshape(-1, 3),
+        axes=np.array([np.column_stack([o.x_axis, o.y_axis]) for o in each]).reshape(-1, 3, 2),
+        # The squares up-left and down-right of a corner have one colour.
+        colour=np.array([1 if one.first_square == "light" else -1 for one in each], np.intp),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reach:
+    """The offsets that keep a grid on its board, for every side.
+
+    Attributes:
+        low, high: (S, 2) smallest and largest offset; a side that is too small has high < low.
+        parity: (S,) 0 or 1: what (offset column + offset row) mod 2 must be for the squares'
+            colours to agree.
+
+    """
+
+    low: IntArray
+    high: IntArray
+    parity: IntArray
+
+    def allows(self, side: IntArray, offset: IntArray) -> BoolArray:
+        """(K,) sides and (K, 2) offsets -> (K,) whether the grid can lie there."""
+        inside = ((offset >= self.low[side]) & (offset <= self.high[side])).all(axis=-1)
+        return inside & (offset.sum(axis=-1) % 2 == self.parity[side])
+
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Every allowed place: sides (H,) and offsets (H, 2)."""
+        sides, offsets = [], []
+        for side, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
+            if (high < low).any():
+                continue
+            column, row = np.meshgrid(
+                np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1), indexing="ij"
+            )
+            offset = np.stack([column.ravel(), row.ravel()], axis=-1)
+            offset = offset[offset.sum(axis=-1) % 2 == self.parity[side]]
+            sides.append(np.full(len(offset), side, np.intp))
+            offsets.append(offset)
+        if not sides:
+            return np.empty(0, np.intp), np.empty((0, 2), np.intp)
+        return np.concatenate(sides), np.concatenate(offsets)
+
+    @property
+    def wide_enough(self) -> bool:
+        """Whether there is a board that is large enough, whatever its colours."""
+        return bool((self.high >= self.low).all(axis=1).any())
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is any place."""
+        room = np.maximum(self.high - self.low + 1, 0).prod(axis=1)
+        fits = self.low.sum(axis=1) % 2 == self.parity
+        return bool(((room > 1) | ((room == 1) & fits)).any())
+
+
+def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
+    """Where on the target a grid fits, by its extent and the colour of its squares.
+
+    Args:
+        cells: (N, 2) of its corners.
+        parity: +1 when the square down-right of cell (0, 0) is light, else -1.
+        sides: the target's boards in all turns.
+
+    """
+    box = np.stack([cells.min(axis=0), cells.max(axis=0)])
+    ends = box @ np.swapaxes(sides.matrix, -1, -2)
+    # A quarter turn swaps the two colours that meet at a corner.
+    flipped = (sides.colour * parity < 0) ^ (sides.turn % 2 == 1)
+    return Reach(
+        low=-ends.min(axis=1),
+        high=sides.size - 1 - ends.max(axis=1),
+        parity=flipped.astype(np.intp),
+    )
+
+
+# Objects of more boards are not searched.
+_MOST_BOARDS = 16
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Symmetry:
+    """A motion that carries all boards of a target onto boards, colours of squares included.
+
+    Attributes:
+        rotation, shift: (3, 3) and (3,), of points in the target's units.
+        board: (B,) index of the board that each board covers then.
+        turn: (B, 2, 2) and
+        offset: (B, 2): column and row there are turn · (column, row) + offset.
+
+    """
+
+    rotation: FloatArray
+    shift: FloatArray
+    board: IntArray
+    turn: IntArray
+    offset: IntArray
+
+    def named(self, seen: Observations, target: Target, scale: float = 1.0) -> Observations:
+        """Corners by the names of those whose places they take, and their world points.
+
+        Args:
+            seen: corners of the target, which boards are indices into its.
+            target: the target.
+            scale: its units in one unit of world points.
+
+        """
+        cell = np.stack([seen.column, seen.row], axis=-1)[..., None]
+        onto = (self.turn[seen.board] @ cell)[..., 0] + self.offset[seen.board]
+        board, column, row = self.board[seen.board], onto[:, 0], onto[:, 1]
+        world = target.world_points(board, column, row) / scale
+        return replace(seen, board=board, column=column, row=row, world=world)
+
+
+def symmetries(target: Target) -> tuple[Symmetry, ...]:
+    """All that a target has, but for no motion at all.
+
+    It is judged as drawn, without the shapes of its boards. Markers and lists of points have none.
+    """
+    boards = range(len(target.boards))
+    plain = all(board.has_squares and board.markers is None for board in target.boards)
+    if not plain or len(boards) > _MOST_BOARDS:
+        return ()
+    sides = placement_of(target.with_flat_boards())
+    found = []
+    for matrix, shift, places in zip(*sides.carried(0, SAME), strict=True):
+        side = np.array([sides.wholes[board][0][place] for board, place in enumerate(places)])
+        same_size = abs(np.linalg.det(matrix) - 1) < _SAME_SCALE
+        if not same_size or (side == 4 * np.arange(len(boards))).all():
+            continue
+        turn = sides.matrix[side]
+        last = (turn @ (sides.size[::4] - 1)[..., None])[..., 0]
+        found.append(
+            Symmetry(
+                rotation=matrix,
+                shift=shift,
+                board=sides.board[side],
+                turn=turn,
+                offset=-np.minimum(last, 0),
+            )
+        )
+    return tuple(found)
+
+
+def renamed(seen: Observations, target: Target, motions: Mapping[str, Symmetry]) -> Observations:
+    """The same corners, those of some photos by the names that a motion gives them.
+
+    Args:
+        seen: corners of a target.
+        target: the target.
+        motions: of the photos whose corners get other names, by the photos' names.
+
+    """
+    if not motions:
+        return seen
+    index = np.array([target.board_names.index(name) for name in seen.boards], np.intp)
+    own = replace(seen, boards=target.board_names, board=index[seen.board])
+    number = {photo: way for way, photo in enumerate(motions, 1)}
+    return chosen(
+        [own, *(motion.named(own, target) for motion in motions.values())],
+        np.array([number.get(photo, 0) for photo in seen.images], np.intp),
+    )
+
+
+def best_named(
+    seen: Observations, target: Target, squared: Callable[[Observations], FloatArray]
+) -> Observations:
+    """The same corners, those of each photo by the names under which they are off by least.
+
+    Args:
+        seen: corners of a target, their boards indices into its.
+        target: the target.
+        squared: (N,) squared errors of these corners by other names, with their world points.
+
+    """
+    namings = [seen, *(motion.named(seen, target) for motion in symmetries(target))]
+    if len(namings) == 1:
+        return seen
+    photos = len(seen.images)
+    sums = [
+        np.bincount(seen.image, np.nan_to_num(squared(one), nan=np.inf), photos) for one in namings
+    ]
+    return chosen(namings, np.argmin(sums, axis=0))
+
+
+def chosen(namings: Sequence[Observations], way: IntArray) -> Observations:
+    """The same corners, those of each photo by the names of one of W namings, (M,) below W."""
+    rows = way[namings[0].image]
+    names: dict[str, Any] = {
+        name: np.stack([getattr(one, name) for one in namings])[rows, np.arange(len(rows))]
+        for name in ("board", "column", "row", "world")
+    }
+    return replace(namings[0], **names)

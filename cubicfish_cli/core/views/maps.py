@@ -1,0 +1,193 @@
+"""View and camera -> the map that ``cv2.remap`` takes, and its file.
+
+A camera for photos that are an exact rescale of the calibrated ones.
+
+A pixel's centre is at its whole coordinates, so a photo scaled by s has pixel (x + 1/2)·s − 1/2
+where the original has x. Leaving the half out shifts a half-size picture by a quarter pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.io.files import whole_file
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.core.views.cubic_grid import grid_of
+from cubicfish_cli.core.views.plane import PlaneView, PointProjector, seen_near
+from cubicfish_cli.core.views.view import MAX_SIDE, View
+from cubicfish_cli.core.wording import Brief
+
+FORMAT = "cubicfish undistort_map 1"
+REDISTORT_FORMAT = "cubicfish redistort_map 1"
+OUTSIDE = -1.0
+# A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
+_PIXELS_PER_BLOCK = 65_536
+_PIXELS_FOR_THREADS = 250_000
+_THREADS = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class UndistortMap(Brief):
+    """Where each pixel of a view comes from in the photo.
+
+    ``cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR)`` renders the view.
+
+    Attributes:
+        map_x, map_y: (H, W) float32 pixels of the photo; −1 where ``valid`` is false, which
+            ``cv2.remap`` renders black.
+        valid: (H, W) whether the camera may be trusted there and the photo has the pixel.
+        view: what is rendered.
+        image_size: (width, height) of the photos that the map is for.
+        redistorts: whether it is the other way round: the result is the camera's photo, and what
+            it is for are pictures of the view.
+
+    """
+
+    map_x: npt.NDArray[np.float32]
+    map_y: npt.NDArray[np.float32]
+    valid: BoolArray
+    view: View
+    image_size: tuple[int, int]
+    redistorts: bool = False
+
+
+def build_map(camera: PointProjector, view: View) -> UndistortMap:
+    """The map (H, W), pixels of the camera's photos, that renders ``view`` from them.
+
+    Rows are done in blocks, on two threads when there are many, so the memory needed beyond
+    the map is bounded.
+
+    Raises:
+        ViewError: the camera's photos are larger than ``cv2.remap`` can take.
+
+    """
+    photo_width, photo_height = camera.image_size
+    if max(camera.image_size) > MAX_SIDE:
+        raise ViewError(
+            f"photos of {photo_width}x{photo_height} cannot be undistorted: "
+            f"a side may have {MAX_SIDE} pixels at most"
+        )
+    width, height = view.size
+    map_x, map_y = np.empty((2, height, width), np.float32)
+    valid = np.empty((height, width), bool)
+    put = _filler(camera, view)
+
+    def fill(top: int) -> None:
+        rows = slice(top, min(height, top + rows_per_block))
+        x, y = map_x[rows], map_y[rows]
+        put(rows, x, y)
+        # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
+        # blend with the black around the photo.
+        if (
+            x.min() >= 0 and x.max() <= photo_width - 1 and y.min() >= 0
+        ) and y.max() <= photo_height - 1:
+            valid[rows] = True
+            return
+        inside = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
+        valid[rows] = inside
+        np.logical_not(inside, out=inside)
+        np.copyto(x, OUTSIDE, where=inside)
+        np.copyto(y, OUTSIDE, where=inside)
+
+    rows_per_block = max(1, _PIXELS_PER_BLOCK // width)
+    tops = range(0, height, rows_per_block)
+    if width * height < _PIXELS_FOR_THREADS:
+        for top in tops:
+            fill(top)
+    else:
+        with ThreadPoolExecutor(_THREADS) as threads:
+            list(threads.map(fill, tops))
+    return UndistortMap(
+        map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
+    )
+
+
+def _filler(
+    camera: PointProjector, view: View
+) -> Callable[[slice, npt.NDArray[np.float32], npt.NDArray[np.float32]], None]:
+    """What puts the photo's pixels for rows of the view into two of (h, W), NaN for none."""
+    grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
+    if grid is not None:
+        return grid.fill
+
+    project = seen_near(camera) if isinstance(view, PlaneView) else camera.project
+
+    def plain(rows: slice, map_x: npt.NDArray[np.float32], map_y: npt.NDArray[np.float32]) -> None:
+        columns = np.arange(view.size[0])
+        index = np.arange(rows.start, rows.stop)
+        pixel = np.stack(np.broadcast_arrays(columns, index[:, None]), axis=-1)
+        map_x[...], map_y[...] = np.moveaxis(project(view.rays(pixel)), -1, 0)
+
+    return plain
+
+
+def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
+    """Write ``undistort_map.npz``: maps (H, W) of pixels, valid, view as JSON, format, image_size.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    with whole_file(Path(path), overwrite=overwrite) as temporary:
+        write_npz(temporary, undistort_map)
+
+
+def write_npz(path: Path, made: UndistortMap) -> None:
+    """The same, of a map of either way: ``format`` says which; an existing file is replaced."""
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            map_x=made.map_x,
+            map_y=made.map_y,
+            valid=made.valid,
+            view=np.array(made.view.to_json()),
+            format=np.array(REDISTORT_FORMAT if made.redistorts else FORMAT),
+            image_size=np.array(made.image_size),
+        )
+
+
+def camera_for_photos(camera: CubicCamera, size: tuple[int, int]) -> CubicCamera:
+    """The camera of photos of ``size``: the calibrated size, or of the same shape.
+
+    Args:
+        camera: for the photos as they were calibrated.
+        size: (width, height) of the photos at hand.
+
+    Raises:
+        ViewError: the photos are neither.
+
+    """
+    width, height = camera.image_size
+    if size == camera.image_size:
+        return camera
+    if size[0] * height != size[1] * width:
+        raise ViewError(
+            f"the photo has {size[0]}x{size[1]} pixels, the camera was calibrated for "
+            f"{width}x{height}: use photos of that size or of exactly that shape"
+        )
+    scale = size[0] / width
+    shift = (scale - 1) / 2
+    affine = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
+    radial = camera.radial
+    return replace(
+        camera,
+        image_size=size,
+        P=affine @ camera.P,
+        radial=RadialCamera(
+            image_size=size,
+            fx=scale * radial.fx,
+            fy=scale * radial.fy,
+            cx=scale * radial.cx + shift,
+            cy=scale * radial.cy + shift,
+            k=radial.k,
+        ),
+    )

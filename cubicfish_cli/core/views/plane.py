@@ -1,0 +1,165 @@
+"""Metric picture of a plane in the scene, such as a board's: a constant number of pixels per unit.
+
+Pixels are points of the plane, not mere directions, so that the picture is right from wherever
+the photo was taken, as long as the plane's place in the camera's frame is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.undistortion.options import is_numbers
+from cubicfish_cli.core.angles import unit_rays
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.view import View
+
+Vector = tuple[float, float, float]
+
+_SQUARE_TOLERANCE = 1e-6
+# Where the scale of the photo is looked up, along each side of the plane's part.
+_LOOKS = 15
+_STEP = 1e-3
+# Without a scale from the user the picture is no larger than this.
+_MOST_DEFAULT_SIDE = 8192
+
+
+class PointProjector(Protocol):
+    """What shows a plane: a camera, or P of points."""
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) of the photos, pixels."""
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        """Points (..., 3) -> pixels (..., 2), NaN where they are not seen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneView(View):
+    """A plane, seen squarely from its front.
+
+    Attributes:
+        origin: the point of the plane, in the camera's frame, that pixel (0, 0) shows.
+        x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
+        pixels_per_unit: scale of the picture, pixels per unit of length.
+
+    Raises:
+        ViewError: an attribute is not usable.
+
+    """
+
+    kind: ClassVar[str] = "plane"
+
+    origin: Vector
+    x_axis: Vector
+    y_axis: Vector
+    pixels_per_unit: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not all(is_numbers(v, 3) for v in (self.origin, self.x_axis, self.y_axis)):
+            raise ViewError("a plane's origin and axes must be three finite numbers each")
+        if not is_numbers((self.pixels_per_unit,), 1) or self.pixels_per_unit <= 0:
+            raise ViewError("a plane's picture must have a positive number of pixels per unit")
+        axes = np.array([self.x_axis, self.y_axis])
+        if not np.allclose(axes @ axes.T, np.eye(2), atol=_SQUARE_TOLERANCE):
+            raise ViewError("a plane's axes must be unit vectors at a right angle")
+
+    @property
+    def camera_from_pixel(self) -> FloatArray:
+        """(3, 3) that takes (column, row, 1) to the point of the plane, camera frame."""
+        scale = 1 / self.pixels_per_unit
+        axes = np.array([self.x_axis, self.y_axis]) * scale
+        return np.column_stack([axes[0], axes[1], self.origin])
+
+    def rays(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> points of the plane in the camera's frame (..., 3)."""
+        pixel = np.asarray(pixel, float)
+        matrix = self.camera_from_pixel
+        return pixel @ matrix[:, :2].T + matrix[:, 2]
+
+    def pixels(self, rays: npt.ArrayLike) -> FloatArray:
+        """Rays in the camera's frame (..., 3) -> pixels where they meet the plane (..., 2)."""
+        homogeneous = unit_rays(rays) @ np.linalg.inv(self.camera_from_pixel).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixel = homogeneous[..., :2] / homogeneous[..., 2:]
+            return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)
+
+    def describe(self) -> str:
+        """The scale."""
+        return self.scale_in("unit")
+
+    def scale_in(self, unit: str) -> str:
+        """The scale in words, where it is known which unit of length it is of."""
+        return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
+
+
+def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
+    """What takes points to pixels where how near they are counts."""
+    return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
+
+
+def plane_view(
+    camera: PointProjector,
+    *,
+    origin: FloatArray,
+    x_axis: FloatArray,
+    y_axis: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    pixels_per_unit: float | None = None,
+) -> PlaneView:
+    """The squared-up picture of a rectangle in a plane.
+
+    Args:
+        camera: takes points of the frame that the vectors are in to pixels.
+        origin: (3,) a point of the plane.
+        x_axis: (3,) unit vector in the plane, of growing column.
+        y_axis: (3,) unit vector in the plane, of growing row; seen from the front, x is to the
+            right and y down.
+        low: (2,) the rectangle's first corner, along the axes from ``origin``.
+        high: (2,) its last corner.
+        pixels_per_unit: the picture's scale; None for the largest that the photo has there.
+
+    Raises:
+        ViewError: the camera does not see the rectangle, or sees it from behind, where the
+            picture would be mirrored.
+
+    """
+    sides = high - low
+    along = [np.linspace(start, end, _LOOKS) for start, end in zip(low, high, strict=True)]
+    place = np.stack(np.meshgrid(*along), axis=-1)
+    axes = np.array([x_axis, y_axis])
+    step = _STEP * float(sides.max())
+    here, project = origin + place @ axes, seen_near(camera)
+    across, down = ((project(here + step * axis) - project(here)) / step for axis in axes)
+    area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
+    width, height = camera.image_size
+    u, v = np.moveaxis(project(here), -1, 0)
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(area) & (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
+    if not seen.any():
+        raise ViewError("the camera does not see this plane: check the pose and the board's name")
+    if np.median(area[seen]) <= 0:
+        raise ViewError(
+            "the camera is behind this plane, whose picture would be mirrored: "
+            "check the target's axes and the pose"
+        )
+    scale = pixels_per_unit
+    if scale is None:
+        # The larger of the two stretches at the place where the photo shows most.
+        lengths = np.stack([np.hypot(*np.moveaxis(part, -1, 0)) for part in (across, down)])
+        scale = float(min(lengths[:, seen].max(), _MOST_DEFAULT_SIDE / sides.max()))
+    size = (max(1, round(float(sides[0]) * scale)), max(1, round(float(sides[1]) * scale)))
+    first = origin + (low + 0.5 / scale) @ axes  # the middle of the first pixel
+    vectors = {"origin": first, "x_axis": axes[0], "y_axis": axes[1]}
+    plain: dict[str, Any] = {name: tuple(vector.tolist()) for name, vector in vectors.items()}
+    return PlaneView(size=size, pixels_per_unit=scale, **plain)

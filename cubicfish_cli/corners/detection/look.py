@@ -1,0 +1,231 @@
+"""One photo, read and searched: its grids and markers, or why there are none.
+
+Grids of photos that were searched before are remembered, so that unchanged photos are not searched
+again. An entry is named by the SHA-256 of the photo's bytes and by what searches: the version of
+the package and of its finder's source. What the photo shows does not depend on its name or place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cache, lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+
+from cubicfish_cli import __version__
+from cubicfish_cli.app import photos, picture_headers
+from cubicfish_cli.app.executors.pool import Work, settled
+from cubicfish_cli.app.photos import Photo, Picture, decode_picture, grey, read_file
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.errors import OutputError, PhotoError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.io.files import whole_file
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.corners import detection, mosaic
+from cubicfish_cli.corners.detection.closer import is_part, look_closer
+from cubicfish_cli.corners.detection.diagnose import explain_no_grids
+from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
+from cubicfish_cli.corners.detection.markers import MarkedCorners, find_marked_corners
+
+_OF_GRID = [field.name for field in fields(Grid)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridCache:
+    """A folder with one file per photo.
+
+    Attributes:
+        folder: where the entries are; made when the first is written.
+
+    """
+
+    folder: Path
+
+    def key(self, data: bytes) -> str:
+        """Name of the entry of a photo with these bytes."""
+        return hashlib.sha256(data).hexdigest()[:32] + "-" + _searcher()
+
+    def load(self, key: str) -> FoundGrids | None:
+        """The entry, or None where there is none or it is damaged."""
+        try:
+            path = self.folder / f"{key}.npz"
+            if not path.is_file():  # a pipe would be waited for
+                return None
+            # Through memory: numpy leaves a damaged file open.
+            data = io.BytesIO(path.read_bytes())
+            with np.load(data, allow_pickle=False) as entry:
+                if str(entry["key"]) != key:  # another photo's, under a name that is not its own
+                    return None
+                count = int(entry["count"])
+                width, height = (int(side) for side in entry["image_size"])
+                return FoundGrids(
+                    grids=tuple(
+                        Grid(**{name: entry[f"{name}_{index}"][()] for name in _OF_GRID})
+                        for index in range(count)
+                    ),
+                    refused=entry["refused"],
+                    image_size=(width, height),
+                )
+        except Exception:  # whatever an entry raises that is missing, cut short or overwritten
+            return None
+
+    def save(self, key: str, found: FoundGrids) -> None:
+        """Write an entry; a cache that cannot be written is no cache, and no error."""
+        grids = found.grids
+        parts = {
+            f"{name}_{index}": getattr(grid, name)
+            for index, grid in enumerate(grids)
+            for name in _OF_GRID
+        }
+        try:
+            with whole_file(self.folder / f"{key}.npz", overwrite=True) as temporary:
+                np.savez_compressed(
+                    temporary,
+                    key=key,
+                    count=len(grids),
+                    refused=found.refused,
+                    image_size=np.array(found.image_size),
+                    allow_pickle=False,
+                    **parts,
+                )
+        except OutputError:
+            return
+
+
+@cache
+def _searcher() -> str:
+    """The package's version and a hash of the source that reads pictures and finds grids."""
+    digest = hashlib.sha256(__version__.encode())
+    reading = [Path(str(module.__file__)) for module in (photos, mosaic, picture_headers)]
+    for path in [*reading, *sorted(Path(str(detection.__file__)).parent.glob("*.py"))]:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Look:
+    """What a photo shows.
+
+    Attributes:
+        grids: its grids; None where it is of no use.
+        refusal: why nothing was looked for, or found, in it.
+        marked: the corners that its markers name, where the target has any.
+
+    """
+
+    grids: FoundGrids | None
+    refusal: Finding | None = None
+    marked: MarkedCorners | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no corner was found: none that markers name, where the target has any."""
+        named = self.marked
+        return not (len(named) if named is not None else self.grids and self.grids.grids)
+
+
+def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> Look:
+    """Read a photo and search it.
+
+    Args:
+        photo: the photo.
+        target: the calibration target; None where nobody says which it is, and nobody asks why
+            there is none.
+        cache: what was found in photos that were searched before; None searches it.
+
+    """
+    try:
+        data = read_file(photo.path) if photo.picture is None else b""
+        return _searched(photo, data, target, cache)
+    except PhotoError as error:
+        why = refused(photo.name, Code.CANNOT_BE_READ, problem=str(error))
+        return Look(grids=None, refusal=why)
+
+
+def nameless_grids(
+    photos: Sequence[Photo], work: Work, cache: GridCache | None = None
+) -> list[FoundGrids | None]:
+    """Find the checkerboards in photos on disk, where nobody says which target they show.
+
+    Args:
+        photos: where the photos are.
+        work: who does it.
+        cache: what was found in photos that were searched before; None searches them all.
+
+    Returns:
+        What was found in each; None for photos that cannot be read.
+
+    """
+    look = partial(look_at, target=None, cache=cache)
+    return [one.grids for one in work.done(look, photos)]
+
+
+def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
+    """Why a photo is of no use."""
+    return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
+
+
+def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache | None) -> Look:
+    @lru_cache(maxsize=1)
+    def picture() -> Picture:
+        return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
+
+    key = cache.key(data) if cache and data else ""  # in memory there are no bytes to know it by
+
+    def remembered(search: Callable[[], FoundGrids], name: str = "") -> FoundGrids:
+        entry = key + name
+        known = cache.load(entry) if cache and key else None
+        if known is not None:
+            return known
+        found = search()
+        found = replace(
+            found, grids=tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
+        )
+        if cache and key:
+            cache.save(entry, found)
+        return found
+
+    grids = remembered(lambda: find_grids(picture()))
+    if target is None:
+        return Look(grids=grids)
+    look = _looked(picture, target, grids)
+    width, height = grids.image_size
+    if look.is_empty and 4 * width * height <= MOST_PIXELS:
+        closer = remembered(lambda: find_grids(picture(), closely=True), "-close")
+        closer_look = _looked(picture, target, closer, closely=True)
+        look = look if closer_look.is_empty else closer_look
+    if look.is_empty:
+        why = _why_no_markers if target.has_markers else _why_nothing
+        return replace(look, refusal=why(photo, picture(), grids))
+    if target.has_markers:
+        return look
+    sizes = sorted({(board.columns, board.rows) for board in target.boards})
+    if not any(is_part(grid, sizes) for grid in grids.grids):
+        return look
+    name = "-" + "-".join(f"{columns}x{rows}" for columns, rows in sizes)
+    return Look(grids=remembered(lambda: look_closer(picture(), grids, sizes), name))
+
+
+def _looked(
+    picture: Callable[[], Picture], target: Target, grids: FoundGrids, *, closely: bool = False
+) -> Look:
+    if not target.has_markers:
+        return Look(grids=grids)
+    marked = find_marked_corners(picture(), target, grids, closely=closely)
+    return Look(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
+
+
+def _why_nothing(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
+    why = explain_no_grids(picture, found)
+    return replace(why, severity=Severity.CARE, images=(photo.name,))
+
+
+def _why_no_markers(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
+    if not found.grids:
+        return _why_nothing(photo, picture, found)
+    return refused(photo.name, Code.NO_MARKERS)

@@ -1,0 +1,221 @@
+"""What photos so far leave open, what is to be photographed next, and whether that is needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
+from cubicfish_cli.core.assess.verdict import verdict
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.threads import one_blas_thread
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.advice.enough import FEWEST_PHOTOS, default_goal, why_not_enough
+from cubicfish_cli.extensions.advice.field import GRID, Field, reach_of
+from cubicfish_cli.extensions.advice.gaps import Gaps, find_gaps
+from cubicfish_cli.extensions.advice.knowledge import Knowledge, know, recorded_poses
+from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
+from cubicfish_cli.extensions.simulation.views import Distances, Viewpoint, sample_views
+
+PROPOSALS = 3
+# Photos so far show where this camera is in focus and the target is in view: proposals go to half
+# their nearest distance and to twice their farthest, and no farther.
+_NEARER, _FARTHER = 0.5, 2.0
+_VIEWS = 90
+# A fit again whose uncertainty differs by more than this factor is another one.
+_SAME = 30.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Advice:
+    """What to photograph next.
+
+    Attributes:
+        camera: the camera that it is about.
+        target: the calibration target; None for pairs that came without one.
+        pixel: (N, 2) corners so far.
+        photos: how many there are.
+        noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
+        goal_px: uncertainty that is wanted over the field.
+        now: uncertainty; None where it cannot be worked out.
+        sigma: (rows, columns) the uncertainty over the photo, pixels; NaN outside the field, or
+            where it cannot be worked out.
+        gaps: what photos so far do not show.
+        enough: whether no more photos are needed.
+        reasons: why it is not enough.
+        photos_needed: how many more photos, as proposed here, reach the goal; None where more than
+            :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
+        proposals: the next photos, in order.
+        notes: what cannot be said, or is to be kept in mind.
+
+    """
+
+    camera: CubicCamera
+    target: Target | None
+    pixel: FloatArray
+    photos: int
+    noise_px: float | None
+    goal_px: float
+    now: FieldUncertainty | None
+    sigma: FloatArray
+    gaps: Gaps
+    enough: bool
+    reasons: tuple[Finding, ...]
+    photos_needed: int | None
+    proposals: tuple[Proposal, ...]
+    notes: tuple[Finding, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "enough": self.enough,
+            "reasons": [reason.line for reason in self.reasons],
+            "findings": [reason.as_record() for reason in self.reasons],
+            "photos": self.photos,
+            "photos_needed": self.photos_needed,
+            "goal_px": self.goal_px,
+            "noise_px": self.noise_px,
+            "now": self.now.as_record() if self.now else None,
+            "coverage": self.gaps.cells.coverage,
+            "empty": [part.as_record() for part in self.gaps.parts],
+            "proposals": [proposal.as_record() for proposal in self.proposals],
+            "notes": [note.line for note in self.notes],
+            "remarks": [note.as_record() for note in self.notes],
+        }
+
+
+@one_blas_thread()
+def advise(
+    camera: CubicCamera,
+    fit: FitRecord,
+    pairs: Observations,
+    target: Target | None,
+    *,
+    goal_px: float | None = None,
+    proposals: int = PROPOSALS,
+    seed: int = 0,
+) -> Advice:
+    """Say what photos so far leave open and what to photograph next.
+
+    Args:
+        camera: a calibrated camera.
+        fit: its record.
+        pairs: the pairs that it was fitted to, world points those of the target as fitted.
+        target: the calibration target as fitted; None for pairs that came without one.
+        goal_px: uncertainty wanted over the field; by default :func:`default_goal`.
+        proposals: how many photos to propose.
+        seed: of the poses that are tried.
+
+    Raises:
+        FitError: pairs and camera do not belong together.
+
+    """
+    goal = goal_px or default_goal(camera.image_size)
+    poses = recorded_poses(fit, pairs.images)
+    gaps = find_gaps(camera, pairs)
+    notes: list[Finding] = []
+    if poses is None:
+        notes.append(Finding(code=Code.NO_POSES))
+    knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
+    own = camera if knowledge is None else knowledge.camera
+    field = Field(camera=own, blind=gaps.cells.blind)
+    sigma = np.full(GRID[::-1], np.nan)
+    now = None
+    noise = knowledge.information.noise_px if knowledge else None
+    if knowledge is not None:
+        knowledge, now = _as_recorded(knowledge, fit, field)
+        sigma = field.sigma_px(knowledge.information)
+    reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
+    judged = verdict(fit, camera.image_size, camera.outline())
+    if judged.level == "bad":
+        first = judged.reasons[0]
+        said = {"against": first.why, "mend": first.do}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
+    if field.blind:
+        figures = {"blind_deg": float(np.degrees(field.blind))}
+        notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
+    within = None if poses is None or target is None else distances_within(pairs, poses)
+    found: tuple[Proposal, ...] = ()
+    needed: int | None = 0
+    if reasons:
+        needed = None
+        views = _views(knowledge, target, within, notes, field, seed)
+        if knowledge is not None and views:
+            found, needed = proposed(knowledge, views, gaps.cells, field, goal, proposals)
+        short = FEWEST_PHOTOS - len(pairs.images)
+        needed = None if needed is None else max(needed, short, 1)
+    return Advice(
+        camera=camera,
+        target=target,
+        pixel=pairs.pixel,
+        photos=len(pairs.images),
+        noise_px=noise,
+        goal_px=goal,
+        now=now,
+        sigma=sigma,
+        gaps=gaps,
+        enough=not reasons,
+        reasons=tuple(reasons),
+        photos_needed=needed,
+        proposals=found,
+        notes=tuple(notes),
+    )
+
+
+def distances_within(pairs: Observations, poses: Poses) -> Distances:
+    """From how near to how far photos may be proposed, by what photos so far show."""
+    away = np.linalg.norm(poses.apply(pairs.image, pairs.world), axis=-1)
+    # The middle of the corners would not do: inside a box it is where the camera is.
+    typical = [float(np.median(away[pairs.image == photo])) for photo in np.unique(pairs.image)]
+    return Distances(
+        near=_NEARER * min(typical),
+        far=_FARTHER * max(typical),
+        nearest=_NEARER * float(away.min()),
+    )
+
+
+def _as_recorded(
+    knowledge: Knowledge, fit: FitRecord, field: Field
+) -> tuple[Knowledge, FieldUncertainty]:
+    """The knowledge with the uncertainty that the record has, to the last digit, and that.
+
+    Where the target was fitted too, a fit that begins at its end differs by a few percent.
+    """
+    own, known = field.summed(knowledge.information), fit.uncertainty.field
+    if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
+        return knowledge, own
+    noise_px = knowledge.information.noise_px * known.median_px / own.median_px
+    scaled = replace(knowledge.information, noise_px=noise_px)
+    return replace(knowledge, information=scaled), known
+
+
+def _views(
+    knowledge: Knowledge | None,
+    target: Target | None,
+    within: Distances | None,
+    notes: list[Finding],
+    field: Field,
+    seed: int,
+) -> list[Viewpoint]:
+    """Poses to choose from; where there can be none, ``notes`` says why."""
+    if target is None:
+        notes.append(Finding(code=Code.NO_TARGET))
+        return []
+    if any(board.points is not None for board in target.boards):
+        notes.append(Finding(code=Code.NO_SIDE))
+        return []
+    if knowledge is None:
+        return []
+    lens = reach_of(field.camera, blind=field.blind)
+    views = sample_views(target, lens, field.camera.image_size, _VIEWS, seed=seed, within=within)
+    if not views:
+        notes.append(Finding(code=Code.NO_VIEW))
+    return views

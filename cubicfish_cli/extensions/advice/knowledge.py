@@ -1,0 +1,138 @@
+"""The normal equations of a recorded fit, rebuilt to predict what more photos would add."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.photo_noise import weighed
+from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
+from cubicfish_cli.core.fit.prior_choice import EXPECTED
+from cubicfish_cli.core.fit.radial_reference import LOST_PX, radial_near
+from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.subset import middle, with_mean_weight_one, world_scale
+from cubicfish_cli.core.fit.uncertainty import Information, information
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.simulation.views import Viewpoint
+
+_DECREASE = 1e-7
+# Files that do not say how symmetric a lens held P are from when it was always this.
+_OLDER_SPREAD = 0.01
+# The prior holds P so far beyond the cone where it may be trusted.
+_HELD_BEYOND_DEG = 5.0
+_OFFSET_SHARE = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Knowledge:
+    """The fit of a calibration, with what it is worth.
+
+    Attributes:
+        camera: the camera of the fit, in the fit's own frame.
+        information: what its photos say.
+        scale: the target's units in one unit of the fit.
+
+    """
+
+    camera: CubicCamera
+    information: Information
+    scale: float
+
+    def points(self, view: Viewpoint) -> FloatArray:
+        """(N, 3) visible corners of a view in the camera frame, as far as P is held there.
+
+        In the fit's unit.
+        """
+        points = view.seen.camera[view.seen.visible] / self.scale
+        angle = angle_from_axis(points)
+        held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
+        return held
+
+
+def recorded_poses(fit: FitRecord, images: Sequence[str]) -> Poses | None:
+    """camera_from_world of photos from a fit's record; None where one is not on record."""
+    if not images or any(name not in fit.poses for name in images):
+        return None
+    vectors, shifts = zip(*(fit.poses[name] for name in images), strict=True)
+    return Poses(rotation=rotation_from_vector(vectors), translation=np.array(shifts))
+
+
+def know(
+    camera: CubicCamera,
+    fit: FitRecord,
+    pairs: Observations,
+    poses: Poses,
+    target: Target | None,
+) -> Knowledge:
+    """Fit a calibration again from where it ended, with the weights that it had.
+
+    Args:
+        camera: the camera.
+        fit: its record.
+        pairs: the pairs that it was fitted to, world points those of the target as fitted.
+        poses: camera_from_world of each of ``pairs.images``, in the target's units.
+        target: the calibration target as fitted.
+
+    Raises:
+        FitError: the pairs and the camera do not belong together.
+
+    """
+    scale, origin = world_scale(pairs), middle(pairs)
+    pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
+    poses, target = poses.of_world(-origin), target and target.moved(-origin)
+    poses = replace(poses, translation=poses.translation / scale)
+    seen = camera.scaled(1 / scale).project(poses.apply(pairs.image, pairs.world), near=True)
+    miss = np.nan_to_num(seen - pairs.pixel, nan=LOST_PX)
+    pairs = weighed(pairs, miss)
+    reference = radial_near(camera.radial, pairs, poses)
+    level, spread = fit.refine_target, None
+    world: DeformableTarget | None = None
+    if level in ("shape", "points") and target is not None:
+        spread = _offset_spread(fit, scale) if level == "points" else None
+        noise = max(noise_px(miss), 1e-3)
+        world = DeformableTarget.from_nominal(
+            pairs, target, noise=noise, offset_spread=spread, scale=scale
+        )
+    result = fit_cubic(
+        reference,
+        _prior_of(fit, central=not camera.pupil_travel),
+        world=world,
+        relative_decrease=_DECREASE,
+    )
+    return Knowledge(
+        camera=replace(
+            camera,
+            P=result.lens.P,
+            max_angle_deg=result.max_angle_deg,
+            radial=reference.camera,
+            pupil_travel=result.lens.travel * scale,
+        ),
+        information=information(result, reference.pairs),
+        scale=scale,
+    )
+
+
+def _prior_of(fit: FitRecord, *, central: bool) -> PriorChoice:
+    """How P was held; as in files that do not say where it is not a number."""
+    return PriorChoice(
+        spread=fit.prior_spread if fit.prior_spread >= 0 else _OLDER_SPREAD,
+        weight=fit.prior_weight if fit.prior_weight > 0 else EXPECTED.weight,
+        central=central,
+    )
+
+
+def _offset_spread(fit: FitRecord, scale: float) -> float:
+    """Typical offset of a corner, from what the record has of each board."""
+    known = [board.offset_rms for board in fit.departures if board.offset_rms > 0]
+    # The record's lengths are of three coordinates.
+    return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE

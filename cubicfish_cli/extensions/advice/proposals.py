@@ -1,0 +1,120 @@
+"""The next photos to take, and how much each would lower the uncertainty.
+
+For sampled poses the normal equations of the fit are extended by the corners that would be seen
+from there, the pose's own six unknowns eliminated, and the uncertainty over the field is worked
+out again. The best is taken, then the best after it, and so on: three good photos, not three of
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
+from cubicfish_cli.core.fit.findings import FieldCells
+from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.extensions.advice.enough import ENOUGH_COVERAGE
+from cubicfish_cli.extensions.advice.field import Field
+from cubicfish_cli.extensions.advice.gaps import place_words, tilt_words
+from cubicfish_cli.extensions.advice.knowledge import Knowledge
+from cubicfish_cli.extensions.simulation.views import Viewpoint
+
+MOST_PHOTOS = 12
+"""Photos are counted up to this many; beyond it another target or camera is the better advice."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal:
+    """A photo to take.
+
+    Attributes:
+        view: from where, and what would be seen.
+        before, after: uncertainty over the field, with the proposals before this one.
+
+    """
+
+    view: Viewpoint
+    before: FieldUncertainty
+    after: FieldUncertainty
+
+    @property
+    def words(self) -> str:
+        """Where the target should be, as an instruction."""
+        place = place_words(self.view.direction)
+        return f"the target {place}, {tilt_words(self.view.front, self.view.direction)}"
+
+    @property
+    def gain(self) -> float:
+        """Share of the median uncertainty over the field that it takes away."""
+        return 1 - self.after.median_px / max(self.before.median_px, 1e-300)
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        rotation, translation = self.view.pose
+        return {
+            "words": self.words,
+            "camera_from_world": {
+                "rotation_vector": np.asarray(rotation).tolist(),
+                "translation": np.asarray(translation).tolist(),
+            },
+            "corners": int(self.view.seen.visible.sum()),
+            "distance": float(np.median(self.view.away)),
+            "before": self.before.as_record(),
+            "after": self.after.as_record(),
+            "gain": self.gain,
+        }
+
+
+def proposed(
+    knowledge: Knowledge,
+    views: Sequence[Viewpoint],
+    cells: FieldCells,
+    field: Field,
+    goal: float,
+    proposals: int,
+) -> tuple[tuple[Proposal, ...], int | None]:
+    """The next photos, and how many of them reach the goal."""
+    added = [knowledge.information.of_photo(knowledge.points(view)) for view in views]
+    filled = np.array([_filled(view, cells) for view in views])
+    empty, squares = cells.empty, max(cells.field.sum(), 1)
+    chosen: list[Proposal] = []
+    # The same photo twice would say little that is new of a real lens and a real target.
+    taken = np.zeros(len(views), bool)
+    state = knowledge.information
+    level = field.summed(state)
+    needed = None
+    while len(chosen) < MOST_PHOTOS and not taken.all():
+        tried = [state + photo for photo in added]
+        sums = [field.summed(one) for one in tried]
+        fill = (filled & empty).sum(axis=(1, 2)) / squares
+        left = np.array([_left(after, level) for after in sums])
+        best = int(np.argmin(np.where(taken, np.inf, left - fill)))
+        chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
+        state, level = tried[best], sums[best]
+        empty &= ~filled[best]
+        taken[best] = True
+        covered = 1 - empty.sum() / squares >= ENOUGH_COVERAGE
+        if needed is None and level.p95_px <= goal and covered:
+            needed = len(chosen)
+        if len(chosen) >= proposals and needed is not None:
+            break
+    return tuple(chosen[:proposals]), needed
+
+
+def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
+    """Which squares of the picture (rows, columns) a view puts corners into."""
+    column, row = np.floor(view.pixel / cells.cell).astype(int).T
+    inside = (row >= 0) & (column >= 0)
+    inside &= (row < cells.field.shape[0]) & (column < cells.field.shape[1])
+    filled = np.zeros_like(cells.field)
+    filled[row[inside], column[inside]] = True
+    return filled
+
+
+def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
+    """How much of the uncertainty is left, on the whole and where it is worst."""
+    return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2

@@ -1,0 +1,410 @@
+"""Choosing the photos or frames that add most information.
+
+What a picture adds is told by who knows lenses, or where no lens is known by :class:`Coverage`.
+Pictures that are clearly worse than the others come last, and hardly any is a second time what was
+taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Literal, Protocol
+
+import numpy as np
+
+from cubicfish_cli.core.geometry import outermost
+from cubicfish_cli.core.types import FloatArray, IntArray
+
+# The parts of the picture: columns and rows, fine for places and coarse for what is seen there.
+_FINE, _COARSE = (12, 9), (4, 3)
+# Sides that a board may be seen from, beside the front.
+_SIDES = 4
+# So many corners in a part are all that one picture can say of it.
+_FULL = 4
+# A board counts as tilted where squares grow by this share (of a logarithm) from end to end.
+_TILTED = 0.25
+# Views that differ by less than this share of the picture's diagonal come after all others.
+_SAME_VIEW = 0.02
+_FEWEST_COMMON = 4
+_MANY = 1_000_000  # columns or rows, more than any board has
+# Beside the better pictures: blurred below this share of their sharpness, moving above these times
+# their motion.
+_BLURRED, _MOVING = 0.75, 5.0
+# A picture is worth its time that adds so much of what is wanted.
+_WORTH_IT = 0.01
+FEWEST = 10
+"""So many different views are taken even where the last add hardly anything, or are worse than the
+others: a lens and the poses of one flat board are told apart by many views, and so is how right a
+camera is on those left out. It is what the verdict asks for."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Patch:
+    """Corners of one board in a picture.
+
+    Attributes:
+        board: its number; -1 where that is not known, and cells mean nothing across pictures.
+        cells: (N, 2) column and row of each corner.
+        pixel: (N, 2) its x, y.
+        certain: whether the corners are surely these; so little of a board may be seen that they
+            may be others, some squares further on.
+
+    """
+
+    board: int
+    cells: IntArray
+    pixel: FloatArray
+    certain: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """A picture that may be chosen.
+
+    Attributes:
+        patches: what it shows.
+        sharpness: how sharp it is, in any measure.
+        motion: how far it moved, pixels.
+
+    """
+
+    patches: tuple[Patch, ...]
+    sharpness: float
+    motion: float = 0.0
+
+    @property
+    def corners(self) -> int:
+        """How many corners it shows."""
+        return len(self.pixel)
+
+    @cached_property
+    def pixel(self) -> FloatArray:
+        """(N, 2) x, y of all of them."""
+        return np.concatenate([np.zeros((0, 2)), *(patch.pixel for patch in self.patches)])
+
+    @cached_property
+    def names(self) -> IntArray:
+        """(N,) a number for each of them, the same in every picture."""
+        named = [
+            (patch.board * _MANY + patch.cells[:, 0]) * _MANY + patch.cells[:, 1]
+            for patch in self.patches
+        ]
+        return np.concatenate([np.zeros(0, np.int64), *named]).astype(np.int64)
+
+
+Ended = Literal["all", "asked", "enough"]
+"""Why no more pictures are chosen: there are no more that can be used, no more were asked for, or
+one more would add less than 1 % of what is wanted."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """What was chosen.
+
+    Attributes:
+        order: indices of the chosen pictures, the one that adds most first.
+        gain: (N,) what each picture added when it was chosen, or would add to them all; NaN where
+            it shows nothing.
+        why_not: (N,) a few words each; "" for those chosen.
+        ended: why no more were chosen.
+
+    """
+
+    order: tuple[int, ...]
+    gain: FloatArray
+    why_not: tuple[str, ...]
+    ended: Ended = "all"
+
+
+class Gains(Protocol):
+    """What pictures add, by their numbers, to those that are taken."""
+
+    def of(self, picture: int, /) -> float:
+        """What a picture adds; 0 where it shows nothing that can be used."""
+
+    def share(self, gain: float, /) -> float:
+        """How much of what is wanted a gain is, to what is taken now."""
+
+    def take(self, picture: int, /) -> None:
+        """Take it."""
+
+
+class Coverage:
+    """Corners in parts of the picture, and boards seen from some side in wider parts.
+
+    Of several cameras those of each, and what each two of them show at once. Each such thing counts
+    as measurements do, the n-th less than the one before.
+    """
+
+    def __init__(
+        self,
+        shots: Sequence[Sequence[Seen]],
+        sizes: Sequence[tuple[int, int]],
+        quality: FloatArray,
+    ) -> None:
+        """Look at what each of the shots shows.
+
+        Args:
+            shots: for each a picture of every camera.
+            sizes: (width, height) of each camera's pictures.
+            quality: (S, C) how much each picture weighs, 0 to 1.
+
+        """
+        self._shown = [
+            _shown_at_once(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
+        ]
+        self._known = np.zeros_like(self._shown[0])
+        self._first = max(self.of(number) for number in range(len(self._shown)))
+
+    def of(self, picture: int) -> float:
+        """See :class:`Gains`."""
+        return float(np.log1p(self._shown[picture] / (1 + self._known)).sum())
+
+    def share(self, gain: float) -> float:
+        """See :class:`Gains`: of what the first may add."""
+        return gain / self._first if self._first > 0 else 0.0
+
+    def take(self, picture: int) -> None:
+        """See :class:`Gains`."""
+        self._known = self._known + self._shown[picture]
+
+
+def choose(
+    pictures: Sequence[Seen],
+    size: tuple[int, int],
+    most: int,
+    still_px: float,
+    gains_of: Callable[[FloatArray], Gains | None] = lambda quality: None,
+) -> Choice:
+    """Choose at most ``most`` pictures of one camera; see :func:`choose_shots`.
+
+    Args:
+        pictures: all of them.
+        size: (width, height) of them.
+        most: how many may be chosen.
+        still_px: motion below which a picture counts as still, pixels.
+        gains_of: the pictures' quality (N,), 0 to 1 -> what tells what they add; None for
+            :class:`Coverage`.
+
+    """
+    shots = [[picture] for picture in pictures]
+    return choose_shots(shots, [size], most, [still_px], lambda quality: gains_of(quality[:, 0]))
+
+
+def choose_shots(
+    shots: Sequence[Sequence[Seen | None]],
+    sizes: Sequence[tuple[int, int]],
+    most: int,
+    still_px: Sequence[float],
+    gains_of: Callable[[FloatArray], Gains | None] = lambda quality: None,
+) -> Choice:
+    """Choose at most ``most`` shots of several cameras, each a picture of every camera.
+
+    A shot adds what its pictures add to their cameras, and what two cameras show at once. In one
+    that is good for some camera, pictures that are spoilt add nothing.
+
+    Args:
+        shots: for each shot a picture of every camera; None where that camera has none.
+        sizes: (width, height) of each camera's pictures.
+        most: how many may be chosen.
+        still_px: for each camera the motion below which a picture counts as still, pixels.
+        gains_of: the pictures' quality (S, C), 0 to 1 -> what tells what shots add; None for
+            :class:`Coverage`.
+
+    """
+    nothing = Seen(patches=(), sharpness=0.0)
+    pictures = [[nothing if one is None else one for one in shot] for shot in shots]
+    scales = []
+    for own, still in zip(zip(*pictures, strict=True), still_px, strict=True):
+        scales.append(Scale.of([one for one in own if one.corners] or [nothing], still))
+    why, spoilt, usable = [""] * len(shots), {}, []
+    quality = np.zeros((len(shots), len(sizes)))
+    for index, shot in enumerate(pictures):
+        words = [scale.spoilt(one) for one, scale in zip(shot, scales, strict=True) if one.corners]
+        if not words:
+            why[index] = "no corners"
+            continue
+        usable.append(index)
+        bad = None not in words
+        if bad:
+            spoilt[index] = str(words[0])
+        for camera, (one, scale) in enumerate(zip(shot, scales, strict=True)):
+            if one.corners and (bad or scale.spoilt(one) is None):
+                quality[index, camera] = scale.quality(one)
+    if not usable:
+        return Choice(order=(), gain=np.full(len(shots), np.nan), why_not=tuple(why))
+
+    def apart(one: int, other: int) -> float:
+        pairs = zip(pictures[one], pictures[other], sizes, strict=True)
+        return max(_views_apart(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
+
+    gains = gains_of(quality) or Coverage(pictures, sizes, quality)
+    # What moved no farther than a picture that counts as still is that picture again.
+    copy = min(still / float(np.hypot(*size)) for still, size in zip(still_px, sizes, strict=True))
+    return _greedy(usable, why, spoilt, gains, apart, copy, most)
+
+
+def _views_apart(one: Seen, other: Seen, size: tuple[int, int]) -> float:
+    """How far apart two views are, as a share of the diagonal; inf where that cannot be said."""
+    apart = _apart(one, other) if one.corners and other.corners else None
+    return np.inf if apart is None else apart / float(np.hypot(*size))
+
+
+def _shown_at_once(
+    shot: Sequence[Seen], sizes: Sequence[tuple[int, int]], weight: FloatArray
+) -> FloatArray:
+    parts = [own * _shown(one, size) for one, size, own in zip(shot, sizes, weight, strict=True)]
+    # Wider parts of the picture, whatever a board's tilt.
+    fine = _FINE[0] * _FINE[1]
+    wide = [part[fine:].reshape(_COARSE[0] * _COARSE[1], -1).sum(axis=1) for part in parts]
+    for first, second in combinations(range(len(shot)), 2):
+        both = wide[first].any() and wide[second].any()
+        parts += [np.minimum(1.0, both * wide[own]) for own in (first, second)]
+    return np.concatenate(parts)
+
+
+def _greedy(
+    usable: Sequence[int],
+    why: list[str],
+    spoilt: Mapping[int, str],
+    gains: Gains,
+    apart: Callable[[int, int], float],
+    copy: float,
+    most: int,
+) -> Choice:
+    """Take what adds most, then what adds most to that; spoilt ones where there is too little.
+
+    Args:
+        usable: those that show something.
+        why: a few words for each of the others.
+        spoilt: a word for each of those that are worse than the others.
+        gains: what they add.
+        apart: how far apart two views are, as a share of the picture's diagonal.
+        copy: views that are less apart are never taken both.
+        most: how many may be taken.
+
+    """
+    gain = np.full(len(why), np.nan)
+    order: list[int] = []
+    good = [index for index in usable if index not in spoilt]
+    nearest = dict.fromkeys(usable, np.inf)
+    ended: Ended = "all"
+    few = min(FEWEST, most)
+    passes = ((good, most, _SAME_VIEW), (good, most, copy), (list(spoilt), few, copy))
+    for pool, enough, least in passes:
+        left = [one for one in pool if one not in order and nearest[one] >= least]
+        while left and len(order) < enough:
+            value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
+            if len(order) >= FEWEST and gains.share(value) < _WORTH_IT:
+                ended = "enough"
+                break
+            order.append(best)
+            gain[best] = value
+            gains.take(best)
+            nearest = {one: min(near, apart(best, one)) for one, near in nearest.items()}
+            left = [one for one in left if one != best and nearest[one] >= least]
+        if left and len(order) >= most:
+            ended = "asked"
+    for index in usable:
+        if index in order:
+            why[index] = ""
+            continue
+        gain[index] = gains.of(index)
+        near = "nearly the same view as one that was chosen" if nearest[index] < copy else ""
+        why[index] = near or spoilt.get(index) or "adds less than those chosen"
+    return Choice(order=tuple(order), gain=gain, why_not=tuple(why), ended=ended)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How sharp and how still pictures are that are good beside the others.
+
+    Attributes:
+        sharp: sharpness that the better ones have.
+        still: motion that the better ones have, pixels.
+
+    """
+
+    sharp: float
+    still: float
+
+    @classmethod
+    def of(cls, pictures: Sequence[Seen], still_px: float) -> Scale:
+        """Of pictures, ``still_px`` as in :func:`choose`."""
+        return cls(
+            sharp=float(np.quantile([one.sharpness for one in pictures], 0.75)),
+            still=max(still_px, float(np.quantile([one.motion for one in pictures], 0.25))),
+        )
+
+    def spoilt(self, picture: Seen) -> str | None:
+        """Why a picture is clearly worse than the others; None where it is not."""
+        if picture.sharpness < _BLURRED * self.sharp:
+            return "blurred"
+        return "moving" if picture.motion > _MOVING * self.still else None
+
+    def quality(self, picture: Seen) -> float:
+        """How much its corners weigh beside those of a good one: 0 to 1."""
+        blur = min(1.0, picture.sharpness / self.sharp) if self.sharp > 0 else 1.0
+        return float(blur**2 / (1 + (picture.motion / self.still) ** 2))
+
+
+def _shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
+    """What a picture shows, thing by thing: 1 where it says of it all that one picture can."""
+    places = np.bincount(_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
+    tilts = np.zeros((_COARSE[0] * _COARSE[1], _SIDES + 1))
+    for patch in picture.patches:
+        count = np.bincount(_part(patch.pixel, size, _COARSE), minlength=len(tilts))
+        tilts[:, _tilt(patch)] += count
+    shown = np.concatenate([places, tilts.ravel()])
+    return np.asarray(np.minimum(1.0, shown / _FULL))
+
+
+def _part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:
+    """The number of the part of the picture that each point (N, 2) is in."""
+    at = (pixel + 0.5) / np.array(size) * np.array(parts)
+    column, row = np.clip(at.astype(int), 0, np.array(parts) - 1).T
+    return np.asarray(row * parts[0] + column)
+
+
+def _tilt(patch: Patch) -> int:
+    """0 for a board seen from the front, else 1 to 4 for the side that is nearer."""
+    centre, area = _squares(patch)
+    if len(area) < 4:
+        return 0
+    extent = np.ptp(patch.pixel, axis=0).max()
+    terms = np.column_stack([np.ones(len(area)), (centre - centre.mean(axis=0)) / extent])
+    slope = np.linalg.lstsq(terms, np.log(area), rcond=None)[0][1:]
+    if float(np.hypot(*slope)) < _TILTED:
+        return 0
+    return 1 + round(float(np.arctan2(slope[1], slope[0])) / (np.pi / 2)) % 4
+
+
+def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
+    """Centres (N, 2) and areas (N,) of a patch's whole squares, pixels."""
+    where = {(int(i), int(j)): n for n, (i, j) in enumerate(patch.cells)}
+    corners = [
+        (n, where[i + 1, j], where[i, j + 1])
+        for (i, j), n in where.items()
+        if (i + 1, j) in where and (i, j + 1) in where
+    ]
+    if not corners:
+        return np.zeros((0, 2)), np.zeros(0)
+    one, right, down = patch.pixel[np.array(corners)].swapaxes(0, 1)
+    a, b = right - one, down - one
+    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return (right + down)[area > 0] / 2, area[area > 0]
+
+
+def _apart(one: Seen, other: Seen) -> float | None:
+    """How far apart what both show is, pixels; None where they show nothing in common."""
+    if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):
+        apart = outermost(one.pixel) - outermost(other.pixel)
+        return float(np.median(np.linalg.norm(apart, axis=1)))
+    _, at, also_at = np.intersect1d(one.names, other.names, return_indices=True)
+    fewer = min(one.corners, other.corners)
+    if len(at) < min(_FEWEST_COMMON, fewer) or 2 * len(at) < fewer:
+        return None
+    return float(np.median(np.linalg.norm(one.pixel[at] - other.pixel[also_at], axis=1)))

@@ -1,0 +1,306 @@
+"""Looking for boards in many pictures of one camera, as long as that brings anything.
+
+A glance at each tells what it shows and what it would add. Only where boards are not seen at a
+glance, in small squares for example, they are looked for as `detect` does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.detection import first_look
+from cubicfish_cli.app.diagnosis.corner_count import squares_of_grids
+from cubicfish_cli.app.diagnosis.evidence import GridEvidence
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.photos import Photo
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.errors import DetectionError, FitError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.corners.detection.grids import FoundGrids
+from cubicfish_cli.corners.detection.look import GridCache, nameless_grids
+from cubicfish_cli.corners.identification.glance import glance, named_at_a_glance
+from cubicfish_cli.extensions.advice.worth import Worth
+from cubicfish_cli.extensions.films.choose import FEWEST, Choice, Patch, Seen, choose
+from cubicfish_cli.extensions.films.scan import still_px
+
+# Where fewer than these of the pictures show the target, what is good is not told by them.
+_FEW, _FEW_SHARE = 3, 0.5
+# Pictures have no more to add when of the last few hardly any is chosen.
+_HARDLY_ANY = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """What pictures show.
+
+    Attributes:
+        patches: corners by the names of the pictures that have any.
+        pairs: the same as pairs; None where no target is known.
+        target: the calibration target that they are of.
+        findings: what is wrong with the target, as the pictures show it.
+
+    """
+
+    patches: dict[str, tuple[Patch, ...]] = field(default_factory=dict)
+    pairs: Observations | None = None
+    target: Target | None = None
+    findings: tuple[Finding, ...] = ()
+
+    def with_more(self, more: Found) -> Found:
+        """Of these and of other pictures."""
+        one, other = self.pairs, more.pairs
+        both = other if one is None else one if other is None else Observations.joined([one, other])
+        return Found(
+            patches={**self.patches, **more.patches},
+            pairs=both,
+            target=more.target or self.target,
+            findings=(*self.findings, *more.findings),
+        )
+
+    @property
+    def miscounted(self) -> Finding | None:
+        """That boards have other counts of corners than the target says."""
+        told = (one for one in self.findings if one.severity is not Severity.NOTE)
+        return next((one for one in told if one.code is Code.CORNER_COUNT), None)
+
+
+Look = Callable[[Sequence[int], Sequence[Target] | None], Found]
+
+
+def found_at_a_glance(
+    photos: Sequence[Photo], targets: Sequence[Target] | None, size: tuple[int, int], work: Work
+) -> Found:
+    """Corners of a target, or grids as they are, as far as a glance shows them.
+
+    Args:
+        photos: all of one size.
+        targets: what the target may be; None looks for any checkerboard.
+        size: (width, height) of the photos.
+        work: who looks at them.
+
+    """
+    seen = glance(photos, targets[0] if targets else None, work)
+    names = [photo.name for photo in photos]
+    if not targets:
+        grids = zip(names, seen, strict=True)
+        return _of_grids({name: one for name, one in grids if isinstance(one, FoundGrids)})
+    corners, identified = named_at_a_glance(seen, targets, size, names)
+    found = _of_corners(corners)
+    if identified is None or found.target is None:
+        return found
+    evidence = GridEvidence(
+        photos=len(names),
+        names=names,
+        picture=lambda number: None,
+        target=found.target,
+        with_boards=len(names),
+        lost=(),
+        identified=identified,
+    )
+    return replace(found, findings=tuple(squares_of_grids(evidence)))
+
+
+def found_in(
+    photos: Sequence[Photo], targets: Sequence[Target] | None, work: Work, cache: Path | None
+) -> Found:
+    """Corners of a target, or grids as they are, as the finder shows them.
+
+    Args:
+        photos: all of one size.
+        targets: what the target may be; None looks for any checkerboard.
+        work: who looks at them.
+        cache: a folder in which what is found in files is kept.
+
+    Raises:
+        DetectionError: no photo shows the target.
+
+    """
+    if targets:
+        detection = first_look(photos, targets, work, cache)
+        return replace(_of_corners(detection.corners), findings=detection.findings)
+    kept = None if cache is None else GridCache(folder=cache)
+    found = nameless_grids(photos, work, kept)
+    return _of_grids({photo.name: one for photo, one in zip(photos, found, strict=True) if one})
+
+
+def both_looks(
+    photos: Sequence[Photo],
+    size: tuple[int, int],
+    what: str,
+    run: Run,
+    *,
+    glances: int | None = 1,
+) -> tuple[Look, Look]:
+    """What :meth:`Search.look` takes: a glance at some of the photos, and a close look at them.
+
+    Args:
+        photos: all of one size.
+        size: (width, height) of each.
+        what: they are, in the plural.
+        run: how the work is done.
+        glances: processes to use for glances.
+
+    """
+
+    def glanced(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        work = replace(run, jobs=glances).work(f"Glancing at {what}")
+        return found_at_a_glance([photos[at] for at in numbers], targets, size, work)
+
+    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
+        some = [photos[at] for at in numbers]
+        return found_in(some, targets, run.work("Finding boards"), run.cache)
+
+    return glanced, closely
+
+
+def _of_grids(found: Mapping[str, FoundGrids]) -> Found:
+    patches = {
+        name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in one.grids)
+        for name, one in found.items()
+        if one.grids
+    }
+    return Found(patches=patches)
+
+
+def _of_corners(corners: Observations) -> Found:
+    cells = np.column_stack([corners.column, corners.row])
+    patches = {}
+    for number in np.unique(corners.image).tolist():
+        here = corners.image == number
+        patches[corners.images[number]] = tuple(
+            Patch(
+                board=int(board),
+                cells=cells[own],
+                pixel=corners.pixel[own],
+                certain=bool(corners.certain[own].all()),
+            )
+            for board in np.unique(corners.board[here])
+            for own in (here & (corners.board == board),)
+        )
+    target = corners.target
+    pairs = corners if len(corners.pixel) else None
+    return Found(patches=patches, pairs=pairs, target=target)
+
+
+def choose_by_worth(
+    names: Sequence[str], seen: Sequence[Seen], found: Found, size: tuple[int, int], most: int
+) -> Choice:
+    """Choose by what pictures add to the camera, or where none can be fitted, by what they show.
+
+    Args:
+        names: of the pictures.
+        seen: what is known of each.
+        found: the corners of those that were looked at.
+        size: (width, height) of the pictures.
+        most: how many may be chosen.
+
+    """
+
+    def gains(quality: FloatArray) -> Worth | None:
+        if found.pairs is None:
+            return None
+        try:
+            return Worth(found.pairs, names, quality)
+        except FitError:
+            return None
+
+    return choose(seen, size, most, still_px(size), gains)
+
+
+@dataclass(kw_only=True, eq=False)
+class Search:
+    """A search through pictures, and what is chosen of them.
+
+    Attributes:
+        names, seen: the pictures' names, and what is known of each.
+        size: (width, height) of them.
+        most: how many may be chosen.
+        targets: what the target may be; None where none is known.
+        at_once: how many are glanced at before it is asked whether more would add anything.
+        looked_at: numbers of those that were looked at.
+        choice: what is chosen of these.
+
+    """
+
+    names: Sequence[str]
+    seen: list[Seen]
+    size: tuple[int, int]
+    most: int
+    targets: Sequence[Target] | None
+    at_once: int
+    looked_at: set[int] = field(default_factory=set)
+    choice: Choice = field(init=False)
+
+    def look(self, glance: Look, closely: Look, good: Sequence[int], others: Sequence[int]) -> None:
+        """Look at good pictures, and only where these show little, at others and more closely.
+
+        Args:
+            glance: how corners are found quickly in pictures, by their numbers.
+            closely: how they are found surely.
+            good: numbers of pictures.
+            others: those of worse ones.
+
+        Raises:
+            DetectionError: none shows the target, or they show another count of its corners.
+
+        """
+        found = Found()
+        self._choose(found)
+        for numbers in (good, others):
+            found = self._glanced(glance, numbers, found)
+            if self._is_well_seen(found):
+                return
+        # All at once: what is wrong with the target is told by many photos.
+        for numbers in (good, [*good, *others]) if others else (good,):
+            try:
+                found = closely(numbers, self.targets)
+            except DetectionError:
+                if len(numbers) == len(good) + len(others):
+                    raise
+                continue
+            self.looked_at.update(numbers)
+            self._choose(found)
+            if self._is_well_seen(found):
+                return
+        if found.miscounted is not None:
+            raise DetectionError(found.miscounted.why, do=found.miscounted.do)
+
+    def _glanced(self, glance: Look, numbers: Sequence[int], found: Found) -> Found:
+        """Glance at pictures from the beginning to the end, until more add hardly anything."""
+        rounds = math.ceil(len(numbers) / self.at_once)
+        for first in range(rounds):
+            some = numbers[first::rounds]
+            found = found.with_more(glance(some, self.targets))
+            if found.target is not None:
+                self.targets = [found.target]
+            self.looked_at.update(some)
+            self._choose(found)
+            chosen = set(self.choice.order)
+            new = chosen.intersection(some)
+            nothing_new = self.choice.ended == "enough" and len(new) <= _HARDLY_ANY * len(some)
+            if self.choice.ended == "asked" or (first and chosen - new and nothing_new):
+                break
+        return found
+
+    def _is_well_seen(self, found: Found) -> bool:
+        """Whether what was seen tells of the target, and is enough for a camera."""
+        seen, looked_at = len(found.patches), len(self.looked_at)
+        if found.miscounted is not None or seen < max(_FEW, _FEW_SHARE * looked_at):
+            return False
+        return seen == looked_at or len(self.choice.order) >= min(FEWEST, self.most)
+
+    def _choose(self, found: Found) -> None:
+        self.seen = [
+            replace(one, patches=found.patches.get(name, ()))
+            for one, name in zip(self.seen, self.names, strict=True)
+        ]
+        self.choice = choose_by_worth(self.names, self.seen, found, self.size, self.most)

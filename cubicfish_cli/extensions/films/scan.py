@@ -1,0 +1,180 @@
+"""First pass over a film: every frame is measured, the best of each short stretch is kept.
+
+Memory does not grow with the film but for a few numbers per frame.
+"""
+
+from __future__ import annotations
+
+import shutil
+from array import array
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cubicfish_cli.app.photos import shown
+from cubicfish_cli.core.errors import PhotoError
+from cubicfish_cli.extensions.films.decoding import frames
+from cubicfish_cli.extensions.films.frame_files import brightness, write_frame
+from cubicfish_cli.extensions.films.measure import motion, sharpness, small_picture
+from cubicfish_cli.extensions.films.source import Film, opened
+
+# A film lacks frames where it has less than this share of those that it announces.
+_WHOLE = 0.95
+# One frame is kept of so many, or where they come more slowly than the film says, of those in so
+# many times the time that they should take.
+_SLOWER = 1.5
+
+
+@dataclass(kw_only=True, eq=False)
+class Measured:
+    """What is known of a film's frames, in the film's order.
+
+    Attributes:
+        film: the film.
+        time: seconds from its beginning, of each frame.
+        sharpness: see :mod:`cubicfish_cli.extensions.films.measure`.
+        motion: to the nearer of both neighbours, pixels.
+        lost: how many frames could not be decoded.
+        kept: frames (by index) that were kept -> their pictures.
+        turned_deg: how far players are told to turn the film.
+        problem: one line where the film ends before its end.
+
+    """
+
+    film: Film
+    time: array[float] = field(default_factory=lambda: array("d"))
+    sharpness: array[float] = field(default_factory=lambda: array("f"))
+    motion: array[float] = field(default_factory=lambda: array("f"))
+    lost: int = 0
+    kept: dict[int, Path] = field(default_factory=dict)
+    turned_deg: int = 0
+    problem: str | None = None
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.time)
+
+    @property
+    def missing(self) -> int:
+        """How many frames the film announces, or has, that could not be decoded."""
+        announced = self.film.frames if self.film.counted else 0
+        short = announced - len(self) if len(self) < _WHOLE * announced else 0
+        return max(short, self.lost)
+
+
+@contextmanager
+def room_for_frames(folder: Path) -> Iterator[Path]:
+    """A hidden folder in ``folder`` for frames until some of them are chosen; then it goes."""
+    room = folder / ".unfinished"
+    shutil.rmtree(room, ignore_errors=True)  # of a run that was killed
+    try:
+        yield room
+    finally:
+        shutil.rmtree(room, ignore_errors=True)
+
+
+def scan(
+    film: Film,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    folder: Path | None = None,
+    every: int = 1,
+) -> Measured:
+    """Measure every frame, and keep the best of each ``every`` frames as a picture.
+
+    Args:
+        film: the film.
+        progress: called with frames done and all frames (0 where unknown).
+        folder: where frames are kept; None keeps none.
+        every: how many frames one is kept of, or of fewer where they come slowly.
+
+    Raises:
+        PhotoError: the film has no frame that can be decoded.
+        OutputError: the folder cannot be written.
+
+    """
+    measured = Measured(film=film)
+
+    def lost() -> None:
+        measured.lost += 1
+
+    with opened(film.path) as (container, stream):
+        decoded = frames(film.path, container, stream, lost)
+        begin = int(stream.start_time or 0)
+        every_frame = _measured_frames(measured, decoded, begin, stream.time_base, progress)
+        for index, frame in _best_of_stretches(measured, every_frame, every):
+            if folder is not None:
+                measured.kept[index] = folder / f"{index}.png"
+                write_frame(measured.kept[index], frame)
+    if not len(measured):
+        raise PhotoError(f"{shown(film.path)} holds no frame that can be decoded: copy it again")
+    return measured
+
+
+def _measured_frames(
+    measured: Measured,
+    decoded: Iterable[Any],
+    begin: int,
+    time_base: Any,
+    progress: Callable[[int, int], None],
+) -> Iterator[tuple[int, Any]]:
+    """Each frame's index and picture, once it and both of its neighbours are measured."""
+    film, small, last = measured.film, None, None
+    try:
+        for frame in decoded:
+            if frame.pts is None:
+                raise PhotoError(
+                    f"{shown(film.path)} does not say when its frames are: convert it with ffmpeg"
+                )
+            measured.turned_deg = measured.turned_deg or int(getattr(frame, "rotation", 0) or 0)
+            grey = brightness(frame)
+            before, small = small, small_picture(grey)
+            moved = None if before is None else motion(before, small, film.size[0])
+            if moved is not None:
+                # Of the first frame nothing is known but this.
+                known = measured.motion[-1] if len(measured) > 1 else np.inf
+                measured.motion[-1] = min(known, moved)
+                yield len(measured) - 1, last
+            measured.time.append(float((frame.pts - begin) * time_base))
+            measured.sharpness.append(sharpness(grey))
+            measured.motion.append(moved or 0.0)
+            last = frame
+            progress(len(measured), max(film.frames, len(measured)) if film.frames else 0)
+    except PhotoError as problem:
+        if not len(measured):
+            raise
+        measured.problem = f"{problem}; what comes after is left out"
+    if last is not None:
+        yield len(measured) - 1, last
+
+
+def _best_of_stretches(
+    measured: Measured, every_frame: Iterable[tuple[int, Any]], every: int
+) -> Iterator[tuple[int, Any]]:
+    """Index and picture of the best of each ``every`` frames, or of fewer that come slowly."""
+    film, first, best = measured.film, 0, None
+    longest = _SLOWER * every / film.rate if film.rate > 0 else np.inf
+    for index, frame in every_frame:
+        late = measured.time[index] - measured.time[first] > longest
+        if best is not None and (late or index - first >= every):
+            yield best[1:]
+            first, best = index, None
+        score = quality(measured.sharpness[index], measured.motion[index], film.size)
+        if best is None or score > best[0]:
+            best = (score, index, frame)
+    if best is not None:
+        yield best[1:]
+
+
+def still_px(size: tuple[int, int]) -> float:
+    """Motion between neighbours below which a frame counts as still, pixels."""
+    return 0.001 * float(np.hypot(*size))
+
+
+def quality(sharp: float, moved: float, size: tuple[int, int]) -> float:
+    """How good a frame is beside its neighbours: sharp, and still."""
+    return sharp / (1 + (moved / still_px(size)) ** 2) ** 0.5

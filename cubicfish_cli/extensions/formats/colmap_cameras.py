@@ -1,0 +1,277 @@
+"""COLMAP's cameras.txt and cameras.bin, and the rig_config.json of a rig.
+
+The binary file is little-endian: how many cameras (uint64), then for each its CAMERA_ID (uint32),
+the model's number (int32), width and height (uint64) and the parameters (float64).
+
+Its pixel (0, 0) is the top-left CORNER of the first pixel: centres are half a pixel more than here.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.io.camera_format import (
+    CameraFormat,
+    LensRig,
+    chosen_camera,
+    focal,
+    json_text,
+    numbers,
+    read_bounded,
+    read_bounded_bytes,
+    size,
+)
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.lenses.pinhole import PinholeLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.thin_prism import RadTanThinPrismLens
+from cubicfish_cli.core.wording import did_you_mean, quoted
+
+HALF = 0.5
+MAX_BYTES = 16_000_000
+_HEAD = struct.Struct("<Q")
+_CAMERA = struct.Struct("<IiQQ")
+_LINE = re.compile(r"^[^\S\n]*[0-9]+\s+[A-Z][A-Z_]+\s+[0-9]+\s+[0-9]+\s+[-+.0-9]", re.MULTILINE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColmapModel:
+    """One of COLMAP's camera models.
+
+    Attributes:
+        number: what ``cameras.bin`` calls it.
+        parameters: in COLMAP's order; f stands for fx and fy. Those behind cx and cy have the
+            names of the lens's own parameters.
+        lens: which lens it is.
+
+    """
+
+    number: int
+    parameters: tuple[str, ...]
+    lens: type[Lens]
+
+
+def _model(number: int, lens: type[Lens], parameters: str) -> ColmapModel:
+    return ColmapModel(number=number, lens=lens, parameters=tuple(parameters.split()))
+
+
+MODELS = {
+    "SIMPLE_PINHOLE": _model(0, PinholeLens, "f cx cy"),
+    "PINHOLE": _model(1, PinholeLens, "fx fy cx cy"),
+    "SIMPLE_RADIAL": _model(2, PinholeLens, "f cx cy k1"),
+    "RADIAL": _model(3, PinholeLens, "f cx cy k1 k2"),
+    "OPENCV": _model(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
+    "OPENCV_FISHEYE": _model(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
+    "FULL_OPENCV": _model(6, PinholeLens, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    "SIMPLE_RADIAL_FISHEYE": _model(8, RadialCamera, "f cx cy k1"),
+    "RADIAL_FISHEYE": _model(9, RadialCamera, "f cx cy k1 k2"),
+    "RAD_TAN_THIN_PRISM_FISHEYE": _model(
+        11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
+    ),
+}  # fmt: skip
+"""COLMAP's name -> the model; those of which a lens here is one."""
+_BY_NUMBER = {model.number: name for name, model in MODELS.items()}
+
+WRITTEN_AS: Mapping[type[Lens], str] = {
+    RadialCamera: "OPENCV_FISHEYE",
+    RadTanThinPrismLens: "RAD_TAN_THIN_PRISM_FISHEYE",
+}
+"""A lens -> the COLMAP model that it is written as."""
+
+_RADIAL = {"k": 4}
+_PRISM = {"k": 6, "t": 2, "s": 4}
+_PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+
+
+def parameters_of(lens: Lens) -> tuple[str, list[float]]:
+    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN_AS`'s models."""
+    name = WRITTEN_AS[type(lens)]
+    own = dict(zip(lens.parameter_names, lens.parameters.tolist(), strict=True))
+    own["cx"], own["cy"] = own["cx"] + HALF, own["cy"] + HALF
+    return name, [own[parameter] for parameter in MODELS[name].parameters]
+
+
+def lens_of(where: Path, name: str, given: Sequence[float], image_size: tuple[int, int]) -> Lens:
+    """The lens of a COLMAP model with these parameters.
+
+    Raises:
+        CameraFileError: they are not as many, or not those of a lens; ``where`` begins the line.
+
+    """
+    model = MODELS[name]
+    count = len(model.parameters)
+    values = numbers(where, list(given), f"PARAMS of {name}", (count,)).tolist()
+    own = dict(zip(model.parameters, values, strict=True))
+    if "f" in own:
+        own["fx"] = own["fy"] = own["f"]
+    focal(where, np.array([own["fx"], own["fy"]]), "PARAMS")
+    record: dict[str, Any] = {
+        "fx": own["fx"], "fy": own["fy"], "cx": own["cx"] - HALF, "cy": own["cy"] - HALF,
+    }  # fmt: skip
+    if model.lens is PinholeLens:
+        record["d"] = np.array([own.get(key, 0.0) for key in _PINHOLE])
+    else:
+        for key, length in (_RADIAL if model.lens is RadialCamera else _PRISM).items():
+            record[key] = np.array([own.get(f"{key}{i + 1}", 0.0) for i in range(length)])
+    return model.lens(image_size=image_size, **record)
+
+
+def colmap_text(lens: Lens, note: Sequence[str]) -> str:
+    """A lens of one of :data:`WRITTEN_AS`'s models as a cameras.txt of one camera."""
+    name, parameters = parameters_of(lens)
+    width, height = lens.image_size
+    return "\n".join(
+        [
+            "# Camera list with one line of data per camera:",
+            "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]",
+            "# Number of cameras: 1",
+            *(f"# {line}" for line in note),
+            f"1 {name} {width} {height} " + " ".join(map(repr, parameters)),
+            "",
+        ]
+    )
+
+
+def colmap_rig_text(rig: LensRig) -> str:
+    """Lenses of :data:`WRITTEN_AS`'s models as rig_config.json, with their cameras.
+
+    The photos of each camera are in a folder of its name; lengths are the rig's own.
+    """
+    cameras = []
+    for number, one in enumerate(rig.lenses):
+        name, parameters = parameters_of(one.lens)
+        camera: dict[str, Any] = {
+            "image_prefix": f"{one.name}/",
+            "camera_model_name": name,
+            "camera_params": list(parameters),
+        }
+        if number:
+            turn, shift = rig.between(number, 0)
+            x, y, z, w = Rotation.from_matrix(turn).as_quat().tolist()
+            camera["cam_from_rig_rotation"] = [w, x, y, z]
+            camera["cam_from_rig_translation"] = shift.tolist()
+        else:
+            camera["ref_sensor"] = True
+        cameras.append({**camera, "made_by": list(one.note)})
+    return json_text([{"cameras": cameras}])
+
+
+def looks_like_cameras_txt(text: str) -> bool:
+    """Whether a line of the text is one of cameras.txt."""
+    return _LINE.search(text) is not None
+
+
+def looks_like_cameras_bin(data: bytes) -> bool:
+    """Whether a file begins as a cameras.bin does: text never has so many zeros there."""
+    if len(data) < _HEAD.size + _CAMERA.size:
+        return False
+    (count,) = _HEAD.unpack_from(data)
+    _, model, width, height = _CAMERA.unpack_from(data, _HEAD.size)
+    return 0 < count < 2**32 and 0 <= model < 256 and max(width, height) < 2**32
+
+
+def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
+    """Read one camera of a cameras.txt or a cameras.bin.
+
+    Args:
+        path: the file.
+        camera: its CAMERA_ID; not needed where there is one.
+
+    Raises:
+        CameraFileError: the file is neither, or holds no such camera; one line.
+
+    """
+    data = read_bounded_bytes(path, max_bytes=MAX_BYTES)
+    if looks_like_cameras_bin(data):
+        cameras = _of_binary(path, data)
+    else:
+        cameras = _of_text(path, read_bounded(path, max_bytes=MAX_BYTES))
+    there: dict[str, tuple[Path, str, Sequence[Any]]] = {}
+    for number, where, name, values in cameras:
+        if number in there:
+            raise CameraFileError(f"{where}: camera {quoted(number)} is there twice")
+        there[number] = where, name, values
+    where, name, values = there[chosen_camera(path, list(there), camera)]
+    if name not in MODELS:
+        raise CameraFileError(
+            f"{where}: {quoted(name)} is no camera model that is known here: {_known(name)}"
+        )
+    try:
+        width, height, *parameters = map(float, values)
+    except ValueError as problem:
+        raise CameraFileError(
+            f"{where}: WIDTH, HEIGHT and numbers must follow the model"
+        ) from problem
+    return lens_of(where, name, parameters, size(where, width, height, "WIDTH and HEIGHT"))
+
+
+Found = Iterator[tuple[str, Path, str, Sequence[Any]]]
+"""CAMERA_ID, where it is, model, and WIDTH, HEIGHT and PARAMS of each camera."""
+
+
+def _of_text(path: Path, text: str) -> Found:
+    for number, line in enumerate(text.splitlines(), start=1):
+        camera, *cells = line.split() or ["#"]
+        if not camera.startswith("#"):
+            yield (
+                camera,
+                Path(f"{path}, line {number}"),
+                cells[0] if cells else "nothing",
+                cells[1:],
+            )
+
+
+def _known(name: str) -> str:
+    near = did_you_mean(name, MODELS)
+    return near if near.startswith("did") else "known: " + ", ".join(MODELS)
+
+
+def _of_binary(path: Path, data: bytes) -> Found:
+    (count,), at = _HEAD.unpack_from(data), _HEAD.size
+    try:
+        for _ in range(count):
+            camera, model, *values = _CAMERA.unpack_from(data, at)
+            if model not in _BY_NUMBER:
+                raise CameraFileError(
+                    f"{path}: camera {camera} is of model number {model}, which is not known "
+                    f"here: {_known('')}"
+                )
+            name, at = _BY_NUMBER[model], at + _CAMERA.size
+            parameters = struct.Struct(f"<{len(MODELS[name].parameters)}d")
+            yield str(camera), path, name, [*values, *parameters.unpack_from(data, at)]
+            at += parameters.size
+    except struct.error as problem:
+        raise CameraFileError(
+            f"{path} ends before all of its {count} cameras: was it copied whole?"
+        ) from problem
+    if at != len(data):
+        raise CameraFileError(f"{path}: there is more behind its {count} cameras: is it damaged?")
+
+
+# Most programs that read COLMAP's files take OPENCV_FISHEYE: it is the one without a name.
+_LENSES = {
+    "colmap" if name == "OPENCV_FISHEYE" else f"colmap-{name.lower().replace('_', '-')}": lens
+    for lens, name in WRITTEN_AS.items()
+}
+FORMAT = CameraFormat(
+    lenses=_LENSES,
+    file_name="cameras.txt",
+    write=lambda lens, note, poses: colmap_text(lens, note),
+    read=read_colmap,
+    holds_several=True,
+    marks=(("CAMERA_ID",),),
+    vague=True,
+    looks_like=looks_like_cameras_txt,
+    binary_looks_like=looks_like_cameras_bin,
+    rig=("rig_config.json", colmap_rig_text),
+    front_only=dict.fromkeys(_LENSES, "COLMAP"),
+)

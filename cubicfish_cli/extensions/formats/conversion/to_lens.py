@@ -1,0 +1,231 @@
+"""A cubic camera as the nearest lens of another model, and how near that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.comparison import pixel_grid, rings
+from cubicfish_cli.core.fit.poses import cross_matrix
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.lenses.nearest import FreeLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.types import FloatArray
+
+_FIT_PIXELS = 6_000
+_ERROR_PIXELS = 40_000
+_FEWEST = 100
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConversionError:
+    """How far a lens is from the camera that it stands for, as far as the camera is known.
+
+    Attributes:
+        rms_px: root mean square of the distance, sqrt(mean(dx² + dy²)).
+        max_px: the largest distance; infinite where the lens does not see a ray that the camera
+            sees.
+        max_angle_deg: the angle from the axis up to which both figures hold.
+        by_angle: in rings of 10° up to there: ``from_deg``, ``to_deg``, ``rms_px``, ``max_px``,
+            ``pixels``.
+        also: ``rms_px`` and ``max_px`` of the other ways to read the model's files
+            (:attr:`~cubicfish_cli.core.lenses.lens.Lens.also`). The figures
+            above are those of the worst way, ``by_angle`` those of the model's own.
+        beyond: of the worst way, in what is left of the field out to its rim: ``from_deg``,
+            ``to_deg``, ``rms_px``, ``max_px``. None where nothing is left.
+
+    """
+
+    rms_px: float
+    max_px: float
+    max_angle_deg: float
+    by_angle: list[dict[str, float]]
+    also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    beyond: Mapping[str, float] | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "rms_px": self.rms_px,
+            "max_px": self.max_px,
+            "max_angle_deg": self.max_angle_deg,
+            "by_angle": self.by_angle,
+            **({"also": self.also} if self.also else {}),
+            **({"beyond": self.beyond} if self.beyond else {}),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conversion:
+    """A lens that stands for a camera.
+
+    Attributes:
+        lens: the lens.
+        error: how far it is from the camera.
+        lens_from_camera: (3, 3) the turn from the camera's frame to the lens's: poses of
+            photos are to be turned by it.
+
+    """
+
+    lens: Lens
+    error: ConversionError
+    lens_from_camera: FloatArray
+
+    @property
+    def turned_deg(self) -> float:
+        """Angle of the turn."""
+        return float(np.rad2deg(Rotation.from_matrix(self.lens_from_camera).magnitude()))
+
+
+def to_lens(
+    camera: CubicCamera,
+    model: type[Lens],
+    *,
+    max_angle_deg: float | None = None,
+    covered_deg: float | None = None,
+) -> Conversion:
+    """The lens of a model that is nearest to a camera, least squares in pixels over its field.
+
+    Most models are symmetric about an axis, which real lenses are only nearly: the lens's frame is
+    turned to where a symmetric lens is nearest. A model of free form keeps the camera's frame.
+
+    Args:
+        camera: the camera.
+        model: which, of :data:`~cubicfish_cli.core.lenses.registry.LENSES`.
+        max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
+        covered_deg: how far from the axis corners reached in the calibration: the error is stated
+            up to there, and apart from that beyond, where the camera itself is a guess. The fit
+            takes in both, so that the lens does not go astray beyond.
+
+    Raises:
+        FitError: no lens of the model is near, or too little of the field is left.
+
+    """
+    rays, pixel = _field(camera, _FIT_PIXELS, max_angle_deg)
+    turn = np.eye(3)
+    if model.symmetric:
+        turn = symmetric_frame(camera, rays, pixel)
+    lens = model.nearest_to(camera, rays @ turn.T, pixel)
+    error = conversion_error(
+        camera,
+        lens,
+        turn,
+        max_angle_deg=max_angle_deg,
+        covered_deg=covered_deg,
+        every_way=True,
+    )
+    return Conversion(lens=lens, error=error, lens_from_camera=turn)
+
+
+def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FloatArray:
+    """The turn (3, 3) of rays (N, 3) after which a symmetric lens is nearest to their pixels.
+
+    A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
+    up for the turn.
+    """
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+
+    start = FreeLens.of(camera.radial)
+    count = len(start.parameters)
+
+    def turned(values: FloatArray) -> tuple[FreeLens[RadialCamera], FloatArray]:
+        return start.with_parameters(values[:count]), Rotation.from_rotvec(values[count:]).apply(
+            rays
+        )
+
+    def residual(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        return np.asarray((lens.project(points) - pixel).reshape(-1))
+
+    def slope(values: FloatArray) -> FloatArray:
+        lens, points = turned(values)
+        _, by_point, by_values = lens.project_jacobian(points)
+        by_turn = -by_point @ cross_matrix(points)  # turns are small: of first order
+        return np.concatenate([by_values, by_turn], axis=2).reshape(2 * len(rays), -1)
+
+    first = np.concatenate([start.parameters, np.zeros(3)])
+    found = least_squares(residual, first, jac=slope, x_scale="jac", max_nfev=100)
+    return np.asarray(Rotation.from_rotvec(found.x[count:]).as_matrix())
+
+
+def conversion_error(
+    camera: CubicCamera,
+    lens: Lens,
+    lens_from_camera: FloatArray | None = None,
+    *,
+    max_angle_deg: float | None = None,
+    covered_deg: float | None = None,
+    every_way: bool = False,
+) -> ConversionError:
+    """How far a lens is from a camera, on a grid of 40,000 of its pixels.
+
+    With ``every_way`` the other ways to read the model's files count too: what is written may be
+    read by any of them, while of what was read only the model itself is meant.
+    """
+    rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
+    turn = np.eye(3) if lens_from_camera is None else lens_from_camera
+    theta = angle_from_axis(rays)
+    inside = np.ones(len(rays), bool)
+    if covered_deg is not None and (theta <= np.deg2rad(covered_deg)).sum() >= _FEWEST:
+        inside = theta <= np.deg2rad(covered_deg)
+    miss = lens.project(rays @ turn.T) - pixel
+    parts = [where for where in (inside, ~inside) if where.any()]
+    worst = [_figures(miss[where]) for where in parts]
+    also = {}
+    for way, project in (lens.also if every_way else {}).items():
+        its = project(rays @ turn.T) - pixel
+        figures = [_figures(its[where]) for where in parts]
+        also[way] = dict(zip(("rms_px", "max_px"), figures[0], strict=True))
+        worst = [
+            (max(one[0], other[0]), max(one[1], other[1]))
+            for one, other in zip(worst, figures, strict=True)
+        ]
+    seen = inside & np.isfinite(miss).all(axis=1)
+    end_deg = float(np.rad2deg(theta[inside].max()))
+    beyond = None
+    if len(worst) > 1:
+        beyond = {
+            "from_deg": end_deg,
+            "to_deg": float(np.rad2deg(theta.max())),
+            **dict(zip(("rms_px", "max_px"), worst[1], strict=True)),
+        }
+    return ConversionError(
+        rms_px=worst[0][0],
+        max_px=worst[0][1],
+        max_angle_deg=end_deg,
+        by_angle=rings(theta[seen], miss[seen]) if seen.any() else [],
+        also=also,
+        beyond=beyond,
+    )
+
+
+def _figures(miss: FloatArray) -> tuple[float, float]:
+    """RMS and largest of distances (N, 2); infinite where the lens does not see a ray."""
+    if not np.isfinite(miss).all():
+        return float("inf"), float("inf")
+    return rms_px(miss), float(np.linalg.norm(miss, axis=1).max())
+
+
+def _field(
+    camera: CubicCamera, count: int, max_angle_deg: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """Rays (N, 3) and pixels (N, 2) spread evenly over the photo, where the camera sees."""
+    pixel = pixel_grid(camera.image_size, count)
+    rays = camera.unproject(pixel)
+    good = np.isfinite(rays[:, 0])
+    if max_angle_deg is not None:
+        good[good] = angle_from_axis(rays[good]) <= np.deg2rad(max_angle_deg)
+    if good.sum() < _FEWEST:
+        raise FitError(
+            "too little of the photo lies within that angle of the axis: choose a larger "
+            "--max-angle"
+        )
+    return rays[good], pixel[good]

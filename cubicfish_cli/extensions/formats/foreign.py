@@ -1,0 +1,124 @@
+"""Other tools' camera files by name: which lens each holds, how it is written and read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.core.errors import CameraFileError, UsageError
+from cubicfish_cli.core.io.camera_format import (
+    CameraFormat,
+    read_bounded,
+    read_bounded_bytes,
+)
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.extensions.formats.registry import ENTRIES, READABLE
+
+_FORMATS: Mapping[str, CameraFormat] = {
+    entry.module: import_module(f"cubicfish_cli.extensions.formats.{entry.module}").FORMAT
+    for entry in ENTRIES
+}
+_READ = {entry.read: _FORMATS[entry.module] for entry in ENTRIES if entry.read is not None}
+WRITTEN: Mapping[str, CameraFormat] = {
+    name: _FORMATS[entry.module] for entry in ENTRIES for name in entry.written
+}
+"""The format of each name that one is written under."""
+
+OWN_FIELD = "the camera is trusted to"
+"""What stands in our own files before the half-angle of the field, degrees."""
+
+_SNIFFED_BYTES = 64_000_000
+
+
+def read_foreign(
+    path: Path,
+    *,
+    name: str | None = None,
+    camera: str | None = None,
+    image_size: tuple[int, int] | None = None,
+) -> tuple[Lens, str]:
+    """Read the lens of another tool's file.
+
+    Args:
+        path: the file.
+        name: its format, one of :data:`READABLE`; by default it is told by what the file holds.
+        camera: which one, of formats that hold several.
+        image_size: of the photos, for formats that do not say.
+
+    Returns:
+        The lens and the format's name.
+
+    Raises:
+        CameraFileError: the file is of no format that is known, or is damaged; one line.
+        UsageError: a camera is named of a file that holds one.
+
+    """
+    name = name or sniffed(path)
+    made = _READ[name]
+    given: dict[str, Any] = {"image_size": image_size} if made.sizeless else {}
+    if made.holds_several:
+        given["camera"] = camera
+    elif camera is not None:
+        raise UsageError(f"{path} holds one camera: leave out --camera")
+    assert made.read is not None
+    lens = made.read(path, **given)
+    if image_size is not None and image_size != lens.image_size:
+        raise CameraFileError(
+            "{} is for photos of {}x{} pixels, not of --size {}x{}: leave out --size".format(
+                path, *lens.image_size, *image_size
+            )
+        )
+    return lens, name
+
+
+def own_field_deg(path: Path) -> float | None:
+    """How far from its axis the lens in a file is trusted, where cubicfish exported it.
+
+    Raises:
+        CameraFileError: the file cannot be read.
+
+    """
+    data = read_bounded_bytes(path, max_bytes=_SNIFFED_BYTES)
+    found = re.search(rb"%s ([0-9.]{1,9}) degrees" % OWN_FIELD.encode(), data)
+    degrees = float(found[1]) if found and found[1].count(b".") < 2 else 0.0
+    return degrees if 0 < degrees < 180 else None
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a file is of a format that is known by its looks."""
+    try:
+        sniffed(path)
+    except CameraFileError:  # what is wrong with it is said by the reader of our own
+        return False
+    return True
+
+
+def sniffed(path: Path) -> str:
+    """The format of a file, by what it holds.
+
+    Raises:
+        CameraFileError: it is of none that is known, or cannot be read.
+
+    """
+    data = read_bounded_bytes(path, max_bytes=_SNIFFED_BYTES)
+    for name, made in _READ.items():
+        if made.binary_looks_like is not None and made.binary_looks_like(data):
+            return name
+    text = read_bounded(path, max_bytes=_SNIFFED_BYTES)
+    for name, made in sorted(_READ.items(), key=lambda item: item[1].vague):
+        if any(all(mark in text for mark in marks) for marks in made.marks):
+            return name
+    for name, made in _READ.items():
+        if made.looks_like is not None and made.looks_like(text):
+            return name
+    if not text.strip():
+        raise CameraFileError(f"{path} is empty: name the file that the other tool wrote")
+    if re.search(r"^cubicfish:", text, re.MULTILINE):
+        raise CameraFileError(f"{path} is a camera.yaml of cubicfish already: use it as it is")
+    raise CameraFileError(
+        f"{path} is of no format that is known by its looks: name it with --from, one of "
+        + ", ".join(READABLE)
+    )

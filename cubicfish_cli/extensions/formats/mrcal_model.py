@@ -1,0 +1,244 @@
+"""mrcal's ``.cameramodel``: a Python dictionary as text.
+
+``lensmodel``, ``intrinsics`` (fx, fy, cx, cy and what the model has beside them), ``imagersize``
+[width, height], ``extrinsics`` (camera from the reference frame: a rotation vector and a shift in
+metres, written of rigs and not read) and maybe ``valid_intrinsics_region``, a closed outline in
+pixels. Pixel (0, 0) is the middle of the top-left pixel, x to the right, y down and z forward, as
+here.
+
+LENSMODEL_SPLINED_STEREOGRAPHIC_order=.._Nx=.._Ny=.._fov_x_deg=.. is written and read, its control
+points row by row with Δx and Δy of each together. LENSMODEL_STEREOGRAPHIC is read as a spline of
+zeros, LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 as OpenCV's lens.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.io.camera_format import (
+    CameraFormat,
+    LensRig,
+    mapping,
+    numbers,
+    read_bounded,
+    size,
+)
+from cubicfish_cli.core.io.plain_yaml import parse_plain_yaml
+from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
+from cubicfish_cli.core.lenses.pinhole import PinholeLens
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import did_you_mean, quoted
+
+# optimization_inputs holds all corners of a calibration, packed; it is skipped.
+MAX_BYTES = 64_000_000
+MAX_PLAIN_BYTES = 4_000_000
+MAX_CONTROL_POINTS = 40_000
+MAX_REGION = 100_000
+# A stereographic lens sees everything but the direction straight behind it.
+_STEREOGRAPHIC_FOV_DEG = 350
+_SPLINED = re.compile(
+    r"LENSMODEL_SPLINED_STEREOGRAPHIC_order=([0-9]{1,2})_Nx=([0-9]{1,4})_Ny=([0-9]{1,4})"
+    r"_fov_x_deg=([0-9]{1,3})"
+)
+_OPENCV_SIZES = {
+    "LENSMODEL_PINHOLE": 0,
+    "LENSMODEL_OPENCV4": 4,
+    "LENSMODEL_OPENCV5": 5,
+    "LENSMODEL_OPENCV8": 8,
+    "LENSMODEL_OPENCV12": 12,
+}
+_KNOWN = (*_OPENCV_SIZES, "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_SPLINED_STEREOGRAPHIC_...")
+# Remarks, packed bytes, text, which may hold any character, and what YAML writes otherwise.
+_TOKEN = re.compile(
+    r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"|[()]|\bNone\b"
+)
+
+
+def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
+    """Splined lenses as a .cameramodel each; the rig's frame is the reference.
+
+    Raises:
+        CameraFileError: the rig's unit of length is not known.
+
+    """
+    return {
+        f"{one.name}.cameramodel": mrcal_text(
+            one.lens,
+            one.note,
+            [
+                *Rotation.from_matrix(one.rotation).as_rotvec().tolist(),
+                *(one.translation * rig.metres).tolist(),
+            ],
+        )
+        for one in rig.lenses
+    }
+
+
+def mrcal_text(
+    lens: SplinedLens, note: Sequence[str] = (), extrinsics: Sequence[float] = (0.0,) * 6
+) -> str:
+    """A lens as the text of a .cameramodel, numbers at full precision.
+
+    Args:
+        lens: the lens.
+        note: how it was made, a line each.
+        extrinsics: camera from reference, a rotation vector and a shift in metres.
+
+    """
+    control = lens.control
+    model = (
+        f"LENSMODEL_SPLINED_STEREOGRAPHIC_order={lens.order}_Nx={control.shape[1]}"
+        f"_Ny={control.shape[0]}_fov_x_deg={lens.fov_x_deg}"
+    )
+    core = [lens.fx, lens.fy, lens.cx, lens.cy]
+    lines = [f"    {row}," for row in _rows([*core, *control.ravel().tolist()])]
+    outline = [f"    [{x!r}, {y!r}]," for x, y in lens.region.tolist()]
+    width, height = lens.image_size
+    return "\n".join(
+        [
+            *(f"# {line}" for line in note),
+            "{",
+            f"    'lensmodel':  '{model}',",
+            "",
+            "    # fx, fy, cx, cy, then the control points row by row, x and y of each",
+            "    'intrinsics': [",
+            *lines,
+            "    ],",
+            "",
+            *(["    'valid_intrinsics_region': [", *outline, "    ],", ""] if outline else []),
+            "    # rt from the reference frame",
+            f"    'extrinsics': [{', '.join(repr(float(value)) for value in extrinsics)}],",
+            "",
+            f"    'imagersize': [{width}, {height}],",
+            "}",
+            "",
+        ]
+    )
+
+
+def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
+    """Read a .cameramodel.
+
+    Raises:
+        CameraFileError: the file is not one, or its lens model is not known here; one line that
+            names the file and the key.
+
+    """
+    data = _dictionary(path, read_bounded(path, max_bytes=MAX_BYTES))
+    lens = data.get("lensmodel")
+    if not isinstance(lens, str):
+        raise CameraFileError(f"{path}: it has no key lensmodel: is it a .cameramodel of mrcal?")
+    width, height = _numbers(path, data, "imagersize", 2).tolist()
+    image_size = size(path, width, height, "imagersize")
+    region = _region(path, data)
+    if lens in _OPENCV_SIZES:
+        values = _numbers(path, data, "intrinsics", 4 + _OPENCV_SIZES[lens])
+        return PinholeLens(image_size=image_size, **_core(path, values), d=values[4:])
+    order, nx, ny, fov_x_deg = _configuration(path, lens)
+    count = 2 * nx * ny if lens != "LENSMODEL_STEREOGRAPHIC" else 0
+    values = _numbers(path, data, "intrinsics", 4 + count)
+    control = values[4:] if count else np.zeros(2 * nx * ny)
+    return SplinedLens(
+        image_size=image_size,
+        **_core(path, values),
+        order=order,
+        fov_x_deg=fov_x_deg,
+        control=control.reshape(ny, nx, 2),
+        region=region,
+    )
+
+
+def _rows(values: list[float], length: int = 8) -> list[str]:
+    return [
+        ", ".join(map(repr, values[start : start + length]))
+        for start in range(0, len(values), length)
+    ]
+
+
+def _core(path: Path, values: FloatArray) -> dict[str, float]:
+    core = dict(zip(("fx", "fy", "cx", "cy"), values[:4].tolist(), strict=True))
+    if core["fx"] <= 0 or core["fy"] <= 0:
+        raise CameraFileError(f"{path}: intrinsics: fx and fy, the first two, must be above 0")
+    return core
+
+
+def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
+    """order, Nx, Ny and fov_x_deg of a splined or a stereographic lens."""
+    if lens == "LENSMODEL_STEREOGRAPHIC":
+        return 3, 4, 4, _STEREOGRAPHIC_FOV_DEG
+    match = _SPLINED.fullmatch(lens)
+    if match is None:
+        raise CameraFileError(
+            f"{path}: lensmodel {quoted(lens)} cannot be read here: {did_you_mean(lens, _KNOWN)}"
+        )
+    order, nx, ny, fov_x_deg = map(int, match.groups())
+    if (
+        order not in (2, 3)
+        or min(nx, ny) <= order
+        or nx * ny > MAX_CONTROL_POINTS
+        or not 0 < fov_x_deg < 360
+    ):
+        raise CameraFileError(
+            f"{path}: lensmodel {quoted(lens)}: order must be 2 or 3, Nx and Ny above it and "
+            f"together at most {MAX_CONTROL_POINTS} points, fov_x_deg between 0 and 360"
+        )
+    return order, nx, ny, fov_x_deg
+
+
+def _region(path: Path, data: dict[str, Any]) -> FloatArray:
+    if data.get("valid_intrinsics_region") is None:
+        return np.zeros((0, 2))
+    rows = data["valid_intrinsics_region"]
+    if not isinstance(rows, list) or len(rows) > MAX_REGION:
+        raise CameraFileError(f"{path}: valid_intrinsics_region must be a list of pixels")
+    if not rows:
+        raise CameraFileError(
+            f"{path}: valid_intrinsics_region is empty: by this file the lens is valid nowhere"
+        )
+    region = np.array([numbers(path, row, "valid_intrinsics_region", (2,)) for row in rows])
+    if len(region) < 4:  # as mrcal does with an outline that is none
+        return np.zeros((0, 2))
+    closed = np.abs(region[0] - region[-1]).max() < 1e-6
+    return region if closed else np.concatenate([region, region[:1]])
+
+
+def _numbers(path: Path, data: dict[str, Any], key: str, count: int) -> FloatArray:
+    if key not in data:
+        raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
+    return numbers(path, data[key], key, (count,))
+
+
+def _dictionary(path: Path, text: str) -> dict[str, Any]:
+    """The dictionary, without what is packed in it.
+
+    Beside remarks, packed bytes and tuples it is YAML in braces, whose reader evaluates nothing
+    and has bounds.
+    """
+    plain = _TOKEN.sub(_as_yaml, text)
+    if len(plain) > MAX_PLAIN_BYTES:
+        raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
+    return mapping(path, parse_plain_yaml(path, plain, error=CameraFileError), "a .cameramodel")
+
+
+def _as_yaml(match: re.Match[str]) -> str:
+    token = match[0]
+    if token in "()":
+        return "[" if token == "(" else "]"
+    return {"#": "", "b": "null", "B": "null", "N": "null"}.get(token[0], token)
+
+
+FORMAT = CameraFormat(
+    lenses={"mrcal": SplinedLens},
+    file_name="camera.cameramodel",
+    write=lambda lens, note, poses: mrcal_text(lens, note),
+    read=read_mrcal,
+    marks=(("lensmodel", "intrinsics"),),
+    rig=("mrcal", mrcal_rig_texts),
+)

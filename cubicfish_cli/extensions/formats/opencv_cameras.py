@@ -1,0 +1,439 @@
+"""OpenCV's FileStorage, as YAML, XML or JSON, with a camera matrix and distortion coefficients.
+
+There are no standard names. Here case and underscores do not matter: ``camera_matrix``, ``K``,
+``intrinsics``, ``mtx`` and others, ``distortion_coefficients``, ``D``, ``distCoeffs``, ``dist`` and
+others are read, with a camera's name before or behind them where there are several (``M1``,
+``D1``, ``camera_matrix_left``), or inside a mapping of that name. Four coefficients may be those of
+the fisheye module or of the pinhole lens: ``model`` or ``distortion_model`` must say which, or
+``fisheye_model`` with 0 or 1. With ``xi`` it is cv2.omnidir's lens. What is written says
+``model: fisheye``.
+
+OpenCV's FileStorage as YAML, XML or JSON: plain data, whichever it is.
+
+A matrix is a mapping with ``rows``, ``cols``, ``dt`` and ``data`` in all three; what marks it as
+one (``!!opencv-matrix``, ``type_id``) is left out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+import numpy as np
+
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.io.camera_format import (
+    CameraFormat,
+    LensRig,
+    focal,
+    mapping,
+    numbers,
+    parse_plain_json,
+    read_bounded,
+    size,
+)
+from cubicfish_cli.core.io.plain_yaml import MAX_DEPTH, parse_plain_yaml
+from cubicfish_cli.core.lenses.pinhole import PinholeLens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.unified import UnifiedLens
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import quoted
+
+# Names in small letters without anything between words.
+_KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
+_MATRIX = (
+    "cameramatrix", "k", "intrinsics", "intrinsicmatrix", "intrinsic", "cameraintrinsics",
+    "cameramat", "cammatrix", "mtx", "kmatrix", "m",
+)  # fmt: skip
+_COEFFICIENTS = (
+    "distortioncoefficients", "d", "distcoeffs", "distcoeff", "distcoefs", "distcoef",
+    "distortioncoeffs", "distortioncoeff", "distortionparameters", "distortion", "dist",
+)  # fmt: skip
+_WIDTH = ("imagewidth", "width", "imgwidth", "framewidth")
+_HEIGHT = ("imageheight", "height", "imgheight", "frameheight")
+# Not shapes: numpy's have the height first.
+_SIZE = ("imagesize", "imgsize", "framesize", "resolution")
+_MODEL = ("model", "distortionmodel", "lensmodel", "projectionmodel")
+_FLAG = ("fisheyemodel", "fisheye", "isfisheye", "usefisheye")
+_PINHOLE = (
+    "pinhole", "plumb_bob", "radtan", "perspective", "rational_polynomial", "rational", "opencv",
+    "brown_conrady", "standard", "normal",
+)  # fmt: skip
+_FISHEYE = (
+    "fisheye", "equidistant", "kannala_brandt", "kannala_brandt4", "kb4", "opencv_fisheye",
+)  # fmt: skip
+_COUNTS = (0, 4, 5, 8, 12, 14)
+
+
+def opencv_text(lens: RadialCamera, note: Sequence[str]) -> str:
+    """A lens as FileStorage YAML, for cv2.fisheye."""
+    width, height = lens.image_size
+    return "\n".join(
+        [
+            *_head(note),
+            f"image_width: {width}",
+            f"image_height: {height}",
+            *_lens_lines(lens, "camera_matrix", "distortion_coefficients"),
+            "",
+        ]
+    )
+
+
+def opencv_stereo_text(rig: LensRig) -> str:
+    """Two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
+
+    M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
+    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.core.io.camera_format.FlatPair`.
+
+    Raises:
+        CameraFileError: the rig has more cameras than two.
+
+    """
+    if len(rig.lenses) != 2:
+        names = ",".join(one.name for one in rig.lenses[:2])
+        raise CameraFileError(
+            f"OpenCV's stereo files hold two cameras, and the rig has {len(rig.lenses)}: name two "
+            f"with --pair, such as --pair {names}"
+        )
+    note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
+    lines = [*_head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])]
+    for number, one in enumerate(rig.lenses, start=1):
+        width, height = one.lens.image_size
+        lines += [f"image_width{number}: {width}", f"image_height{number}: {height}"]
+        lines += _lens_lines(one.lens, f"M{number}", f"D{number}")
+    turn, shift = rig.between(1, 0)
+    lines += _matrix_lines("R", 3, 3, turn.ravel().tolist())
+    lines += _matrix_lines("T", 3, 1, shift.tolist())
+    if rig.flat is not None:
+        width, height = rig.flat.size
+        lines += [f"rectified_width: {width}", f"rectified_height: {height}"]
+        for name, matrices in (("R", rig.flat.rotations), ("P", rig.flat.projections)):
+            for number, matrix in enumerate(matrices, start=1):
+                rows, columns = matrix.shape
+                lines += _matrix_lines(f"{name}{number}", rows, columns, matrix.ravel().tolist())
+        lines += _matrix_lines("Q", 4, 4, rig.flat.Q.ravel().tolist())
+    return "\n".join([*lines, ""])
+
+
+def _head(note: Sequence[str]) -> list[str]:
+    return ["%YAML:1.0", "---", *(f"# {line}" for line in note), "model: fisheye"]
+
+
+def _lens_lines(lens: RadialCamera, matrix: str, coefficients: str) -> list[str]:
+    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
+    return [
+        *_matrix_lines(matrix, 3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        *_matrix_lines(coefficients, 4, 1, lens.k.tolist()),
+    ]
+
+
+def _matrix_lines(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:
+    text = ", ".join(repr(float(value)) for value in data)
+    return [
+        f"{name}: !!opencv-matrix",
+        f"   rows: {rows}",
+        f"   cols: {columns}",
+        "   dt: d",
+        f"   data: [ {text} ]",
+    ]
+
+
+def looks_like_opencv(text: str) -> bool:
+    """Whether YAML or JSON of nobody's format has a camera matrix under a name that is known."""
+    # One pattern for blanks before and after a brace takes minutes over some thousand blank lines.
+    starts = (line.strip().removeprefix("{").lstrip() for line in text.splitlines())
+    keys = (_KEY.match(start) for start in starts)
+    return any(key is not None and _plain(key.group(1)) in _MATRIX for key in keys)
+
+
+def read_opencv(
+    path: Path, *, camera: str | None = None, image_size: tuple[int, int] | None = None
+) -> RadialCamera | UnifiedLens | PinholeLens:
+    """Read one camera of a FileStorage file.
+
+    Args:
+        path: the file.
+        camera: what tells the camera's keys from the others', such as 1 of M1 and D1; not needed
+            where there is one.
+        image_size: (width, height) of the photos, where the file does not say.
+
+    Raises:
+        CameraFileError: the file is not one, or holds no camera; one line.
+
+    """
+    record = read_file_storage(path)
+    if camera is not None and isinstance(record.get(camera), dict):
+        record, camera = {**record, **record[camera]}, None
+    keys = _Keys(path, record, camera)
+    name, matrix = _matrix(keys)
+    d = _coefficients(keys, name)
+    photos = _size(keys) or image_size
+    if photos is None:
+        raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
+    fx, skew, cx, _, fy, cy = matrix[:6].tolist()
+    core: dict[str, Any] = {"image_size": photos, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    entry = keys.find(("xi",))
+    if entry is None and not _is_fisheye(keys, len(d)):
+        return PinholeLens(**core, d=d)
+    xi = None if entry is None else float(keys.numbers(entry, (1,))[0])
+    if len(d) != 4:
+        raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
+    if xi is None:
+        return RadialCamera(**core, k=d, alpha=skew / fx)
+    return UnifiedLens(**core, skew=skew, xi=xi, d=d)
+
+
+def _row(path: Path, name: str, value: Any) -> Any:
+    """The numbers of a matrix, or of lists in lists, row by row; of a number a list."""
+    if not isinstance(value, dict):
+        if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
+            return [one for row in value for one in row]
+        return [value] if isinstance(value, int | float) else value
+    data = value.get("data")
+    if isinstance(data, str) and data.startswith("$base64$"):
+        raise CameraFileError(
+            f"{path}: {quoted(name)} is packed in base 64: write the file without WRITE_BASE64"
+        )
+    if isinstance(data, int | float) or data is None:
+        data = [] if data is None else [data]  # as XML has lists of one and of none
+    rows, columns = value.get("rows"), value.get("cols")
+    if (
+        isinstance(data, list)
+        and isinstance(rows, int)
+        and isinstance(columns, int)
+        and rows * columns != len(data)
+    ):
+        raise CameraFileError(
+            f"{path}: {quoted(name)} holds {len(data)} numbers, not rows times cols"
+        )
+    return data
+
+
+@dataclass(frozen=True, eq=False)
+class _Keys:
+    """The keys of a file, whatever their spelling, those of one camera where one is named."""
+
+    path: Path
+    record: Mapping[str, Any]
+    camera: str | None
+
+    def find(self, names: Sequence[str], *, arrays: bool = False) -> tuple[str, Any] | None:
+        """The name and value of the key that has one of the names, the camera's own or one for all.
+
+        With ``arrays`` it must be the camera's own, and no single number or word: a file may hold
+        the number k1 beside the matrix K1.
+
+        Raises:
+            CameraFileError: several have, and hold different values.
+
+        """
+        one = "" if self.camera is None else _plain(self.camera)
+        own = [*(name + one for name in names), *(one + name for name in names)]
+        for spellings in (own,) if arrays or self.camera is None else (own, names):
+            found = [
+                (key, value)
+                for key, value in self.record.items()
+                if _plain(key) in spellings and (not arrays or isinstance(value, dict | list))
+            ]
+            for other, value in found[1:]:
+                if value != found[0][1]:
+                    raise CameraFileError(
+                        f"{self.path}: {quoted(found[0][0])} and {quoted(other)} are not the same: "
+                        "leave one of them"
+                    )
+            if found:
+                return found[0]
+        return None
+
+    def numbers(self, entry: tuple[str, Any], counts: tuple[int, ...]) -> FloatArray:
+        """The numbers of a key that was found, as many as one of ``counts``."""
+        return numbers(self.path, _row(self.path, *entry), entry[0], counts)
+
+    def candidates(self) -> list[str]:
+        """Keys that look like the matrices of several cameras, or like such cameras."""
+        return [
+            key
+            for key, value in self.record.items()
+            if isinstance(value, dict)
+            and (
+                value.get("rows") == value.get("cols") == 3
+                or any(_plain(inner) in _MATRIX for inner in value)
+            )
+        ]
+
+
+def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
+    entry = keys.find(_MATRIX, arrays=True)
+    if entry is None:
+        there = ", ".join(quoted(key)[1:-1] for key in keys.candidates()[:10])
+        raise CameraFileError(
+            f"{keys.path}: which of its cameras is meant? Add --camera, such as --camera 1 for M1 "
+            f"and D1; it holds {there}"
+            if there
+            else f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and "
+            "data"
+        )
+    matrix = keys.numbers(entry, (9,))
+    fx, _, _, below, fy, _, left, middle, one = matrix.tolist()
+    focal(keys.path, np.array([fx, fy]), entry[0])
+    if (below, left, middle, one) != (0, 0, 0, 1):
+        raise CameraFileError(
+            f"{keys.path}: {quoted(entry[0])} is not of the form fx, skew, cx, 0, fy, cy, 0, 0, "
+            "1: was it written column by column?"
+        )
+    return entry[0], matrix
+
+
+def _coefficients(keys: _Keys, matrix: str) -> FloatArray:
+    entry = keys.find(_COEFFICIENTS, arrays=True)
+    if entry is None:
+        raise CameraFileError(
+            f"{keys.path} has no distortion coefficients that go with {quoted(matrix)}: name them "
+            "distortion_coefficients, or D"
+        )
+    return keys.numbers(entry, _COUNTS)
+
+
+def _size(keys: _Keys) -> tuple[int, int] | None:
+    width, height = keys.find(_WIDTH), keys.find(_HEIGHT)
+    if width is not None and height is not None:
+        return size(keys.path, width[1], height[1], f"{width[0]} and {height[0]}")
+    entry = keys.find(_SIZE)
+    if entry is None:
+        return None
+    across, down = keys.numbers(entry, (2,)).tolist()
+    return size(keys.path, across, down, entry[0])
+
+
+def _is_fisheye(keys: _Keys, count: int) -> bool:
+    flag, model = keys.find(_FLAG), keys.find(_MODEL)
+    if flag is not None:
+        if not isinstance(flag[1], int) or flag[1] not in (0, 1):  # true and false are
+            raise CameraFileError(f"{keys.path}: {quoted(flag[0])} must be 0 or 1")
+        return bool(flag[1])
+    if model is not None:
+        kind = str(model[1]).strip().lower().replace("-", "_")
+        if kind in _FISHEYE or kind in _PINHOLE:
+            return kind in _FISHEYE
+        raise CameraFileError(
+            f"{keys.path}: {quoted(model[0])} {quoted(str(model[1]))} is not known: "
+            f"{', '.join((*_FISHEYE, *_PINHOLE))}"
+        )
+    if count == 4:
+        raise CameraFileError(
+            f"{keys.path}: four distortion coefficients are a fisheye's or a pinhole's: add a key "
+            "'model' with 'fisheye' or 'pinhole' to it"
+        )
+    return False
+
+
+def _plain(key: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", key.lower())
+
+
+FORMAT = CameraFormat(
+    lenses={"opencv": RadialCamera},
+    file_name="camera.opencv.yaml",
+    write=lambda lens, note, poses: opencv_text(lens, note),
+    read=read_opencv,
+    holds_several=True,
+    sizeless=True,
+    marks=(
+        ("%YAML:1.0",),
+        ("!!opencv-matrix",),
+        ("<opencv_storage",),
+        ('"type_id"', "opencv-matrix"),
+    ),
+    looks_like=looks_like_opencv,
+    rig=("stereo.opencv.yaml", opencv_stereo_text),
+    front_only={"opencv": "cv2.fisheye"},
+)
+
+
+MAX_BYTES = 4_000_000
+# What has more digits is no number of OpenCV's, and slow to read.
+_LONGEST_NUMBER = 300
+_INTEGER = re.compile(r"[-+]?[0-9]+", re.ASCII)
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
+_ROOT = "opencv_storage"
+
+
+def read_file_storage(path: Path) -> dict[str, Any]:
+    """What a FileStorage file holds: mappings, lists, text, numbers.
+
+    Raises:
+        CameraFileError: the file cannot be read, is larger than 4 MB, is none of the three, holds
+            a key twice or more than plain data (entities, anchors); one line.
+
+    """
+    text = read_bounded(path, max_bytes=MAX_BYTES)
+    start = text.lstrip()[:1]
+    if start == "<":
+        return mapping(path, _parse_xml(path, text), "the file")
+    if start == "{":
+        return mapping(path, parse_plain_json(path, text), "the file")
+    text = re.sub(r"\A%YAML[: ]1\.[0-9]\s*\n", "", text)
+    text = re.sub(r"!!opencv-(?:nd-)?matrix\b", "", text)
+    return mapping(path, parse_plain_yaml(path, text, error=CameraFileError), "the file")
+
+
+def _parse_xml(path: Path, text: str) -> Any:
+    refused = re.search("<!(?:DOCTYPE|ENTITY)", text)
+    if refused is not None:
+        raise CameraFileError(
+            f"{path}, line {text.count(chr(10), 0, refused.start()) + 1}: document types and "
+            "entities (<!DOCTYPE, <!ENTITY) are not allowed: plain data only"
+        )
+    try:
+        root = ElementTree.fromstring(text.lstrip())
+    except ElementTree.ParseError as problem:
+        what = expat.ErrorString(problem.code)
+        raise CameraFileError(
+            f"{path}, line {problem.position[0]}: not valid XML: {what}"
+        ) from problem
+    if root.tag != _ROOT:
+        raise CameraFileError(
+            f"{path}: the outermost element is {quoted(root.tag)}, not {_ROOT}: is it OpenCV's "
+            "FileStorage?"
+        )
+    return _of_element(path, root, 1)
+
+
+def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
+    """What an element holds: a mapping, a list where children are called ``_``, or a value."""
+    name = quoted(element.tag)
+    if depth > MAX_DEPTH:
+        raise CameraFileError(f"{path}: nested more than {MAX_DEPTH} levels deep")
+    text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
+    if not len(element):
+        # A storage without anything is a mapping, and anything else without anything nothing.
+        return _values(text) if depth > 1 or text else {}
+    if text:
+        raise CameraFileError(f"{path}: {name} holds text beside elements")
+    names = Counter(child.tag for child in element)
+    values = [_of_element(path, child, depth + 1) for child in element]
+    if [*names] == ["_"]:
+        return values
+    if "_" in names:
+        raise CameraFileError(f"{path}: {name} holds a list beside names")
+    twice, count = names.most_common(1)[0]
+    if count > 1:
+        raise CameraFileError(f"{path}: {quoted(twice)} is there twice in {name}")
+    return dict(zip(names, values, strict=True))
+
+
+def _values(text: str) -> Any:
+    """A number, a list of numbers, or text."""
+    words = text.split()
+    if not words:
+        return None
+    if all(len(word) <= _LONGEST_NUMBER and _NUMBER.fullmatch(word) for word in words):
+        numbers = [int(word) if _INTEGER.fullmatch(word) else float(word) for word in words]
+        return numbers[0] if len(numbers) == 1 else numbers
+    return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text

@@ -1,0 +1,318 @@
+"""mrcal's ``corners.vnl``: the corners of many photos of one board, as mrgingham writes them.
+
+::
+
+    # filename x y level
+    frame1.png 320.1 241.5 0
+    frame1.png 355.8 241.9 0
+    frame2.png - - -
+
+A text table (vnlog): lines that start with ``##`` or ``#!`` are remarks, the first other line with
+``#`` names the columns: ``filename``, ``x``, ``y`` and maybe ``level`` or ``weight``, in any order.
+A photo has either one row of dashes, when nothing was found in it, or one row for each corner of
+the board, row by row from its first corner; a corner with a dash, or with x or y below 0, was not
+found. ``level`` n is a corner found in the photo at 1/2ⁿ of its size: its error counts 1/2ⁿ as
+much, and ``weight`` w makes it count w as much (mrcal's ``--corners-cache-has-weights``). Errors
+are squared after that, so that the corner's weight here is w².
+
+The file says neither the size of the photos nor which corner of the board comes first. mrgingham
+numbers from the top left as the photo shows it, in each photo anew: a board that is alone in its
+target may be turned from photo to photo, but must not look mirrored.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.errors import CorrespondenceError
+from cubicfish_cli.core.io.reading import read_text
+from cubicfish_cli.core.io.tables import Table, csv_text, parse_table
+from cubicfish_cli.core.observations import (
+    Observations,
+    first_bad_weight,
+    first_outside_photo,
+    no_such_board,
+)
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.wording import quoted
+
+MAX_BYTES = 200_000_000
+MAX_LINES = 5_000_000
+_COLUMNS = ("filename", "x", "y")
+_OPTIONAL = ("level", "weight")
+_MAX_LEVEL = 12
+# A dash, or a number below 0; what only looks like one is refused as no number.
+_ABSENT = re.compile(r"-(?:[0-9.]+(?:[eE][-+]?[0-9]+)?)?").fullmatch
+# A camera sees boards from the front. Grids that run the wrong way round are refused when so many
+# of their cells do: single ones may lie across the rim of a fisheye's picture.
+_MIRRORED_SHARE = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CornersOfVnlog:
+    """What files of corners hold.
+
+    Attributes:
+        corners: the corners.
+        left_out: how many corners the files themselves declare as not found.
+        empty: names of photos without any corner.
+
+    """
+
+    corners: Observations
+    left_out: int
+    empty: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _File:
+    """The corners in one file.
+
+    Attributes:
+        images: names of the photos, in order.
+        image: (N,) index into ``images``.
+        number: (N,) the corner's number on its board, from 0.
+        pixel: (N, 2).
+        weight: (N,) relative weight of the corner's squared error.
+        left_out: how many corners the file itself declares as not found.
+
+    """
+
+    images: tuple[str, ...]
+    image: IntArray
+    number: IntArray
+    pixel: FloatArray
+    weight: FloatArray
+    left_out: int
+
+
+def read_vnlogs(
+    paths: Sequence[Path],
+    target: Target,
+    *,
+    image_size: tuple[int, int],
+    board: str | None = None,
+    only: str | None = None,
+) -> CornersOfVnlog:
+    """Read the corners of one camera.
+
+    Args:
+        paths: the files, of different photos.
+        target: the calibration target.
+        image_size: (width, height) of the photos, which no such file states.
+        board: the name of the board in the photos; may be left out of a target of one board.
+        only: a glob: only photos whose names match it.
+
+    Raises:
+        CorrespondenceError: a file cannot be read or does not fit the target or the others; one
+            line that names it and, where it is about one corner, the line.
+
+    """
+    index = _board_index(paths[0], target, board)
+    one = target.boards[index]
+    images: dict[str, int] = {}
+    places, parts = [], []
+    for path in paths:
+        found = _read_file(path, one, image_size, only)
+        for name in found.images:
+            if name in images:
+                raise CorrespondenceError(
+                    f"{path}: another file holds the corners of {quoted(name)} already: "
+                    "leave one of them out"
+                )
+            images[name] = len(images)
+        places.append(np.array([images[name] for name in found.images], np.intp)[found.image])
+        parts.append(found)
+    if not images:
+        raise CorrespondenceError(f"no photo in the files is called like {quoted(str(only))}")
+    image, number = np.concatenate(places), np.concatenate([part.number for part in parts])
+    if not len(image):
+        raise CorrespondenceError(f"{paths[0]}: no corner in it is declared as found")
+    used, names = np.unique(image), list(images)
+    row, column = np.divmod(number, one.columns)
+    boards = np.full(len(image), index, np.intp)
+    corners = Observations(
+        image_size=image_size,
+        images=tuple(names[i] for i in used.tolist()),
+        boards=target.board_names,
+        image=np.searchsorted(used, image).astype(np.intp),
+        board=boards,
+        column=column,
+        row=row,
+        pixel=np.concatenate([part.pixel for part in parts]),
+        weight=np.concatenate([part.weight for part in parts]),
+        world=target.world_points(boards, column, row),
+        target=target,
+    )
+    return CornersOfVnlog(
+        corners=corners,
+        left_out=sum(part.left_out for part in parts),
+        empty=tuple(name for name in names if name not in corners.images),
+    )
+
+
+def _board_index(path: Path, target: Target, name: str | None) -> int:
+    """Which of the target's boards the files are about."""
+    if name is None and len(target.boards) > 1:
+        shown = ", ".join(quoted(name) for name in target.board_names[:8])
+        raise CorrespondenceError(
+            f"{path}: it is about one board, and which of the target's ({shown}) is not known: "
+            "say so with --board NAME"
+        )
+    if name is not None and name not in target.board_names:
+        raise CorrespondenceError(no_such_board(name, target))
+    return 0 if name is None else target.board_names.index(name)
+
+
+def _read_file(path: Path, board: Board, size: tuple[int, int], only: str | None) -> _File:
+    table = _table(path)
+    images, image = table.codes("filename")
+    _refuse_scattered(table, image)
+    start = np.flatnonzero(np.diff(image, prepend=-1))
+    count = np.diff(np.append(start, len(image)))
+    found, corners = _found(table), board.columns * board.rows
+    empty = (count == 1) & ~found[start]
+    wrong = np.flatnonzero((count != corners) & ~empty)
+    if wrong.size:
+        first = wrong[0]
+        table.refuse(
+            start[first],
+            f"{quoted(images[first])} has {count[first]} rows where the board has {corners} "
+            "corners: does the target say how many there are?",
+        )
+    wanted = np.array([only is None or fnmatchcase(name, only) for name in images], bool)
+    found &= wanted[image]
+    number, place = np.arange(len(image)) - start[image], np.cumsum(wanted) - 1
+    table = _rows_where(table, found)
+    pixel, weight = np.stack([table.floats("x"), table.floats("y")], axis=-1), _weights(table)
+    outside = first_outside_photo(pixel, size)
+    if outside is not None:
+        table.refuse(outside[0], f"{outside[1]}: is the size right?")
+    bad = first_bad_weight(weight)
+    if bad is not None:
+        table.refuse(*bad)
+    image, number = image[found], number[found].astype(np.intp)
+    if _is_mirrored(board, image, number, pixel):
+        raise CorrespondenceError(
+            f"{path}: board {quoted(board.name)} is seen from behind if its corners are numbered "
+            "row by row from corner (0, 0): its axes in the target must be those of the detector"
+        )
+    rows, declared = count[wanted].sum(), (empty & wanted).sum()
+    return _File(
+        images=tuple(name for name, chosen in zip(images, wanted, strict=True) if chosen),
+        image=place[image].astype(np.intp),
+        number=number,
+        pixel=pixel,
+        weight=weight,
+        left_out=int(rows - declared - len(image)),
+    )
+
+
+def _table(path: Path) -> Table:
+    """The rows as a table whose lines are the file's own."""
+    text = read_text(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
+    if text.count("\n") + text.count("\r") > MAX_LINES:
+        raise CorrespondenceError(
+            f"{path} has more than {MAX_LINES:,} lines: is it the right file?"
+        )
+    lines = text.splitlines()
+    legend = next((i for i, line in enumerate(lines) if re.match(r"\s*#(?![#!])", line)), None)
+    if legend is None or any(line.strip()[:1] not in ("", "#") for line in lines[:legend]):
+        raise CorrespondenceError(
+            f"{path}: a line '# filename x y level' must come before the corners: "
+            "is it a vnlog of corners?"
+        )
+    names = lines[legend].replace("#", " ", 1).split()
+    rows = ["" if line.lstrip()[:1] in ("", "#") else _as_csv(line) for line in lines]
+    rows[legend] = csv_text([names]).rstrip("\n")
+    table = parse_table(
+        str(path),
+        "\n".join(rows),
+        required=_COLUMNS,
+        optional=_OPTIONAL,
+        error=CorrespondenceError,
+    )
+    if {*_OPTIONAL} <= set(table.columns):
+        raise CorrespondenceError(
+            f"{path}, line {legend + 1}: both level and weight: keep one of the columns"
+        )
+    return table
+
+
+def _as_csv(line: str) -> str:
+    cells = line.split("#", 1)[0].split()
+    return ",".join('"' + cell.replace('"', '""') + '"' for cell in cells)
+
+
+def _refuse_scattered(table: Table, image: IntArray) -> None:
+    """A photo's corners are numbered by their order: they must stand together."""
+    back = np.flatnonzero(np.diff(image) < 0)
+    if back.size:
+        name = table.columns["filename"][back[0] + 1]
+        table.refuse(
+            int(back[0]) + 1,
+            f"rows of {quoted(name)} stand further up too, and the rows between are another "
+            "photo's: sort them by photo, each photo's rows in their order",
+        )
+
+
+def _found(table: Table) -> BoolArray:
+    """Which rows are corners, as mrcal has it: no dash, no coordinate or level below 0."""
+    cells = [table.columns[name] for name in table.columns if name != "filename"]
+    return np.array([not any(map(_ABSENT, row)) for row in zip(*cells, strict=True)], bool)
+
+
+def _weights(table: Table) -> FloatArray:
+    if "weight" in table.columns:
+        weight = table.floats("weight")
+        return weight * weight
+    if "level" not in table.columns:
+        return np.ones(len(table.lines))
+    level = table.floats("level")
+    bad = np.flatnonzero((level > _MAX_LEVEL) | (level != np.floor(level)))
+    if bad.size:
+        table.refuse(
+            bad[0],
+            f"level must be a whole number up to {_MAX_LEVEL}, or '-': for weights, name the "
+            "column weight",
+        )
+    return np.asarray(0.25**level)
+
+
+def _rows_where(table: Table, keep: BoolArray) -> Table:
+    """Some rows of a table."""
+    index = np.flatnonzero(keep).tolist()
+    return replace(
+        table,
+        columns={name: [column[i] for i in index] for name, column in table.columns.items()},
+        lines=[table.lines[i] for i in index],
+    )
+
+
+def _is_mirrored(board: Board, image: IntArray, number: IntArray, pixel: FloatArray) -> bool:
+    """Whether a board's grids run the wrong way round in the photos, as if seen from behind."""
+    if board.points is not None:
+        return False
+    row, column = np.divmod(number, board.columns)
+    # One more column and row than there are, so that a neighbour never wraps around.
+    stride = board.columns + 1
+    key = (image * (board.rows + 1) + row) * stride + column
+    right, below = (_find(key, key + step) for step in (1, stride))
+    cell = np.flatnonzero((right >= 0) & (below >= 0))
+    along, down = pixel[right[cell]] - pixel[cell], pixel[below[cell]] - pixel[cell]
+    area = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
+    return bool(cell.size and (area < 0).mean() > _MIRRORED_SHARE)
+
+
+def _find(keys: IntArray, wanted: IntArray) -> IntArray:
+    """Where each wanted key stands among sorted keys; -1 where it is not."""
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[place] == wanted, place, -1)

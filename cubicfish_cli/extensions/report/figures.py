@@ -1,0 +1,418 @@
+"""The figures of a page: where the corners are, how far off they are, and what the lens is like."""
+
+from __future__ import annotations
+
+import io
+import math
+from base64 import b64encode
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.geometry import inside_polygon
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.units import round_down, round_up
+from cubicfish_cli.extensions.printing.extra import drawing, lay_out
+from cubicfish_cli.extensions.report.facts import ErrorFacts, Facts
+
+INK, MUTED = "#1d2329", "#57606a"
+BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"
+BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
+STYLE: dict[Any, Any] = {
+    # The same drawing has the same ids in every run.
+    "svg.hashsalt": "cubicfish",
+    "svg.fonttype": "none",
+    "font.size": 10,
+    "savefig.dpi": 150,
+    "axes.edgecolor": MUTED,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#dfe3e8",
+    "axes.axisbelow": True,
+}
+WIDTH = 5.0
+"""Of every figure, inches."""
+MOST_DOTS = 4000
+_MOST_STROKES = 1500
+_FINE_CELLS = 12
+_STEP_DEG = 5.0
+# 95 of 100 arrows are at most this share of the picture's longer side.
+_ARROW_SHARE = 0.04
+# Share of errors beyond four σ that noise alone does not explain.
+_HEAVY_TAIL = 0.001
+# Steps of angle whose RMS is this many times the typical one are called a worse rim.
+_WORSE_RIM = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """An entry of a legend: a mark of a kind (``dot``, ``line``, ``dash``, ``area``), its words.
+
+    Legends are the page's: names that a user chose never enter a drawing.
+    """
+
+    kind: str
+    colour: str
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """A figure for the page.
+
+    Attributes:
+        name: short, for ids.
+        title: what it is.
+        label: what it shows, for those who cannot see it.
+        image: the drawing, as a data URI.
+        caption: what it tells.
+        keys: its legend.
+
+    """
+
+    name: str
+    title: str
+    label: str
+    image: str
+    caption: str
+    keys: tuple[Key, ...] = ()
+
+
+def new_figure(height: float = 3.3) -> Figure:
+    """An empty figure of the common width; heights are in inches."""
+    return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
+def finished(figure: Figure, **more: Any) -> Drawn:
+    """A figure that is finished; ``more`` as above."""
+    lay_out(figure)
+    data = io.BytesIO()
+    undated = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(data, format="svg", metadata=undated)
+    image = "data:image/svg+xml;base64," + b64encode(data.getvalue()).decode()
+    return Drawn(image=image, **more)
+
+
+def all_figures(facts: Facts) -> dict[str, Drawn]:
+    """Every figure that these facts allow, by its name."""
+    makers: list[Callable[[], Drawn | None]] = []
+    errors, camera = facts.errors, facts.camera
+    if errors is not None:
+        makers += [
+            lambda: coverage_figure(facts, errors),
+            lambda: vectors_figure(facts, errors),
+            lambda: places_figure(facts, errors),
+            lambda: angle_figure(errors),
+            lambda: histogram_figure(errors),
+        ]
+    if isinstance(camera, CubicCamera):
+        makers += [lambda: profile_figure(camera), lambda: uncertainty_figure(facts, camera)]
+    with drawing(STYLE):
+        drawn = [make() for make in makers]
+    return {figure.name: figure for figure in drawn if figure is not None}
+
+
+def some(count: int, most: int) -> IntArray:
+    """At most ``most`` of so many indices, evenly from first to last."""
+    if count <= most:
+        return np.arange(count)
+    return np.unique(np.linspace(0, count - 1, most).round().astype(np.intp))
+
+
+def thinned(count: int, most: int, what: str) -> str:
+    """What a caption says where not everything is drawn."""
+    return f" {most:,} of {count:,} {what} are drawn." if count > most else ""
+
+
+def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.0) -> None:
+    """Discs at (N, 2), as one picture: thousands of them would make a large file."""
+    axes.scatter(
+        at[:, 0], at[:, 1], s=size**2, color=colour, alpha=alpha, linewidths=0, rasterized=True
+    )
+
+
+def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+    """Where the corners are, and the cells of the field that hold none."""
+    figure, axes = _photo_axes(facts)
+    pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
+    keys = [Key(kind="line", colour=INK, text="where the camera may be trusted")]
+    empty = int(cells.empty.sum())
+    if empty:
+        height, width = cells.empty.shape
+        reach = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
+        shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
+        axes.imshow(shade, extent=reach, interpolation="nearest", zorder=0.5)
+        _show_photo(axes, facts)
+        keys.append(Key(kind="area", colour=RED, text="no corner here"))
+    shown = some(len(pixel), MOST_DOTS)
+    boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ("corner",)
+    for index, (board, colour) in enumerate(zip(boards, BOARD_COLOURS, strict=False)):
+        own = shown[pairs.board[shown] == index] if len(boards) > 1 else shown
+        dots(axes, pixel[own], colour, 2.5)
+        keys.append(Key(kind="dot", colour=colour, text=board))
+    share = facts.fit.coverage
+    caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
+    if empty:
+        caption += " What a camera says of places without corners nobody has checked."
+    return finished(
+        figure,
+        name="coverage",
+        title="Where the corners are",
+        label=f"{len(pixel)} corners over the photo, and {empty} parts of the field without any",
+        caption=(caption + thinned(len(pixel), MOST_DOTS, "corners")).strip(),
+        keys=tuple(keys),
+    )
+
+
+def arrow_zoom(facts: Facts, errors: ErrorFacts) -> float:
+    """How many times as long as they are errors are drawn, so that most can be seen."""
+    typical = float(np.percentile(errors.length, 95))
+    return round_down(_ARROW_SHARE * max(facts.camera.image_size) / max(typical, 1e-9))
+
+
+def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+    """Residuals as arrows, magnified."""
+    length = errors.length
+    zoom = arrow_zoom(facts, errors)
+    figure, axes = _photo_axes(facts)
+    shown = some(len(length), _MOST_STROKES)
+    start = errors.pairs.pixel[shown]
+    ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
+    axes.add_collection(LineCollection(list(ends), colors=BLUE, linewidths=0.8, rasterized=True))
+    dots(axes, start, INK, 1.5)
+    typical = float(np.percentile(length, 95))
+    return finished(
+        figure,
+        name="vectors",
+        title="Errors as arrows",
+        label=f"Reprojection errors as arrows, {zoom:g} times as long as they are; the 95th "
+        f"percentile is {typical:.3f} px",
+        caption=f"From each detected corner towards where the camera puts it, {zoom:g} times as "
+        "long. Noise points every way; neighbours that point one way are an error of the camera, "
+        "of the target or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
+        keys=(
+            Key(kind="dot", colour=INK, text="detected corner"),
+            Key(kind="line", colour=BLUE, text=f"its error, {zoom:g} ×"),
+        ),
+    )
+
+
+def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+    """RMS error in cells over the photo."""
+    width, height = facts.camera.image_size
+    cell = min(width, height) / _FINE_CELLS
+    edges = [np.arange(-(-side // cell) + 1) * cell - 0.5 for side in (width, height)]
+    at = np.clip(errors.pairs.pixel, -0.5, [edges[0][-1], edges[1][-1]])
+    count = np.histogram2d(at[:, 0], at[:, 1], bins=edges)[0].T
+    square = np.histogram2d(at[:, 0], at[:, 1], bins=edges, weights=errors.length**2)[0].T
+    value = np.sqrt(square / np.where(count, count, np.nan))
+    top = round_up(float(np.nanpercentile(value, 95)))
+    figure, axes = _photo_axes(facts)
+    cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top, rasterized=True)
+    beyond = "max" if np.nanmax(value) > top else "neither"
+    figure.colorbar(cells, location="bottom", label="px RMS", aspect=40, extend=beyond)
+    return finished(
+        figure,
+        name="places",
+        title="Errors over the picture",
+        label=f"RMS error in {int((count > 0).sum())} cells of the photo, from "
+        f"{np.nanmin(value):.3f} to {np.nanmax(value):.3f} px",
+        caption="RMS of the corners in each cell. A rim much worse than the middle means blur "
+        "there, or a lens that the model does not follow.",
+    )
+
+
+def angle_figure(errors: ErrorFacts) -> Drawn | None:
+    """Error by angle from the axis."""
+    angle, length = errors.angle_deg, errors.length
+    if angle is None:
+        return None
+    bins = np.floor(angle / _STEP_DEG).astype(int)
+    used = np.unique(bins)
+    rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
+    few = min(int((bins == index).sum()) for index in used)
+    top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
+    figure = new_figure()
+    axes = figure.add_subplot()
+    axes.grid(True)
+    shown = some(len(length), MOST_DOTS // 2)
+    dots(axes, np.stack([angle, length], axis=-1)[shown], BLUE, 2.0, 0.6)
+    axes.hlines(rms, used * _STEP_DEG, (used + 1) * _STEP_DEG, colors=ORANGE, linewidth=2.4)
+    axes.set(xlim=(0, _STEP_DEG * (used.max() + 1)), ylim=(0, top))
+    axes.set(xlabel="angle from the axis, degrees", ylabel="error, px")
+    beyond = int((length > top).sum())
+    return finished(
+        figure,
+        name="angle",
+        title="Errors by angle from the axis",
+        label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
+        f"steps of {_STEP_DEG:g} degrees",
+        caption=_worse_rim(used, rms)
+        + f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
+        + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
+        + thinned(len(length), MOST_DOTS // 2, "corners"),
+        keys=(
+            Key(kind="dot", colour=BLUE, text="a corner"),
+            Key(kind="line", colour=ORANGE, text=f"RMS of {_STEP_DEG:g}° each"),
+        ),
+    )
+
+
+def _worse_rim(steps: IntArray, rms: FloatArray) -> str:
+    """Where errors grow towards the rim, in words; empty where they do not."""
+    worse = rms > _WORSE_RIM * np.median(rms)
+    outer = len(rms) - int(np.argmin(worse[::-1])) if not worse.all() else len(rms)
+    if outer == len(rms):
+        return ""
+    times = float(rms[outer:].max() / np.median(rms))
+    return (
+        f"Beyond {_STEP_DEG * steps[outer]:.0f}° errors are up to {times:.0f} times the usual: "
+        "trust the camera less there. "
+    )
+
+
+def histogram_figure(errors: ErrorFacts) -> Drawn:
+    """Residuals along x and y against the normal distribution of the same spread."""
+    values = errors.residual.ravel()
+    sigma = max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-9)
+    reach = 4.0 * sigma
+    figure = new_figure()
+    axes = figure.add_subplot()
+    axes.grid(True, axis="y")
+    share = np.full(len(values), 100 / len(values))
+    _, edges, _ = axes.hist(
+        values, bins=40, range=(-reach, reach), weights=share, rwidth=0.9, color=BLUE, alpha=0.8
+    )
+    x = np.linspace(-reach, reach, 121)
+    normal = np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+    axes.plot(x, 100 * (edges[1] - edges[0]) * normal, color=ORANGE, linewidth=2)
+    axes.set(xlim=(-reach, reach), xlabel="error along x or y, px", ylabel="share, %")
+    beyond = float(np.mean(np.abs(values) > reach))
+    heavy = beyond > _HEAVY_TAIL
+    return finished(
+        figure,
+        name="histogram",
+        title="How errors are spread",
+        label="Histogram of errors along x and y with the normal distribution of sigma "
+        f"{sigma:.4f} px",
+        caption=f"{100 * beyond:.2g} % lie beyond four σ, where a normal distribution has 0.006 %"
+        + (": corners that were found worse than most, which weigh little in the fit." * heavy)
+        + "." * (not heavy),
+        keys=(
+            Key(kind="area", colour=BLUE, text="errors along x and along y"),
+            Key(kind="line", colour=ORANGE, text=f"normal, σ = {sigma:.3f} px (from the median)"),
+        ),
+    )
+
+
+def profile_figure(camera: CubicCamera) -> Drawn:
+    """Radius by angle, beside the reference and ideal lenses."""
+    theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
+    rays = ray_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
+    radial = camera.radial
+    own = np.linalg.norm(camera.project(rays) - camera.project([0.0, 0.0, 1.0]), axis=-1)
+    outwards = radial.project(rays) - np.array([radial.cx, radial.cy])
+    other = np.linalg.norm(outwards, axis=-1)
+    # The poses make up for a rotation between the two, which is no difference of lenses.
+    miss, _ = aligned_difference(camera, radial, rays.reshape(-1, 3))
+    difference = (miss.reshape((*rays.shape[:-1], 2)) * outwards).sum(axis=-1) / other
+    known = np.isfinite(difference).all(axis=1)
+    degrees = np.rad2deg(theta)
+    focal = (radial.fx + radial.fy) / 2
+    ideals = (
+        ("equidistant, f θ", GREEN, focal * theta),
+        ("stereographic, 2 f tan(θ/2)", PURPLE, 2 * focal * np.tan(theta / 2)),
+        ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
+    )
+    figure = new_figure(4.6)
+    axes, below = figure.subplots(2, sharex=True, height_ratios=(2, 1))
+    for part in (axes, below):
+        part.grid(True)
+        part.set_xlim(0, float(degrees[-1]))
+    for _, colour, radius in ideals:
+        axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle="--")
+    axes.plot(degrees[known], other.mean(axis=1)[known], color=ORANGE, linewidth=3.2)
+    axes.plot(degrees, own.mean(axis=1), color=BLUE, linewidth=1.4)
+    axes.set(ylim=(0, 1.12 * float(own.mean(axis=1).max())), ylabel="radius, px")
+    low, high = difference[known].min(axis=1), difference[known].max(axis=1)
+    below.fill_between(degrees[known], low, high, color=BLUE, alpha=0.25, linewidth=0)
+    below.plot(degrees[known], difference[known].mean(axis=1), color=BLUE, linewidth=1.4)
+    below.axhline(0, color=ORANGE, linewidth=1.2)
+    below.set(ylabel="difference, px", xlabel="angle from the axis θ, degrees")
+    largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
+    return finished(
+        figure,
+        name="profile",
+        title="The lens: radius by angle",
+        label=f"Radius by angle from the axis to {camera.max_angle_deg:.0f} degrees, beside the "
+        "radial reference, which differs by up to "
+        f"{largest:.1f} px, and three ideal lenses of focal length {focal:.0f} px",
+        caption="Below, how much farther out the camera sees than the radial reference, a rotation "
+        "between them taken out: the line is the mean over all directions, the band goes from the "
+        "least to the most, and no radial lens follows it. Ideal lenses with the reference's focal "
+        f"length, f = {focal:.0f} px.",
+        keys=(
+            Key(kind="line", colour=BLUE, text="this camera, mean over all directions"),
+            Key(kind="line", colour=ORANGE, text="radial reference (Kannala–Brandt)"),
+            *(Key(kind="dash", colour=colour, text=text) for text, colour, _ in ideals),
+        ),
+    )
+
+
+def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
+    """How far the camera's own pixels may be off, over the photo."""
+    width, height = camera.image_size
+    x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
+    pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    sigma = facts.fit.uncertainty.at(pixel)
+    if sigma is None:
+        return None
+    inside = inside_polygon(pixel, facts.outline)
+    if facts.errors and facts.errors.cells.blind:  # where the camera sees itself
+        around = np.linspace(0, 2 * np.pi, 180)
+        hole = camera.project(ray_at(np.full(180, facts.errors.cells.blind), around))
+        inside &= ~inside_polygon(pixel, hole)
+    shown = np.ma.masked_where(~(inside & np.isfinite(sigma) & (sigma > 0)), sigma)
+    if not shown.count():
+        return None
+    figure, axes = _photo_axes(facts)
+    bands = axes.contourf(x, y, shown.reshape(len(y), len(x)), 7, cmap="cividis")
+    figure.colorbar(bands, location="bottom", label="px", aspect=40)
+    figures = facts.fit.uncertainty.field
+    return finished(
+        figure,
+        name="uncertainty",
+        title="How certain the camera is",
+        label=f"Uncertainty of a distant point's pixel over the photo, from {shown.min():.3f} "
+        f"to {shown.max():.3f} px",
+        caption="How far the pixel of a distant point would be elsewhere, had you taken other "
+        "photos"
+        + (f": {figures.words}" if figures else "")
+        + ". Errors of the target or of the model are not in it.",
+    )
+
+
+def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
+    """Axes of a photo's shape, y down, with the trusted field's outline."""
+    figure = new_figure(3.9)
+    axes = figure.add_subplot()
+    _show_photo(axes, facts)
+    axes.spines[:].set_visible(True)
+    axes.locator_params(nbins=5)
+    if len(facts.outline) > 2:
+        axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9, zorder=3)
+    return figure, axes
+
+
+def _show_photo(axes: Axes, facts: Facts) -> None:
+    width, height = facts.camera.image_size
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")

@@ -1,0 +1,123 @@
+"""Where photos were taken from, or where a rig's cameras stand, in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from cubicfish_cli.core.fit.poses import rotation_from_vector
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.printing.extra import drawing
+from cubicfish_cli.extensions.report.facts import Facts
+from cubicfish_cli.extensions.report.figures import (
+    BLUE,
+    BOARD_COLOURS,
+    INK,
+    MOST_DOTS,
+    STYLE,
+    Drawn,
+    Key,
+    finished,
+    new_figure,
+    some,
+)
+
+# Size of a drawn camera, as a share of all that is drawn.
+_CAMERA = 0.06
+_HALF_FIELD = 0.6
+_VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above", 89.9, -90))
+
+
+def scene_figures(facts: Facts) -> dict[str, Drawn]:
+    """The target with the photos' places from two sides, by name; none where no pose is known."""
+    if not facts.fit.poses:
+        return {}
+    vectors, shifts = zip(*facts.fit.poses.values(), strict=True)
+    rotation = rotation_from_vector(vectors)
+    centre = -np.einsum("nij,ni->nj", rotation, np.array(shifts))
+    boards = () if facts.target is None else facts.target.boards
+    # A fit and its file differ in the last digits: the page is to be the same.
+    plates = [board.outline().astype(np.float32).astype(float) for board in boards]
+    loose = [plate for board, plate in zip(boards, plates, strict=True) if board.points is not None]
+    if not boards and facts.errors is not None:
+        loose = [facts.errors.pairs.world]
+    middle = np.concatenate([*plates, *loose, centre]).mean(axis=0)
+    turn = upright((middle - centre).mean(axis=0), -rotation[:, 1].mean(axis=0))
+    everything = np.concatenate([*plates, *loose, centre]) @ turn.T
+    several = len(boards) <= len(BOARD_COLOURS)
+    colours = BOARD_COLOURS if several else (BLUE,) * len(boards)
+    size = _CAMERA * float(np.ptp(everything, axis=0).max() or 1.0)
+    drawn = {}
+    for name, (title, elevation, azimuth) in zip(("scene-side", "scene-top"), _VIEWS, strict=True):
+        with drawing(STYLE):
+            figure = new_figure(4.2)
+            axes = figure.add_subplot(projection="3d")
+            for board, plate, colour in zip(boards, plates, colours, strict=False):
+                if board.points is None:
+                    axes.add_collection3d(
+                        Poly3DCollection([plate @ turn.T], alpha=0.3, facecolor=colour)
+                    )
+            for points in loose:
+                shown = points[some(len(points), MOST_DOTS // 4)] @ turn.T
+                axes.scatter(*shown.T, s=4, color=BLUE)
+            draw_cameras(axes, centre @ turn.T, rotation @ turn.T, size, [INK] * len(centre))
+            show_evenly(axes, everything, elevation, azimuth)
+            drawn[name] = finished(
+                figure,
+                name=name,
+                title=title,
+                label=f"{len(plates)} boards and {len(centre)} camera poses",
+                caption=f"{len(centre):,} photo{'s' * (len(centre) != 1)}; lengths are in "
+                f"{facts.units or 'the units of the target'}.",
+                keys=(
+                    *(
+                        Key(kind="area", colour=colour, text=board.name)
+                        for board, colour in zip(boards * several, colours, strict=False)
+                    ),
+                    Key(kind="line", colour=INK, text="a photo: the open side looks at the target"),
+                ),
+            )
+    return drawn
+
+
+def upright(ahead: FloatArray, up: FloatArray) -> FloatArray:
+    """(3, 3) the rows right, ahead and up for who looks ahead, as nearly as it can be."""
+    trials = [(a, b) for b in (up, *np.eye(3)[::-1]) for a in (ahead, *np.eye(3))]
+    for one, other in trials:
+        across = np.cross(one, other)
+        lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
+        if np.linalg.norm(across) > max(0.1 * lengths, 1e-9):
+            break
+    top, right = other / np.linalg.norm(other), across / np.linalg.norm(across)
+    return np.stack([right, np.cross(top, right), top])
+
+
+def draw_cameras(
+    axes: Axes3D, centre: FloatArray, rotation: FloatArray, size: float, colours: Sequence[str]
+) -> None:
+    """Draw small pyramids at (N, 3) that open the way cameras look, rotations (N, 3, 3)."""
+    a, b = size * _HALF_FIELD, 0.75 * size * _HALF_FIELD
+    base = np.array([[-a, -b, size], [a, -b, size], [a, b, size], [-a, b, size]])
+    tip = np.zeros(3)
+    path = np.array([tip, base[0], base[1], tip, base[1], base[2], tip, base[2], base[3], tip,
+                     base[3], base[0]])  # fmt: skip
+    strokes = np.einsum("nji,kj->nki", rotation, path) + centre[:, None]
+    axes.add_collection3d(Line3DCollection(list(strokes), colors=list(colours), linewidths=0.8))
+
+
+def show_evenly(axes: Axes3D, points: FloatArray, elevation: float, azimuth: float) -> None:
+    """Show all points (N, 3), at one scale along all axes, seen from somewhere."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    half = 0.55 * float(np.ptp(points, axis=0).max() or 1.0)
+    axes.set(
+        **{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)}
+    )
+    axes.set_box_aspect((1, 1, 1), zoom=1.1)
+    axes.set_proj_type("ortho")
+    axes.view_init(elev=elevation, azim=azimuth)
+    axes.tick_params(labelsize=7)
+    if elevation > 80:
+        axes.set_zticks([])

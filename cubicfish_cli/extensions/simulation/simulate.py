@@ -1,0 +1,389 @@
+"""Photos of known truth: a target through any lens, from poses that are given or chosen.
+
+Target, lens and pose -> the photo that the lens would take, ray by ray.
+
+From the light on a sensor to the grey levels of a photo go exposure, blur, blooming and noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import radians
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.errors import TargetError
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.truth import (
+    Plate,
+    Pose,
+    nearest,
+    plates,
+    rotation_matrix,
+)
+from cubicfish_cli.extensions.simulation.views import (
+    WanderingPupil,
+    WholeLens,
+    choose_views,
+    sample_views,
+)
+
+# Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels per radian, in half the memory.
+FloatArray32 = npt.NDArray[np.float32]
+
+_PIXELS_PER_BLOCK = 200_000
+_QUALITY = 95
+_SUPERSAMPLE = 4
+# Of each photo there are so many views to choose from, and at least so many in all.
+_VIEWS_PER_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
+# Towards the lamp, camera frame: over the photographer's left shoulder.
+LAMP = np.array([-0.35, -0.5, -0.79])
+
+
+@dataclass(frozen=True, eq=False)
+class RayGrid:
+    """A lens as a table: the ray of each pixel's middle and its slopes along x and y.
+
+    Within a pixel the ray is taken as linear, which is off by some thousandths of a pixel at most.
+
+    Attributes:
+        ray: (height, width, 3), NaN outside the lens's field.
+        by_x, by_y: (height, width, 3) change a pixel.
+
+    """
+
+    ray: FloatArray32
+    by_x: FloatArray32
+    by_y: FloatArray32
+
+    @classmethod
+    def of(cls, unproject: Unproject, image_size: tuple[int, int]) -> RayGrid:
+        """Tabulate ``unproject`` for photos of ``image_size`` (width, height)."""
+        width, height = image_size
+        # One pixel more on each side, so that every slope has two neighbours.
+        framed = np.empty((height + 2, width + 2, 3), np.float32)
+        x = np.arange(-1.0, width + 1)
+        rows_per_block = max(1, _PIXELS_PER_BLOCK // len(x))
+        for top in range(0, height + 2, rows_per_block):
+            y = np.arange(top, min(height + 2, top + rows_per_block)) - 1.0
+            pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
+            rays = unproject(pixel.reshape(-1, 2))
+            framed[top : top + len(y)] = rays.reshape(len(y), width + 2, 3)
+        return cls(
+            ray=framed[1:-1, 1:-1],
+            by_x=_slope(framed[1:-1, :-2], framed[1:-1, 1:-1], framed[1:-1, 2:]),
+            by_y=_slope(framed[:-2, 1:-1], framed[1:-1, 1:-1], framed[2:, 1:-1]),
+        )
+
+    def __call__(self, pixel: FloatArray) -> FloatArray:
+        """Pixels (N, 2) of the photo -> rays (N, 3), as a renderer wants them."""
+        height, width = self.ray.shape[:2]
+        place = np.clip(np.rint(pixel).astype(np.intp), 0, (width - 1, height - 1))
+        flat = place[:, 1] * width + place[:, 0]
+        off = pixel - place
+        rays = self.ray.reshape(-1, 3)[flat].astype(float)
+        rays += off[:, :1] * self.by_x.reshape(-1, 3)[flat]
+        rays += off[:, 1:] * self.by_y.reshape(-1, 3)[flat]
+        return rays
+
+
+def _slope(before: FloatArray32, here: FloatArray32, after: FloatArray32) -> FloatArray32:
+    """Change a step; from one side where the other is outside the field, else none."""
+    both = (after - before) / 2
+    one = np.where(np.isnan(before), after - here, here - before)
+    slope = np.where(np.isnan(both), one, both)
+    return np.nan_to_num(slope, nan=0.0)
+
+
+def chosen_poses(
+    target: Target, lens: WholeLens, image_size: tuple[int, int], count: int, *, seed: int = 0
+) -> list[Pose]:
+    """Poses of ``count`` photos that fill the field from varied sides and distances.
+
+    Raises:
+        TargetError: the target cannot be drawn, or cannot be seen so often.
+
+    """
+    wanted = min(max(_FEWEST_VIEWS, _VIEWS_PER_PHOTO * count), max(_MOST_VIEWS, count))
+    views = sample_views(target, lens, image_size, wanted, seed=seed)
+    if len(views) < count:
+        raise TargetError(
+            f"only {len(views)} poses were found from which this camera sees a whole board with "
+            f"squares large enough to be found, and {count} are wanted: use boards with fewer and "
+            "larger squares, a camera with more pixels or a wider field, or name poses with --poses"
+        )
+    return [view.pose for view in choose_views(views, lens, image_size, count)]
+
+
+def simulated_photos(
+    target: Target,
+    lens: WholeLens,
+    image_size: tuple[int, int],
+    poses: Mapping[str, Pose],
+    look: LookOptions,
+) -> Iterator[tuple[str, npt.NDArray[np.uint8]]]:
+    """Render the photos one by one: name and (height, width) grey levels.
+
+    The lens's rays are worked out once for all photos. Boards are rendered flat.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    rays = RayGrid.of(lens.unproject, image_size)
+    flat = target.with_flat_boards()
+    for number, (name, pose) in enumerate(poses.items()):
+        yield (
+            name,
+            render(
+                flat,
+                rays,
+                pose,
+                image_size,
+                supersample=_SUPERSAMPLE,
+                noise=look.noise,
+                blur=look.blur,
+                vignetting=look.vignetting,
+                exposure=look.exposure,
+                light_from=rotation_matrix(pose[0]).T @ LAMP,
+                edges_only=True,
+                seed=(look.seed, number),
+                ray_starts=lens.ray_starts if isinstance(lens, WanderingPupil) else None,
+            ),
+        )
+
+
+def photo_bytes(photo: npt.NDArray[np.uint8], form: str) -> bytes:
+    """A photo as a JPEG file of quality 95 (``jpg``) or a PNG file (``png``)."""
+    options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if form == "jpg" else []
+    _, data = cv2.imencode(f".{form}", photo, options)
+    return data.tobytes()
+
+
+_WHITE_LEVEL = 240.0  # of light 1 at exposure 1
+_DARK_LEVEL = 6.0  # what a sensor reads where no light comes
+_FULL = 255.0
+# Over how many pixels the light that a full pixel cannot hold falls by a factor of e, and how far
+# it is followed.
+_SPILL_PX, _SPILL_REACH_PX = 0.8, 9
+Unproject = Callable[[FloatArray], FloatArray]
+Background = Callable[[FloatArray], FloatArray]
+Starts = Callable[[FloatArray], FloatArray]
+
+# Shares of the light that are thrown back.
+INK, PAPER, _BACK = 0.07, 0.92, 0.45
+# Light from above and from one side, so that boards at right angles differ in brightness.
+_LIGHT = np.array([0.36, 0.48, 0.8])
+AMBIENT = 0.6
+_RAYS_PER_BLOCK = 50_000  # fits a processor cache
+_NOTHING, _BLACK = -1, -2  # what a ray shows where there is no board, and outside the field
+
+
+def sensed(
+    light: FloatArray, *, exposure: float, blur: float, noise: float, seed: int | Sequence[int]
+) -> npt.NDArray[np.uint8]:
+    """What a sensor makes of light (height, width) -> grey levels (height, width) uint8.
+
+    Args:
+        light: 1 is what white paper throws back when it is lit well.
+        exposure: factor on the light. From about 1.15 on white paper is burnt out, and the more
+            it is, the farther it bleeds into dark squares: see :func:`bloomed`.
+        blur: standard deviation of the lens's blur, pixels.
+        noise: standard deviation of the sensor's noise, grey levels.
+        seed: of the noise.
+
+    """
+    level = _DARK_LEVEL + light * exposure * (_WHITE_LEVEL - _DARK_LEVEL)
+    if blur > 0:
+        level = np.asarray(cv2.GaussianBlur(level, (0, 0), blur), float)
+    level = bloomed(level)
+    if noise > 0:
+        level += np.random.default_rng(seed).normal(0.0, noise, level.shape)
+    return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+
+
+def bloomed(level: FloatArray) -> FloatArray:
+    """Grey levels (height, width) of a sensor whose pixels overflow into their neighbours.
+
+    What a pixel has above 255 goes to the pixels around it, less and less by exp(-distance/0.8 px),
+    the same on all sides. A straight edge between white and dark moves into the dark by as much as
+    the logarithm of the overflow, so that dark squares that meet at a corner come apart by a gap
+    whose middle is the corner still. Where nothing is above 255 nothing changes.
+    """
+    over = level - _FULL
+    if not (over > 0).any():
+        return level
+    reach = np.arange(-_SPILL_REACH_PX, _SPILL_REACH_PX + 1.0)
+    spill = np.exp(-np.hypot(reach[:, None], reach) / _SPILL_PX)
+    spill /= spill.sum()
+    received = cv2.filter2D(np.maximum(over, 0), -1, spill, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(np.minimum(level, _FULL) + received, float)
+
+
+def room_background(directions: FloatArray) -> FloatArray:
+    """A plain room far away: world directions (N, 3) -> brightness (N,), smooth on each wall."""
+    size = np.abs(directions)
+    wall = np.argmax(size, axis=1)
+    positive = np.take_along_axis(directions, wall[:, None], axis=1)[:, 0] > 0
+    level = np.array([[0.30, 0.36], [0.33, 0.40], [0.22, 0.50]])[wall, positive.astype(int)]
+    nearness = np.take_along_axis(size, wall[:, None], axis=1)[:, 0]
+    slope = 0.08 * directions @ np.array([0.5, -0.4, 0.76])
+    return level * (0.7 + 0.3 * nearness) + slope
+
+
+def render(
+    target: Target,
+    lens_unproject: Unproject,
+    camera_from_world: Pose,
+    image_size: tuple[int, int],
+    *,
+    supersample: int = 4,
+    noise: float = 2.0,
+    blur: float = 0.5,
+    vignetting: float = 0.4,
+    exposure: float = 1.0,
+    light_from: npt.ArrayLike = _LIGHT,
+    background: Background = room_background,
+    edges_only: bool = False,
+    seed: int | Sequence[int] = 0,
+    ray_starts: Starts | None = None,
+) -> npt.NDArray[np.uint8]:
+    """Render a grey photo of the target -> (height, width) uint8.
+
+    Each pixel is the mean of ``supersample``² rays over its area, so a printed edge lies
+    exactly where the lens puts it. Memory is bounded: rows are done in blocks.
+
+    Args:
+        target: the calibration target; boards that are seen from behind are plain grey.
+        lens_unproject: pixels (N, 2) -> rays in the camera frame (N, 3), NaN outside the
+            lens's field, which stays black.
+        camera_from_world: rotation vector and translation.
+        image_size: (width, height).
+        supersample: sub-samples per pixel along x and along y.
+        noise: standard deviation of the sensor's noise, grey levels.
+        blur: standard deviation of the lens's blur, pixels.
+        vignetting: share of the light that is lost at 90° from the axis.
+        exposure: 1 is a well-lit photo, 0.2 a dark one; above 1.15 paper is burnt out and bleeds
+            into dark squares, see :func:`cubicfish_cli.extensions.simulation.simulate.bloomed`.
+        light_from: (3,) unit world direction in which the lamp is; shadows are not cast.
+        background: world directions (N, 3) -> brightness (N,) where no board is.
+        edges_only: sub-sample only the pixels beside which something else is seen, several times
+            faster. Elsewhere a pixel is one ray, so that seams of the background stay hard.
+        seed: of the noise; the same arguments give the same photo.
+        ray_starts: for a lens that is not central: rays (N, 3) -> where on its axis each starts,
+            z (N,) in the target's units. What is seen of the background does not depend on it.
+
+    Raises:
+        TargetError: a board of a kind that cannot be drawn.
+
+    """
+    seen = plates(target, camera_from_world)
+    lamp = np.asarray(light_from, float)
+    world_from_camera = rotation_matrix(camera_from_world[0]).T
+
+    def light_of(pixel: FloatArray) -> tuple[FloatArray, IntArray]:
+        rays = lens_unproject(pixel)
+        light, shown = np.zeros(len(rays)), np.full(len(rays), _BLACK)
+        lit = ~np.isnan(rays).any(axis=1)
+        light[lit], shown[lit] = _light(
+            rays[lit], seen, world_from_camera, background, vignetting, lamp, ray_starts
+        )
+        return light, shown
+
+    if edges_only:
+        photo, shown = _sampled(light_of, image_size, 1)
+        _smooth_edges(photo, shown, light_of, supersample)
+    else:
+        photo, _ = _sampled(light_of, image_size, supersample)
+    return sensed(photo, exposure=exposure, blur=blur, noise=noise, seed=seed)
+
+
+def _sampled(
+    light_of: Callable[[FloatArray], tuple[FloatArray, IntArray]],
+    image_size: tuple[int, int],
+    supersample: int,
+) -> tuple[FloatArray, IntArray]:
+    """Light and, with one ray per pixel, what is shown: (height, width) each, in blocks of rows."""
+    width, height = image_size
+    offset = _offsets(supersample)
+    x = (np.arange(width)[:, None] + offset).ravel()
+    photo = np.empty((height, width))
+    shown = np.full((height, width), _NOTHING)
+    rows_per_block = max(1, _RAYS_PER_BLOCK // (len(x) * supersample))
+    for top in range(0, height, rows_per_block):
+        rows = np.arange(top, min(height, top + rows_per_block))
+        y = (rows[:, None] + offset).ravel()
+        pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
+        light, here = light_of(pixel)
+        photo[rows] = light.reshape(len(rows), supersample, width, supersample).mean(axis=(1, 3))
+        if supersample == 1:
+            shown[rows] = here.reshape(len(rows), width)
+    return photo, shown
+
+
+def _smooth_edges(
+    photo: FloatArray,
+    shown: IntArray,
+    light_of: Callable[[FloatArray], tuple[FloatArray, IntArray]],
+    supersample: int,
+) -> None:
+    """Sub-sample, in place, the pixels that have a neighbour which shows something else."""
+    framed = np.pad(shown, 1, mode="edge")
+    height, width = shown.shape
+    edge = np.zeros(shown.shape, bool)
+    for down in range(3):
+        for right in range(3):
+            edge |= framed[down : down + height, right : right + width] != shown
+    row, column = np.nonzero(edge)
+    offset = _offsets(supersample)
+    within = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
+    pixels_per_block = max(1, _RAYS_PER_BLOCK // len(within))
+    for first in range(0, len(row), pixels_per_block):
+        block = slice(first, first + pixels_per_block)
+        middle = np.stack([column[block], row[block]], axis=-1)
+        light, _ = light_of((middle[:, None] + within).reshape(-1, 2))
+        photo[row[block], column[block]] = light.reshape(-1, len(within)).mean(axis=1)
+
+
+def _offsets(supersample: int) -> FloatArray:
+    """Where the rays of a pixel are, along either axis, relative to its middle."""
+    return (np.arange(supersample) + 0.5) / supersample - 0.5
+
+
+def _light(
+    rays: FloatArray,
+    seen: list[Plate],
+    world_from_camera: FloatArray,
+    background: Background,
+    vignetting: float,
+    lamp: FloatArray,
+    ray_starts: Starts | None,
+) -> tuple[FloatArray, IntArray]:
+    """Light of rays (N, 3) -> (N,), and a number for what each shows (N,)."""
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    index, _, position = nearest(seen, rays, None if ray_starts is None else ray_starts(rays))
+    light, shown = np.empty(len(rays)), 2 * index
+    light[index < 0] = background(rays[index < 0] @ world_from_camera.T)
+    for i, plate in enumerate(seen):
+        here = index == i
+        outward = -(plate.board_from_camera @ world_from_camera.T)[2]
+        if plate.faces_camera:
+            dark = plate.face.is_dark(position[here])
+            thrown = np.where(dark, INK, PAPER)
+            shown[here] += dark
+        else:
+            thrown, outward = np.full(int(here.sum()), _BACK), -outward
+        light[here] = thrown * (AMBIENT + (1 - AMBIENT) * max(0.0, float(outward @ lamp)))
+    light *= vignette(angle_from_axis(rays), vignetting)
+    return light, np.where(index < 0, _NOTHING, shown)
+
+
+def vignette(angle: FloatArray, vignetting: float) -> FloatArray:
+    """The share of the light that arrives at angles from the axis (...,), radians."""
+    return np.asarray(1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2))

@@ -1,0 +1,147 @@
+"""Worker processes, wherever temporary files are."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+
+import pytest
+
+from cubicfish_cli.app.executors.pool import map_photos
+from cubicfish_cli.core.errors import DetectionError, PhotoError
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("letters", [0, 90])
+def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
+    tmp_path: Path, letters: int
+) -> None:
+    """A socket's name is at most a hundred letters long, and a job's folder may be longer."""
+    folder = tmp_path / ("x" * letters)
+    folder.mkdir(exist_ok=True)
+    work = "from cubicfish_cli.app.executors.pool import map_photos; print(*map_photos(abs, [-1, 2], 2))"
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", work],
+        env={**os.environ, "TMPDIR": str(folder)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.stdout.strip(), done.stderr) == ("1 2", "")
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs Linux's /proc")
+def test_the_server_of_workers_holds_interrupts_back_while_it_loads() -> None:
+    """Ctrl-C goes to the server too, and would end it with a traceback of its imports."""
+    work = (
+        "import signal\n"
+        "from multiprocessing import forkserver\n"
+        "from pathlib import Path\n"
+        "from cubicfish_cli.app.executors.pool import _context\n"
+        "_context()\n"
+        "for process in (forkserver._forkserver._forkserver_pid, 'self'):\n"
+        "    lines = Path(f'/proc/{process}/status').read_text().splitlines()\n"
+        "    (blocked,) = [line.split()[1] for line in lines if line.startswith('SigBlk')]\n"
+        "    print(int(blocked, 16) >> (signal.SIGINT - 1) & 1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", work], capture_output=True, text=True, check=False,
+        env={**os.environ, "TMPDIR": "/tmp"},  # a name short enough for a server's socket
+    )  # fmt: skip
+    assert (done.stdout.split(), done.stderr) == (["1", "0"], "")
+
+
+def dies(fate: str) -> str:
+    if fate == "dies":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fate
+
+
+def refuses(name: str) -> str:
+    if name == "bad":
+        raise PhotoError("bad is no photo")
+    if name == "odd":
+        raise KeyError("odd")
+    return name
+
+
+def cannot_travel(name: str) -> Callable[[], str]:
+    return lambda: name
+
+
+def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | list[object]:
+    """What becomes of the work, by two processes; that it ends at all."""
+    outcomes: list[BaseException | list[object]] = []
+
+    def run() -> None:
+        try:
+            outcomes.append(list(map_photos(work, items, 2)))
+        except BaseException as problem:
+            outcomes.append(problem)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(120)
+    assert outcomes, "it hangs"
+    assert multiprocessing.active_children() == []
+    return outcomes[0]
+
+
+@pytest.mark.slow
+def test_a_request_to_end_waits_until_a_process_has_started(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else the server of workers is asked for one by half, and prints what it thinks of it."""
+    started = []
+    start = ForkServerProcess.start
+
+    def interrupted(process: ForkServerProcess) -> None:
+        signal.raise_signal(signal.SIGINT)
+        start(process)
+        started.append(process)
+
+    monkeypatch.setattr(ForkServerProcess, "start", interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        list(map_photos(abs, [-1, 2], 2))
+    assert len(started) == 2
+    assert not any(process.is_alive() for process in started)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.slow
+def test_answers_come_in_order() -> None:
+    assert outcome(refuses, list("abcdefgh")) == list("abcdefgh")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [0, 3])
+def test_a_process_that_is_killed_is_an_error_and_no_hang(place: int) -> None:
+    items = list("abcd")
+    items[place] = "dies"
+    problem = outcome(dies, items)
+    assert isinstance(problem, DetectionError)
+    assert "ended from outside" in str(problem)
+
+
+@pytest.mark.slow
+def test_what_the_work_raises_is_raised() -> None:
+    problem = outcome(refuses, ["a", "bad", "c"])
+    assert isinstance(problem, PhotoError)
+    assert str(problem) == "bad is no photo"
+    problem = outcome(refuses, ["a", "odd", "c"])
+    assert isinstance(problem, KeyError)
+    assert "in refuses" in str(problem.__cause__)  # of that process: --debug shows it
+    assert "local object" in str(outcome(cannot_travel, ["a", "b"]))
+
+
+@pytest.mark.slow
+def test_leaving_early_ends_the_processes() -> None:
+    answers = map_photos(refuses, list("abcdefgh"), 2)
+    assert next(answers) == "a"
+    answers.close()
+    assert multiprocessing.active_children() == []

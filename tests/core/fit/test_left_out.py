@@ -1,0 +1,248 @@
+"""Photos left out by one step, against fits anew; and what they say of how P is held."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic
+from lenses import radial_camera
+from scipy.stats import binom
+
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.folds import photo_folds
+from cubicfish_cli.core.fit.held_out import held_out_error
+from cubicfish_cli.core.fit.left_out import _DAMPING, LeaveOneOut
+from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.prior_choice import (
+    EXPECTED,
+    _likeliest,
+    _place_of,
+    _prior_at,
+    choose_prior,
+)
+from cubicfish_cli.core.fit.radial_reference import fit_radial
+from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
+from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.subset import select_photos, world_scale
+
+PRIOR = PriorChoice(spread=1e-3, weight=1.0)
+FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
+
+
+@pytest.fixture(scope="module")
+def target():
+    return synthetic.box_of_four()
+
+
+@pytest.fixture(scope="module")
+def reference(target):
+    poses = synthetic.poses_around(target, 8, seed=5, distance=(0.3, 0.6))
+    pairs = synthetic.synthetic_correspondences(target, poses, noise=0.2, seed=6)
+    return fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+
+
+@pytest.fixture(scope="module", params=["off", "shape", "points"])
+def held(request, reference, target):
+    """The level of the target's refinement, and a fit at it."""
+    level, world = request.param, None
+    if level != "off":
+        spread = 2e-3 if level == "points" else None
+        world = DeformableTarget.from_nominal(
+            reference.pairs, target, noise=0.2, offset_spread=spread
+        )
+    return level, fit_cubic(reference, PRIOR, world=world, relative_decrease=1e-4)
+
+
+def anew(fit, pairs, image_size, photos):
+    """Residuals of photos under a fit to the others that is followed to its end."""
+    train = np.setdiff1d(np.arange(len(pairs.images)), photos)
+    rows = np.flatnonzero(~np.isin(pairs.image, photos))
+    limit = huber_px(fit.residual)
+    trained = adjust(
+        fit.lens,
+        fit.poses[train],
+        select_photos(pairs, train),
+        huber_px=limit,
+        world=fit.world.select(rows),
+    )
+    own = select_photos(pairs, photos)
+    if fit.world.free:
+        points = fit.world.like(trained.world).points
+        own = replace(own, world=points[np.isin(pairs.image, photos)])
+    return adjust(FixedLens(camera=trained.lens), fit.poses[photos], own, huber_px=limit).residual
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["off", "shape", "points"])
+def test_one_step_is_nearly_a_fit_anew(reference, target, level):
+    pairs, world = reference.pairs, None
+    if level != "off":
+        world = DeformableTarget.from_nominal(
+            pairs,
+            target,
+            noise=0.2,
+            offset_spread=2e-3 if level == "points" else None,
+            scale=float(np.ptp(target.corners()[3]) / np.ptp(pairs.world)),
+        )
+    fit = fit_cubic(reference, PRIOR, world=world).fit
+    limit = huber_px(fit.residual)
+    found = dict(LeaveOneOut(fit, pairs, limit, FOLDS).residuals())
+    assert found.keys() == set(range(8))
+    for photos in FOLDS:
+        wanted = anew(fit, pairs, pairs.image_size, photos)
+        own = np.isin(pairs.image, photos)
+        residual = np.vstack([found[photo][:, :, 0] for photo in photos])
+        assert residual.shape == wanted.shape
+        # What a photo left out adds to its own residuals is what must be right.
+        added = np.sqrt(np.mean(np.square(wanted - fit.residual[own])))
+        assert rms_px(residual - wanted) < 0.25 * added + 1e-3
+        assert rms_px(residual) == pytest.approx(rms_px(wanted), rel=0.02)
+
+
+def test_all_holds_at_once_are_as_one_by_one(reference, held):
+    """Both ways to eliminate, and every prior as its lens itself has it."""
+    _, result = held
+    leave_one_out = LeaveOneOut(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
+    weights = np.array([10.0, 1.0, 0.01])
+    for spread in (0.0, 1e-3, 1e-2):
+        bent, _ = reference.bent(spread)
+        priors = result.lens.held_to(bent).priors(weights)
+        together = dict(leave_one_out.residuals(priors))
+        for place, weight in enumerate(weights):
+            lens = result.lens.held_to(bent, weight)
+            own = lens.prior()
+            if weight == PRIOR.weight:
+                np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
+            alone = dict(leave_one_out.residuals(own[None]))
+            for photo, residual in alone.items():
+                left = together[photo][:, :, [place]]
+                assert rms_px(left[..., 0]) == pytest.approx(rms_px(residual[..., 0]), rel=2e-3)
+
+
+def test_what_is_known_of_all_photos_saves_work_and_changes_nothing(reference, held):
+    """Whichever family of blocks is eliminated."""
+    level, result = held
+    fit = result.fit
+    leave_one_out = LeaveOneOut(fit, reference.pairs, huber_px(fit.residual), FOLDS)
+    kept = set()
+    for group, put_in, steps in zip(
+        FOLDS, leave_one_out._put_in, leave_one_out.steps(), strict=True
+    ):
+        anew = fit.normal.without(group, put_in).eliminated(_DAMPING)
+        kept.add(anew.keeps_poses)
+        for step, wanted in zip(steps, anew.solve(), strict=True):
+            np.testing.assert_allclose(step, wanted, atol=1e-6 * np.abs(wanted).max(initial=0))
+    assert kept == {level == "points"}
+
+
+@pytest.mark.parametrize("turned", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("times", [1e2, 1e5])
+def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(reference, times, turned):
+    """A few photos in the middle of a narrow lens may ask for any."""
+    prior = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.01), relative_decrease=1e-4)
+    prior = prior.lens.ray_prior
+    seen, _ = prior.lens.seen(prior.still)
+    bent = np.stack([np.cos(turned * prior.still.theta**2), np.sin(7 * prior.still.theta)], -1)
+    nearest, _ = prior.nearest(seen + times * bent)
+    assert np.isfinite(nearest.values).all()
+    assert np.isfinite(nearest.seen(prior.still)[0]).all()
+
+
+def test_another_prior_steps_as_the_equations_with_it_do(reference):
+    result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
+    normal = result.fit.normal
+    other = result.lens.held_to(reference.bent(1e-2)[0], 0.1)
+    change = other.prior() - result.lens.prior()
+    changed = replace(
+        normal,
+        shared=normal.shared + change[:-1, :-1],
+        shared_gradient=normal.shared_gradient + change[:-1, -1],
+    )
+    leave_one_out = LeaveOneOut(result.fit, reference.pairs, huber_px(result.residual), FOLDS)
+    step = changed.solve(1e-9)[0]
+    np.testing.assert_allclose(
+        leave_one_out.held_as([other])[0], step, atol=1e-3 * np.abs(step).max()
+    )
+
+
+@pytest.mark.slow
+def test_photos_left_out_see_asymmetry_that_is_there(target):
+    """Decentring of a hundredth is found in the photos; a symmetric lens is held to symmetry."""
+    poses = synthetic.poses_around(target, 8, seed=7, distance=(0.3, 0.6))
+    found = []
+    for decentred in (False, True):
+        pairs = synthetic.synthetic_correspondences(
+            target, poses, lens=radial_camera(), noise=0.1, seed=8
+        )
+        if decentred:
+            away = (pairs.pixel - np.array(pairs.image_size) / 2) / 300
+            square = np.sum(away**2, axis=1)
+            shift = np.stack([square + 2 * away[:, 0] ** 2, 2 * away[:, 0] * away[:, 1]], axis=1)
+            pairs = replace(pairs, pixel=pairs.pixel + 2.0 * shift)
+        reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
+        found.append(choose_prior(reference, FOLDS).prior)
+    assert found[0].spread <= 1e-4
+    assert found[1].spread > found[0].spread or found[1].weight < 0.1 * found[0].weight
+
+
+def test_one_photo_does_not_choose_the_hold():
+    """By the sum of squares it would, being as far off as all others together."""
+    middle, other = _place_of(EXPECTED), (3, 7)
+    squares = {middle: np.array([*[1.0] * 10, 100.0]), other: np.array([*[1.3] * 10, 20.0])}
+    assert squares[other].sum() < squares[middle].sum()
+    assert _likeliest(squares)[0] == middle
+
+
+def test_what_many_photos_say_outweighs_what_is_expected():
+    middle, other = _place_of(EXPECTED), (3, 4)  # a distance of √8 standard deviations
+    squares = {middle: np.full(3, 1.5), other: np.ones(3)}
+    # Bayes: three times the likelihood of a photo, against exp(-8 / 2) of the expectation.
+    assert _likeliest(squares)[0] == middle
+    assert _likeliest({middle: np.full(12, 1.5), other: np.ones(12)})[0] == other
+
+
+def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
+    middle, other = _place_of(EXPECTED), (2, 2)
+    alike = {middle: np.full(10, 1.0), other: np.full(10, 1.04)}
+    assert _likeliest(alike) == (middle, ())  # by little, but by all photos
+    # Half of the photos are for the one, half for the other, which is expected less.
+    split = np.where(np.arange(10) % 2, 1.5, 1 / 1.5)
+    chosen, (runner_up,) = _likeliest({middle: split, other: 1 / split})
+    assert (chosen, runner_up.prior) == (middle, _prior_at(other))
+    # Of ten tosses six or more: each counts 2 log 1.5 either way, and the expectation 1 / 2.
+    tosses = binom.sf(5, 10, 0.5)
+    assert runner_up.likely == pytest.approx(tosses, abs=0.05)
+
+
+def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
+    assert choose_prior(reference, []).prior == EXPECTED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["off", "points"])
+def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, level):
+    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
+    if level == "points":
+        scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
+        nominal = NominalTarget(target=target, pairs=reference.pairs, scale=scale)
+        fit = refine_object(fit, nominal, level, FOLDS)
+    found = held_out_error(fit)
+    parts = photo_folds(fit.cubic.poses, reference.pairs, reference.camera.fx)
+    pairs = fit.reference.pairs
+    expected = [anew(fit.cubic.fit, pairs, pairs.image_size, part) for part in parts]
+    assert found.folds == len(parts) == 5
+    assert found.rms_px == pytest.approx(rms_px(np.vstack(expected)), rel=2e-3)
+
+
+def test_folds_whose_first_order_leads_astray_start_from_the_whole_fit(reference, monkeypatch):
+    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
+    expected, steps = held_out_error(fit).rms_px, LeaveOneOut.steps
+
+    def astray(leave_one_out):
+        return [(np.full_like(shared, -1e4), *rest) for shared, *rest in steps(leave_one_out)]
+
+    monkeypatch.setattr(LeaveOneOut, "steps", astray)
+    assert held_out_error(fit).rms_px == pytest.approx(expected, rel=1e-3)

@@ -1,0 +1,49 @@
+"""The cubic nearest to a radial lens."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cubicfish_cli.core.fit.lenses import CubicFit
+from cubicfish_cli.core.fit.nearest_cubic import nearest_cubic
+from cubicfish_cli.core.lenses.cubic import check_validity
+from cubicfish_cli.core.lenses.radial import RadialCamera
+
+
+def radial(focal, *k):
+    return RadialCamera.from_parameters([focal, 1.002 * focal, 329, 243, *k], (640, 480))
+
+
+# (lens, half-angle of the corners in degrees, how near a cubic comes at least, pixels)
+CAMERAS = {
+    # Of a real narrow camera's kind: beyond its corners its profile is wild.
+    "narrow": (radial(600.0, 0.32, 1.9, -9.7, 15.0), 29.8, 0.015),
+    "half a turn": (radial(220.0, -0.02, 0.004, -0.002, 0.0002), 90.0, 0.003),
+    "pinhole": (radial(800.0, 1 / 3, 2 / 15, 17 / 315, 62 / 2835), 20.0, 0.003),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_it_is_nearer_than_the_linear_solution(name):
+    camera, half_deg, bound = CAMERAS[name]
+    found = nearest_cubic(camera, (0.0, np.radians(half_deg)))
+    assert found.rms_px < bound
+    assert check_validity(found.lens.P, half_deg + 5).valid
+    among = found.rays[found.within]
+    miss = found.lens.far(among) - camera.project(among)
+    np.testing.assert_allclose(miss, found.miss[found.within], atol=1e-9)
+    linear = CubicFit.linear(found.rays, camera.project(found.rays), camera, denominator_pull=1e-4)
+    beside = linear.far(among) - camera.project(among)
+    assert found.rms_px <= np.sqrt(np.square(beside).sum(axis=1).mean())
+
+
+def test_p_keeps_its_pixels_in_another_normalisation():
+    camera, half_deg, _ = CAMERAS["narrow"]
+    lens = nearest_cubic(camera, (0.0, np.radians(half_deg))).lens
+    other = nearest_cubic(replace(camera, fx=580.0, cx=300.0), (0.0, np.radians(25)))
+    moved = other.lens.with_pixels_of(lens, other.rays)
+    np.testing.assert_allclose(moved.far(other.rays), lens.far(other.rays), atol=1e-9)
+    # The scale is free no more: parameters go round.
+    again = moved.with_parameters(moved.parameters)
+    np.testing.assert_allclose(again.coefficients, moved.coefficients, atol=1e-12)

@@ -1,0 +1,52 @@
+"""What a fit tells of how far it is."""
+
+import numpy as np
+import pytest
+from running import SAMPLE
+
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.stages import Stages
+from cubicfish_cli.core.fit.subset import select_photos
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.target import load_target
+
+
+def told(**options: object) -> list[tuple[str, float]]:
+    target = load_target(SAMPLE / "target.yaml")
+    pairs = load_corners(SAMPLE / "true_corners.csv", target)
+    few = select_photos(pairs, np.arange(4))
+    said: list[tuple[str, float]] = []
+    calibrate(few, target=target, progress=lambda *one: said.append(one), **options)  # type: ignore[arg-type]
+    return said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "last", "some"),
+    [
+        ({"hold_out": False}, "what may be wrong", "the cubic camera"),
+        ({"refine_target": "off"}, "what may be wrong", "held-out photos (4 of 4)"),
+        ({}, "what may be wrong", "boards' shapes, held-out photos (3 of 4)"),
+    ],
+)
+def test_a_fit_tells_its_stages_in_order(options: dict[str, object], last: str, some: str) -> None:
+    said = told(**options)
+    words, shares = zip(*said, strict=True)
+    assert words[0] == "poses and a radial lens"
+    assert words[-1] == last
+    assert some in words
+    assert shares[0] == 0
+    assert list(shares) == sorted(shares)
+    assert 0.5 < shares[-1] < 1
+    assert len(set(words)) == len(words)
+
+
+def test_what_comes_again_does_not_go_back() -> None:
+    said: list[tuple[str, float]] = []
+    stages = Stages(lambda *one: said.append(one), refined=False, hold_out=True)
+    for stage in ("start", "checks", "held out", "shape"):
+        stages.begin(stage, 1, 5)  # type: ignore[arg-type]
+    shares = [share for _, share in said]
+    assert shares == sorted(shares)
+    assert said[2][0] == "held-out photos (2 of 5)"
+    Stages(None, refined=False, hold_out=False).begin("start")

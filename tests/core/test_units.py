@@ -1,0 +1,40 @@
+"""Lengths as people write and read them."""
+
+import pytest
+
+from cubicfish_cli.core.units import length_words, round_down, round_up, two_digits
+
+
+@pytest.mark.parametrize(
+    ("length", "units", "words"),
+    [
+        (403, "mm", "40 cm"), (0.31, "m", "31 cm"), (2340, "mm", "2.3 m"), (7, "mm", "7.0 mm"),
+        (1110, "millimetres", "1.1 m"), (0.31, "inch", "0.31 inch"), (12.4, "side", "12 side"),
+        (0, "mm", "0 mm"), (1110, "", "1100"),
+    ],
+)  # fmt: skip
+def test_a_length_has_two_digits_in_a_unit_that_suits_it(length, units, words):
+    assert length_words(length, units) == words
+
+
+def test_two_digits_are_never_a_power_of_ten():
+    assert [two_digits(value) for value in (1234, 5.076, 0.0517, 0)] == [
+        "1200",
+        "5.1",
+        "0.052",
+        "0",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("value", "up"), [(0.3, 0.5), (0.5, 0.5), (0.51, 1), (1, 1), (1.2, 2), (77, 100), (0, 1e-6)]
+)
+def test_scales_end_at_round_numbers(value, up):
+    assert round_up(value) == pytest.approx(up)
+
+
+@pytest.mark.parametrize(
+    ("value", "down"), [(7.0, 5.0), (1.9, 1.0), (0.02, 0.02), (1e-13, 1e-12), (0.0, 1e-12)]
+)
+def test_lengths_of_bars_are_round_also_where_cameras_stand_in_one_place(value, down):
+    assert round_down(value) == pytest.approx(down)

@@ -1,0 +1,151 @@
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import TRUE_LENS
+
+from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.projections import PerspectiveView
+from cubicfish_cli.core.views.view import rotation_from_angles
+
+
+def angle_deg(a, b):
+    return math.degrees(math.acos(a @ b / np.linalg.norm(a) / np.linalg.norm(b)))
+
+
+def test_the_field_is_from_edge_to_edge():
+    view = PerspectiveView.with_field(100, (640, 480))
+    # Half a pixel beyond the outer pixels' centres.
+    left, right = view.rays([[-0.5, 239.5], [639.5, 239.5]])
+    assert angle_deg(left, right) == pytest.approx(100)
+    assert left[0] < 0 < right[0]
+    assert view.hfov_deg == pytest.approx(100)
+    np.testing.assert_allclose(view.rays([319.5, 239.5]), [0, 0, 1])
+
+
+def test_the_pinhole_matrix_projects_the_views_rays():
+    view = PerspectiveView(size=(64, 48), focal=30.0)
+    pixel = np.array([[3.0, 4.0], [60.0, 44.0]])
+    homogeneous = view.rays(pixel) * [7.0] @ view.camera_matrix.T
+    np.testing.assert_allclose(homogeneous[:, :2] / homogeneous[:, 2:], pixel)
+
+
+def test_columns_and_rows_are_the_rays_of_the_pixels():
+    view = PerspectiveView(size=(5, 3), focal=2.0)
+    x, y = view.slopes()
+    rays = view.view_rays(np.stack(np.meshgrid(np.arange(5), np.arange(3)), axis=-1))
+    np.testing.assert_allclose(rays[..., 0], np.broadcast_to(x, (3, 5)))
+    np.testing.assert_allclose(rays[..., 1], np.broadcast_to(y[:, None], (3, 5)))
+
+
+@pytest.mark.parametrize(
+    ("angles", "forward", "right"),
+    [
+        ({"yaw_deg": 90}, [1, 0, 0], [0, 0, -1]),
+        ({"pitch_deg": 90}, [0, -1, 0], [1, 0, 0]),
+        ({"roll_deg": 90}, [0, 0, 1], [0, 1, 0]),
+        ({"yaw_deg": 90, "roll_deg": 90}, [1, 0, 0], [0, 1, 0]),
+        ({"yaw_deg": 90, "pitch_deg": 90}, [0, -1, 0], [0, 0, -1]),
+    ],
+)
+def test_views_turn_right_up_and_clockwise(angles, forward, right):
+    # Camera frame: x right, y down, z forward.
+    turn = PerspectiveView(size=(3, 3), focal=1.0, rotation=rotation_from_angles(**angles))
+    np.testing.assert_allclose(turn.rays([1, 1]), forward, atol=1e-12)
+    np.testing.assert_allclose(turn.camera_from_view[:, 0], right, atol=1e-12)
+
+
+def test_default_view_keeps_the_scale_on_the_axis():
+    lens = replace(TRUE_LENS, image_size=(600, 500))
+    view = build_view(lens)
+    assert view.size == lens.image_size
+    assert view.rotation == (0, 0, 0)
+    near = np.array([[0, 0, 1.0], [0.01, 0, 1]])
+    true = np.linalg.norm(np.diff(lens.project(near), axis=0))
+    assert view.focal * 0.01 == pytest.approx(true, rel=5e-3)
+    assert view.focal == pytest.approx(math.sqrt(lens.fx * lens.fy), rel=2e-3)
+
+
+@pytest.mark.parametrize("size", [(960, 720), (720, 960)])
+def test_default_view_is_at_most_120_degrees_wide(size):
+    view = build_view(replace(TRUE_LENS, image_size=size))
+    longer = PerspectiveView(size=(960, 1), focal=view.focal)
+    assert longer.hfov_deg == pytest.approx(120)
+
+
+def test_default_view_stays_in_a_narrow_cameras_field():
+    narrow = replace(TRUE_LENS, image_size=(600, 500), max_angle_deg=40.0)
+    assert build_view(narrow).hfov_deg == pytest.approx(80)
+
+
+def test_default_view_needs_a_sound_axis():
+    class Blind:
+        image_size = (10, 10)
+        max_angle_deg = 90.0
+
+        def project(self, points):
+            return np.full((*np.shape(points)[:-1], 2), np.nan)
+
+    class Mirrored(Blind):
+        def project(self, points):
+            return TRUE_LENS.project(np.asarray(points) * [-1, 1, 1])
+
+    for camera in (Blind(), Mirrored()):
+        with pytest.raises(ViewError, match="no sound scale"):
+            build_view(camera)
+
+
+@given(
+    st.tuples(st.integers(1, 32_766), st.integers(1, 32_766)),
+    st.floats(1e-3, 1e9),
+    st.tuples(*[st.floats(-10, 10)] * 3),
+)
+def test_json_has_all_of_the_view(size, focal, rotation):
+    view = PerspectiveView(size=size, focal=focal, rotation=rotation)
+    text = view.to_json()
+    assert json.loads(text) == {
+        "kind": "perspective",
+        "size": list(size),
+        "focal": focal,
+        "rotation": list(rotation),
+    }
+
+
+GOOD = {"size": (4, 3), "focal": 2.0, "rotation": (0, 0, 0)}
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"size": (4,)}, "size must be two whole numbers"),
+        ({"size": (4, 3.5)}, "size must be two whole numbers"),
+        ({"size": (0, 3)}, "size must be two whole numbers"),
+        ({"size": (True, 3)}, "size must be two whole numbers"),
+        ({"size": (40_000, 3)}, "size must be two whole numbers"),
+        ({"size": "43"}, "size must be two whole numbers"),
+        ({"rotation": None}, "three finite numbers"),
+        ({"rotation": (0, 0)}, "three finite numbers"),
+        ({"rotation": (0, 0, float("nan"))}, "three finite numbers"),
+        ({"rotation": (0, 0, "0")}, "three finite numbers"),
+        ({"focal": 0}, "focal length must be positive"),
+        ({"focal": float("inf")}, "focal length must be positive"),
+        ({"focal": 10**400}, "focal length must be positive"),
+        ({"focal": [2.0]}, "focal length must be positive"),
+    ],
+)
+def test_what_is_no_view_is_refused_in_one_line(change, says):
+    with pytest.raises(ViewError, match=says) as caught:
+        PerspectiveView(**(GOOD | change))
+    assert "\n" not in str(caught.value)
+
+
+def test_sizes_and_angles_from_code_are_checked_too():
+    with pytest.raises(ViewError, match="whole numbers"):
+        PerspectiveView.with_field(90, (4, 3, 2))
+    with pytest.raises(ViewError, match="finite numbers of degrees"):
+        rotation_from_angles(yaw_deg=math.nan)

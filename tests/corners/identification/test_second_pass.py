@@ -1,0 +1,133 @@
+"""The second pass adds corners that the photos show and the first pass missed, and no others."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import as_type
+
+from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.photos import find_photos
+from cubicfish_cli.core.io.observations_csv import load_corners
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import load_target
+from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
+from cubicfish_cli.corners.identification.second_pass import second_pass
+
+SAMPLE = Path(__file__).parents[3] / "sample_data"
+TARGET = load_target(SAMPLE / "target.yaml")
+PHOTOS = find_photos([SAMPLE / "photos"])[:4]
+
+
+def truth() -> Observations:
+    corners = load_corners(SAMPLE / "true_corners.csv", TARGET)
+    names = [photo.name for photo in PHOTOS]
+    return subset(corners, np.isin(np.array(corners.images)[corners.image], names))
+
+
+def subset(corners: Observations, keep) -> Observations:
+    return corners.select(keep).only_seen()[0]
+
+
+def first_pass(corners: Observations, *, exact: bool = True) -> Detection:
+    counts = np.bincount(corners.image, minlength=len(corners.images))
+    by_name = dict(zip(corners.images, counts.tolist(), strict=True))
+    return Detection(
+        corners=corners,
+        photos=tuple(
+            PhotoReport(name=photo.name, corners=by_name.get(photo.name, 0), exact=exact)
+            for photo in PHOTOS
+        ),
+    )
+
+
+def keys(corners: Observations):
+    return {
+        (corners.images[i], b, c, r): tuple(p)
+        for i, b, c, r, p in zip(
+            corners.image.tolist(),
+            corners.board.tolist(),
+            corners.column.tolist(),
+            corners.row.tolist(),
+            corners.pixel.tolist(),
+            strict=True,
+        )
+    }
+
+
+@pytest.fixture(scope="module")
+def thinned():
+    """Two thirds of the corners, as a first pass might have them."""
+    corners = truth()
+    return subset(corners, np.random.default_rng(0).random(len(corners.pixel)) < 0.67)
+
+
+@pytest.mark.slow
+def test_missed_corners_are_added_where_they_are(thinned):
+    true = keys(truth())
+    detection = second_pass(PHOTOS, first_pass(thinned), TARGET, Work(jobs=1))
+    found, had = keys(detection.corners), keys(thinned)
+    assert {name: found[name] for name in had} == had
+    added = {name: pixel for name, pixel in found.items() if name not in had}
+    missing = true.keys() - had.keys()
+    assert len(added.keys() & missing) > 0.97 * len(missing)
+    miss = [np.subtract(added[name], true[name]) for name in added.keys() & missing]
+    assert np.sqrt(np.mean(np.sum(np.square(miss), axis=1))) < 0.05
+    assert sum(photo.added for photo in detection.photos) == len(added)
+    assert sum(photo.corners for photo in detection.photos) == len(found)
+    assert (np.diff(detection.corners.image) >= 0).all()
+
+
+@pytest.mark.slow
+def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
+    without = subset(thinned, (thinned.image != 0) | (thinned.board != 2))
+    detection = second_pass(PHOTOS, first_pass(without), TARGET, Work(jobs=1))
+    report = next(one for one in detection.photos if one.name == without.images[0])
+    assert report.boards == TARGET.board_names
+
+
+@pytest.mark.slow
+def test_nothing_is_added_that_no_photo_shows(thinned):
+    """What is added beyond the list of true corners lies at the rim of what can be seen."""
+    detection = second_pass(PHOTOS, first_pass(truth()), TARGET, Work(jobs=1))
+    assert sum(photo.added for photo in detection.photos) < 0.1 * len(truth().pixel)
+
+
+@pytest.mark.slow
+def test_photos_placed_by_convention_are_left_alone(thinned):
+    detection = second_pass(PHOTOS, first_pass(thinned, exact=False), TARGET, Work(jobs=1))
+    assert sum(photo.added for photo in detection.photos) == 0
+
+
+def test_without_a_camera_the_first_pass_stands(thinned):
+    few = first_pass(subset(thinned, np.arange(len(thinned.pixel)) < 12))
+    assert second_pass(PHOTOS, few, TARGET, Work(jobs=1)) is few
+
+
+@pytest.mark.slow
+def test_processes_do_not_change_the_result(thinned):
+    one = second_pass(PHOTOS, first_pass(thinned), TARGET, Work(jobs=1))
+    two = second_pass(PHOTOS, first_pass(thinned), TARGET, Work(jobs=2))
+    np.testing.assert_array_equal(one.corners.pixel, two.corners.pixel)
+
+
+def test_boards_of_tags_alone_have_no_second_pass():
+    detection = first_pass(truth())
+    tags = replace(TARGET, boards=tuple(as_type(b, "aprilgrid") for b in TARGET.boards))
+    assert second_pass(PHOTOS, detection, tags, Work()) is detection
+
+
+@pytest.mark.slow
+def test_boards_of_the_other_colours_are_looked_at_as_they_are(thinned):
+    """What the first pass saw of the colours counts, not what the target says."""
+    others = {"dark": "light", "light": "dark"}
+    wrong = replace(
+        TARGET,
+        boards=tuple(replace(b, first_square=others[b.first_square]) for b in TARGET.boards),
+    )
+    first = first_pass(thinned)
+    right = second_pass(PHOTOS, first, TARGET, Work(jobs=1))
+    seen = second_pass(PHOTOS, replace(first, other_colours=True), wrong, Work(jobs=1))
+    np.testing.assert_array_equal(seen.corners.pixel, right.corners.pixel)
+    assert len(seen.corners.pixel) > len(thinned.pixel)
