@@ -39,7 +39,7 @@ import yaml
 from hypothesis import settings
 from running import MISSING, SAMPLE, Run, run_cli
 
-from cubicfish_cli.extensions.printing import extra
+from cubicfish_cli.app import drawing as extra
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.calibration import Calibration

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cubicfish_cli.app.asked import StrPath, target_in
-from cubicfish_cli.app.undistortion.options import INTERPOLATIONS, ViewOptions
 from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.views.options import INTERPOLATIONS, ViewOptions
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:

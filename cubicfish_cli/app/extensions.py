@@ -21,6 +21,11 @@ GROUP = "cubicfish.extensions"
 """Entry points of this group name the :class:`Extension` of another distribution."""
 
 TABLE = {
+    "films": "cubicfish_cli.extensions.films.extension:EXTENSION",
+    "formats": "cubicfish_cli.extensions.formats.extension:EXTENSION",
+    "report": "cubicfish_cli.extensions.report.extension:EXTENSION",
+    "advice": "cubicfish_cli.extensions.advice.extension:EXTENSION",
+    "simulation": "cubicfish_cli.extensions.simulation.extension:EXTENSION",
     "rigs": "cubicfish_cli.extensions.rigs.extension:EXTENSION",
 }
 """The extensions that come with the package, and where their records are."""

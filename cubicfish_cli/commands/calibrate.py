@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import (
     RUN,
     Run,
@@ -59,13 +60,12 @@ from cubicfish_cli.app.terminal.terminal import (
     result,
     say,
 )
-from cubicfish_cli.commands.frames import with_frames
-from cubicfish_cli.commands.report import report_option, say_if_no_page
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
 from cubicfish_cli.extensions.films import MOST
-from cubicfish_cli.extensions.printing import extra
+from cubicfish_cli.extensions.films.command import with_frames
+from cubicfish_cli.extensions.report.command import report_option, say_if_no_page
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs

@@ -16,7 +16,6 @@ from cubicfish_cli.app.undistortion.map_formats import (
     map_paths,
     view_files,
 )
-from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.views.choose import ChosenView, SeenField, chosen_view
@@ -25,6 +24,7 @@ from cubicfish_cli.core.views.maps import (
     build_map,
     camera_for_photos,
 )
+from cubicfish_cli.core.views.options import ViewOptions
 
 Size = tuple[int, int]
 

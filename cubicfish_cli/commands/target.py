@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at, path_or_none
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
@@ -39,7 +40,6 @@ from cubicfish_cli.core.boards.registry import DESIGNED
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
-from cubicfish_cli.extensions.printing import extra
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.target_files import TargetCheck

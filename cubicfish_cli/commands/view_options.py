@@ -21,8 +21,8 @@ from cubicfish_cli.app.terminal.options import (
     target_path,
 )
 from cubicfish_cli.app.terminal.terminal import say
-from cubicfish_cli.app.undistortion.options import INTERPOLATIONS, KINDS, ViewOptions
 from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.views.options import INTERPOLATIONS, KINDS, ViewOptions
 from cubicfish_cli.core.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ from cubicfish_cli.app.asked_pictures import PlaneOptions
 from cubicfish_cli.app.photos import Photo, Picture
 from cubicfish_cli.app.undistortion.batch import Job
 from cubicfish_cli.app.undistortion.images import remap_picture
-from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.boards.board import Board
@@ -31,6 +30,7 @@ from cubicfish_cli.core.views.maps import (
     build_map,
     camera_for_photos,
 )
+from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.core.views.plane import PlaneView, PointProjector, plane_view
 from cubicfish_cli.core.views.view import View, matrix_of_rotation
 from cubicfish_cli.core.wording import did_you_mean, quoted

@@ -11,12 +11,12 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish_cli.commands.export import FORMATS
-from cubicfish_cli.commands.exporting import _rounded_up, export_camera
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.extensions.formats import foreign
+from cubicfish_cli.extensions.formats.export import FORMATS
+from cubicfish_cli.extensions.formats.exporting import _rounded_up, export_camera
 from cubicfish_cli.extensions.formats.foreign import WRITTEN
 from cubicfish_cli.extensions.formats.registry import ENTRIES, READABLE
 

@@ -11,12 +11,12 @@ import pytest
 from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
+from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.extensions.printing import extra
 from cubicfish_cli.extensions.printing.layout import (
     Page,
     boards_in_millimetres,

@@ -15,9 +15,9 @@ from running import SAMPLE, Run
 from saved_maps import read_map
 
 from cubicfish_cli.app.terminal import streams, terminal
-from cubicfish_cli.app.undistortion.options import WIDEST
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.views.choose import CENTRAL_KINDS
+from cubicfish_cli.core.views.options import WIDEST
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 

@@ -31,21 +31,14 @@ EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 COMMANDS = {
     "target": "commands.target:command",
     "calibrate": "commands.calibrate:command",
-    "frames": "commands.frames:command",
     "detect": "commands.detect:command",
-    "corners": "commands.corners:command",
-    "evaluate": "cli.evaluate:command",
-    "compare": "cli.compare:command",
-    "info": "cli.info:command",
-    "report": "cli.report:command",
-    "advise": "commands.advise:command",
-    "undistort": "cli.undistort:command",
-    "map": "cli.map:command",
+    "evaluate": "commands.evaluate:command",
+    "compare": "commands.compare:command",
+    "info": "commands.info:command",
+    "undistort": "commands.undistort:command",
+    "map": "commands.map:command",
     "project": "commands.points:project",
     "unproject": "commands.points:unproject",
-    "export": "cli.export:command",
-    "import": "commands.import_camera:command",
-    "simulate": "commands.simulate:command",
 }
 """The commands in the order of the work, and where each is."""
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.undistortion.options import KINDS, OUTER, Kind, Share, ViewOptions
 from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.views.fit import cropped_view, fit_view, seen_field_deg
+from cubicfish_cli.core.views.options import KINDS, OUTER, Kind, Share, ViewOptions
 from cubicfish_cli.core.views.plane import PlaneView
 from cubicfish_cli.core.views.projections import (
     CylindricalView,

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.undistortion.options import INNER, OUTER, WIDEST
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.views.options import INNER, OUTER, WIDEST
 from cubicfish_cli.core.views.view import Camera, CentralView, Rotation, View
 
 _MOST_FOCAL_SIDES = 60.0  # a field of one degree

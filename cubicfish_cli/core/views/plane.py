@@ -14,11 +14,11 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.undistortion.options import is_numbers
 from cubicfish_cli.core.angles import unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.options import is_numbers
 from cubicfish_cli.core.views.view import View
 
 Vector = tuple[float, float, float]

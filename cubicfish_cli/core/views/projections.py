@@ -24,9 +24,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cubicfish_cli.app.undistortion.options import FACES
 from cubicfish_cli.core.angles import columns, unit_rays
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.options import FACES
 from cubicfish_cli.core.views.view import (
     CentralView,
     Rotation,

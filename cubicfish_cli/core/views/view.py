@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.undistortion.options import WIDEST, is_numbers
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.options import WIDEST, is_numbers
 from cubicfish_cli.core.wording import quoted
 
 Rotation = tuple[float, float, float]

@@ -13,11 +13,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from cubicfish_cli.app.drawing import drawing, lay_out
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.advice.advise import Advice
 from cubicfish_cli.extensions.advice.field import reach_of
 from cubicfish_cli.extensions.advice.proposals import Proposal
-from cubicfish_cli.extensions.printing.extra import drawing, lay_out
 from cubicfish_cli.extensions.printing.object_drawing import draw_board
 from cubicfish_cli.extensions.simulation.truth import camera_points
 

@@ -21,10 +21,10 @@ from matplotlib.path import Path as Outline
 from matplotlib.transforms import Affine2D
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.core.boards.aprilgrid import AprilGrid
 from cubicfish_cli.core.boards.board import Board, Face
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.printing.extra import drawing
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Point, Side
 
 _INCH = 25.4

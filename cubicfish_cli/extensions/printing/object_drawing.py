@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from cubicfish_cli.app.drawing import drawing, lay_out
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.lenses.sphere import all_around
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.printing.extra import drawing, lay_out
 
 _STYLE: dict[Any, Any] = {"svg.hashsalt": "target", "svg.fonttype": "none", "font.size": 10}
 _SIZE = (9.0, 7.0)

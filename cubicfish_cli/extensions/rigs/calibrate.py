@@ -29,12 +29,12 @@ from cubicfish_cli.app.terminal.options import (
 )
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
-from cubicfish_cli.commands.report import PAGE, report_option
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.io.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
 from cubicfish_cli.extensions.films import MOST
+from cubicfish_cli.extensions.report.command import PAGE, report_option
 from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
@@ -153,9 +153,9 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
             can be fitted.
 
     """
+    from cubicfish_cli.app import drawing as extra
     from cubicfish_cli.app.inputs import films_among
     from cubicfish_cli.extensions.films.scan import room_for_frames
-    from cubicfish_cli.extensions.printing import extra
     from cubicfish_cli.extensions.rigs.films import rig_frames
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
     from cubicfish_cli.extensions.rigs.report import write_rig_page

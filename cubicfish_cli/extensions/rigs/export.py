@@ -11,14 +11,18 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import option, record
 from cubicfish_cli.app.terminal.progress import running
-from cubicfish_cli.commands.export import max_angle_option, max_error_option, print_exported
 from cubicfish_cli.core.errors import FitError, UsageError
 from cubicfish_cli.core.io.files import write_files
+from cubicfish_cli.extensions.formats.export import (
+    max_angle_option,
+    max_error_option,
+    print_exported,
+)
 from cubicfish_cli.extensions.formats.registry import WRITABLE
 from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_argument
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.exporting import ExportedFiles
+    from cubicfish_cli.extensions.formats.exporting import ExportedFiles
 
 _HELP = """Write a rig for another tool: each camera's lens with its place on the body.
 
@@ -105,7 +109,11 @@ def export_rig_files(
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.commands.exporting import ExportedFiles, export_camera, without_matrix
+    from cubicfish_cli.extensions.formats.exporting import (
+        ExportedFiles,
+        export_camera,
+        without_matrix,
+    )
     from cubicfish_cli.extensions.formats.foreign import WRITTEN
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file

@@ -7,9 +7,9 @@ from pathlib import Path
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import record
-from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.map import photo_size_option, print_maps
 from cubicfish_cli.commands.view_options import view_options
+from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_option
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.

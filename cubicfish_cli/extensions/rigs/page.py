@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.core.assess.records import recorded_mappings, recorded_number
 from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.finding import of_record
 from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.extensions.printing.extra import drawing
 from cubicfish_cli.extensions.report.figures import (
     BOARD_COLOURS,
     INK,

@@ -11,13 +11,13 @@ from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import record
 from cubicfish_cli.app.terminal.progress import keep_fonts, running
 from cubicfish_cli.app.terminal.terminal import print_json, result
-from cubicfish_cli.commands.report import PAGE
 from cubicfish_cli.core.io.files import refuse_existing, write_text
+from cubicfish_cli.extensions.report.command import PAGE
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.report_files import ReportFiles
     from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.extensions.report.report_files import ReportFiles
 
 
 @record
@@ -64,7 +64,7 @@ def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RU
             exists and may not be replaced.
 
     """
-    from cubicfish_cli.commands.report_files import ReportFiles, refuse_without_extra
+    from cubicfish_cli.extensions.report.report_files import ReportFiles, refuse_without_extra
     from cubicfish_cli.extensions.rigs.rig_yaml import rig_file
 
     refuse_without_extra()
@@ -82,7 +82,7 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
-    from cubicfish_cli.extensions.printing import extra
+    from cubicfish_cli.app import drawing as extra
     from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
     from cubicfish_cli.extensions.rigs.rigs import loaded_record
     from cubicfish_cli.extensions.rigs.verdict import rig_verdict

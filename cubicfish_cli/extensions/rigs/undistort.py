@@ -12,9 +12,9 @@ from cubicfish_cli.app.asked_pictures import PictureOptions
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, bundle, option, record
 from cubicfish_cli.app.terminal.progress import SchedulerOptions, running, scheduler_options
-from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.undistort import end_with_pictures, named_sources
 from cubicfish_cli.commands.view_options import picture_options, view_options
+from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_option
 
 if TYPE_CHECKING:

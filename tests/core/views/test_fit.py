@@ -10,13 +10,13 @@ from asymmetric_lens import AsymmetricLens
 from lenses import cubic_camera
 from synthetic import TRUE_LENS
 
-from cubicfish_cli.app.undistortion.options import WIDEST
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.choose import CENTRAL_KINDS, axis_focal, build_view
 from cubicfish_cli.core.views.fit import _region, _shows, fit_view, seen_field_deg, sees
 from cubicfish_cli.core.views.maps import build_map
+from cubicfish_cli.core.views.options import WIDEST
 from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
 SIZE = (120, 90)

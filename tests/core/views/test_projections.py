@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
 
-from cubicfish_cli.app.undistortion.options import FACES, WIDEST, ViewOptions
 from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import CENTRAL_KINDS
 from cubicfish_cli.core.views.maps import build_map
+from cubicfish_cli.core.views.options import FACES, WIDEST, ViewOptions
 from cubicfish_cli.core.views.plane import PlaneView
 from cubicfish_cli.core.views.projections import (
     CylindricalView,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cubicfish_cli.extensions.simulation.difference_picture import COLOURS, difference_picture
+from cubicfish_cli.app.difference_picture import COLOURS, difference_picture
 
 
 def test_each_band_has_its_colour_and_the_unknown_is_white():

@@ -18,7 +18,7 @@ from packaging_content import PROJECT, load_project, lower_bounds, package_versi
 from packaging_programs import GUARD, SAMPLE
 from packaging_runs import CACHE, QUICK, Sandbox, Step, wrongly_written
 
-from cubicfish_cli.extensions.printing.extra import REPORT
+from cubicfish_cli.app.drawing import REPORT
 
 HERE = Path(__file__).parent
 REPORTS = all(find_spec(name) for name in REPORT)

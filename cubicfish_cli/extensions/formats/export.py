@@ -14,7 +14,7 @@ from cubicfish_cli.app.terminal.terminal import print_json, print_wrote, result,
 from cubicfish_cli.extensions.formats.registry import WRITABLE
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.exporting import ExportedFiles
+    from cubicfish_cli.extensions.formats.exporting import ExportedFiles
 
 # Maps are of no lens model, and so not among the registered formats.
 FORMATS = {**WRITABLE, "maps": ".npz for cv2.remap; holds any lens"}
@@ -83,7 +83,7 @@ class Asked:
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.commands.exporting import export_files
+    from cubicfish_cli.extensions.formats.exporting import export_files
 
     with running(overwrite=given.overwrite) as run:
         made = export_files(

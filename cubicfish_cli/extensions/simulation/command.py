@@ -184,7 +184,6 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
-    from cubicfish_cli.commands.simulation import poses_of_table, source_of
     from cubicfish_cli.core.codes import Event
     from cubicfish_cli.core.io.files import write_files
     from cubicfish_cli.core.phrases import plural
@@ -193,6 +192,7 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         photo_bytes,
         simulated_photos,
     )
+    from cubicfish_cli.extensions.simulation.simulated_files import poses_of_table, source_of
     from cubicfish_cli.extensions.simulation.truth import pose_table_text, true_corners_text
 
     thing, form, look, listener = target_in(asked.target), asked.form, asked.look, run.listener

@@ -48,7 +48,7 @@ def command(given: Asked) -> None:
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.
     """
-    from cubicfish_cli.commands.report_files import report_files
+    from cubicfish_cli.extensions.report.report_files import report_files
 
     keep_fonts()
     with running(overwrite=given.overwrite) as run:
@@ -78,7 +78,7 @@ report_option = option(
 
 def say_if_no_page(outputs: Mapping[str, Path], *, wanted: bool) -> None:
     """Say how to get a page where there is none, and that an old one is old."""
-    from cubicfish_cli.extensions.printing.extra import INSTALL, REPORT, missing
+    from cubicfish_cli.app.drawing import INSTALL, REPORT, missing
 
     if "report" in outputs:
         return

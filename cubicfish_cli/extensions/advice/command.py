@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
@@ -14,7 +15,6 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
-from cubicfish_cli.extensions.printing import extra
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.verdict import Verdict

@@ -17,7 +17,7 @@ from cubicfish_cli.app.terminal.terminal import result
 from cubicfish_cli.extensions.formats.registry import READABLE
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.importing import Imported
+    from cubicfish_cli.extensions.formats.importing import Imported
 
 _HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compare and others.
 
@@ -106,10 +106,10 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
             replaced.
 
     """
-    from cubicfish_cli.commands.importing import import_camera
     from cubicfish_cli.core.assess.fit_record import FitRecord
     from cubicfish_cli.core.io.calibrated import camera_text
     from cubicfish_cli.core.io.files import fingerprint, refuse_existing, write_text
+    from cubicfish_cli.extensions.formats.importing import import_camera
 
     made_at()  # said before the work if it cannot be
     goal = Path(asked.output)

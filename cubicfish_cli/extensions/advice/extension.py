@@ -1,0 +1,5 @@
+"""What the extension adds."""
+
+from cubicfish_cli.app.extensions import Extension
+
+EXTENSION = Extension(commands={"advise": "cubicfish_cli.extensions.advice.command:command"})

@@ -1,0 +1,5 @@
+"""What the extension adds."""
+
+from cubicfish_cli.app.extensions import Extension
+
+EXTENSION = Extension(commands={"frames": "cubicfish_cli.extensions.films.command:command"})

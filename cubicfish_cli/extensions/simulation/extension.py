@@ -1,0 +1,5 @@
+"""What the extension adds."""
+
+from cubicfish_cli.app.extensions import Extension
+
+EXTENSION = Extension(commands={"simulate": "cubicfish_cli.extensions.simulation.command:command"})
