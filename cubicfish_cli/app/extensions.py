@@ -73,8 +73,8 @@ def _load_installed(entry: EntryPoint) -> Extension:
         ) from problem
     if not isinstance(found, Extension):
         raise CubicfishError(
-            f"the extension {entry.name} ({entry.value}) is no cubicfish_cli.app.extensions.Extension: "
-            "update it, or remove it"
+            f"the extension {entry.name} ({entry.value}) is no "
+            "cubicfish_cli.app.extensions.Extension: update it, or remove it"
         )
     return found
 

@@ -370,6 +370,7 @@ def test_signals_are_settled_before_anything_else_is_loaded() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == [
         "cubicfish_cli",
+        "cubicfish_cli.app",
         "cubicfish_cli.app.terminal",
         "cubicfish_cli.app.terminal.start",
     ]

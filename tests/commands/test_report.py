@@ -310,7 +310,11 @@ def test_the_templates_go_along_with_the_package() -> None:
         data = tomllib.load(file)["tool"]["setuptools"]["package-data"]["cubicfish_cli"]
     package = ROOT / "cubicfish_cli"
     covered = {path for pattern in data for path in package.glob(pattern)}
-    templates = {path for path in (package / "report" / "templates").iterdir() if path.is_file()}
+    templates = {
+        path
+        for path in (package / "extensions" / "report" / "templates").iterdir()
+        if path.is_file()
+    }
     assert len(templates) == 3
     assert templates <= covered
 

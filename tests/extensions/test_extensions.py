@@ -26,7 +26,7 @@ def without_rigs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder / "cubicfish_cli",
         ignore=shutil.ignore_patterns("__pycache__", "rigs"),
     )
-    table = package / "extension.py"
+    table = package / "app" / "extensions.py"
     text = table.read_text(encoding="utf-8")
     line = '    "rigs": "cubicfish_cli.extensions.rigs.extension:EXTENSION",\n'
     assert text.count(line) == 1

@@ -1,7 +1,7 @@
 """What is likely wrong with a set-up, told from its corners: hypotheses, tested by cheap fits.
 
-`HYPOTHESES` of `app/diagnosis/diagnose.py` lists every kind of thing that may be wrong with a set-up:
-by which kind of evidence it is judged, the codes that it may find, what it costs, when it
+`HYPOTHESES` of `app/diagnosis/diagnose.py` lists every kind of thing that may be wrong with a
+set-up: by which kind of evidence it is judged, the codes that it may find, what it costs, when it
 applies, and the function that explains it. `find_faults` tries those of one evidence from the
 cheapest on, each knowing what was found before, and tells them in the order of the table. The
 library hands it to the fit and to rigs, and asks it itself about photos. A right set-up costs a

@@ -131,7 +131,8 @@ class CameraFormat:
         lenses: by the names that it is written under, the lens that the file holds.
         file_name: what its file is usually called.
         write: lens, notes of how it was made and photos' poses -> text. Raises
-            :class:`~cubicfish_cli.core.errors.CameraFileError` for values that the format does not take.
+            :class:`~cubicfish_cli.core.errors.CameraFileError` for values that the format does not
+            take.
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
             it is :attr:`sizeless`. None where files are only written.
         holds_several: whether a file holds several cameras, of which one is named.

@@ -45,8 +45,8 @@ class CubicCamera(Brief):
         P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.core.lenses.lift.MONOMIALS`).
         max_angle_deg: half-angle of the cone about +z where P may be trusted.
         radial: the Kannala–Brandt reference, in the same camera frame.
-        pupil_travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.core.lenses.pupil`); P is
-            for points that are far away, and near ones are seen farther from the axis.
+        pupil_travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.core.lenses.pupil`); P
+            is for points that are far away, and near ones are seen farther from the axis.
         units: what that is in; None where it is not known.
 
     """

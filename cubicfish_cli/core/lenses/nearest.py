@@ -23,7 +23,7 @@ _MOST_STEPS = 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FreeLens(Generic[L]):
-    """A lens of which some parameters are free: a :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`.
+    """A lens of which some parameters are free, as a :class:`FitLens` has them.
 
     Attributes:
         lens: as it is now.

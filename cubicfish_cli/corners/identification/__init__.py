@@ -2,15 +2,15 @@
 
 `app/detection.py` is the recipe. `corners/detection/look.py` reads one photo and finds its nameless
 grids, or why there are none, and remembers what was found in it (`GridCache`). A photo in which
-nothing is found is searched at twice its size, for smaller squares and markers, and so is what
-lies around a part of a board of small squares (`closer.py`); the photo itself then says where
-their corners are. `app/executors/pool.py` shares photos out to processes. `corners/identification/` decides
-which board each grid is. Markers name their boards' corners at once (`identified.py`). Plain
-boards are named by geometry (`name_grids.py`): all grids as nameless planes give the lens
+nothing is found is searched at twice its size, for smaller squares and markers, and so is what lies
+around a part of a board of small squares (`closer.py`); the photo itself then says where their
+corners are. `app/executors/pool.py` shares photos out to processes. `corners/identification/`
+decides which board each grid is. Markers name their boards' corners at once (`identified.py`).
+Plain boards are named by geometry (`name_grids.py`): all grids as nameless planes give the lens
 (`scene.py`), and with it known every place on the target is tried photo by photo (`search.py`,
-`decide.py`), with what cannot be decided left out, and once more with the boards where they are.
-A diagnosis says what is wrong where grids fit nowhere, and refuses names that would be those of
-other corners. `second_pass.py` then looks where a fitted camera expects more corners, boards
-without markers on a marked target among them. `identification` stands below `fitting` since it
-needs a lens.
+`decide.py`), with what cannot be decided left out, and once more with the boards where they are. A
+diagnosis says what is wrong where grids fit nowhere, and refuses names that would be those of other
+corners. `second_pass.py` then looks where a fitted camera expects more corners, boards without
+markers on a marked target among them. `identification` stands below `fitting` since it needs a
+lens.
 """

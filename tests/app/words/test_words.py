@@ -93,7 +93,7 @@ def all_wording() -> str:
 
 
 def test_the_wording_is_as_recorded() -> None:
-    """Record a new wording by ``python tests/app/words/test_words.py``, and look what it changes."""
+    """Record new words by ``python tests/app/words/test_words.py``, and look what changes."""
     assert all_wording() == WORDING.read_text(encoding="utf-8")
 
 
