@@ -24,9 +24,9 @@ from cubicfish_cli.core.errors import (
     CorrespondenceError,
     PhotoError,
 )
+from cubicfish_cli.core.files import Fingerprint, fingerprint
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.io.files import Fingerprint, fingerprint
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.phrases import plural

@@ -30,7 +30,7 @@ from cubicfish_cli.app.picture_headers import (
     other_kind,
 )
 from cubicfish_cli.core.errors import MISSING, PhotoError
-from cubicfish_cli.core.io.files import on_host
+from cubicfish_cli.core.files import on_host
 from cubicfish_cli.core.threads import Shared
 from cubicfish_cli.core.wording import quoted
 from cubicfish_cli.corners.mosaic import evened

@@ -62,7 +62,7 @@ from cubicfish_cli.app.terminal.terminal import (
 )
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import OutputError, UsageError
-from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
 from cubicfish_cli.extensions.films import MOST
 from cubicfish_cli.extensions.films.command import with_frames
 from cubicfish_cli.extensions.report.command import report_option, say_if_no_page

@@ -12,6 +12,7 @@ from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, FitError
+from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.fit import calibrate as fitting
 from cubicfish_cli.core.fit import evaluate as evaluation
 from cubicfish_cli.core.fit.calibration import Calibration
@@ -19,7 +20,6 @@ from cubicfish_cli.core.fit.evaluate import Evaluation
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.io.camera_yaml import CameraFile
-from cubicfish_cli.core.io.files import write_text
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, target_text

@@ -25,9 +25,9 @@ from cubicfish_cli.core.assess.fit_record import FitRecord, origin_of
 from cubicfish_cli.core.assess.records import plain_record
 from cubicfish_cli.core.assess.uncertainty import PixelUncertainty
 from cubicfish_cli.core.assess.verdict import Verdict, evaluation_verdict
+from cubicfish_cli.core.files import Fingerprint
 from cubicfish_cli.core.fit.evaluate import Evaluation, evaluate
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
-from cubicfish_cli.core.io.files import Fingerprint
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.target import Target
 

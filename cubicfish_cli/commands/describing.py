@@ -13,9 +13,9 @@ from cubicfish_cli.app.difference_picture import difference_picture
 from cubicfish_cli.app.undistortion.images import check_suffix, write_picture
 from cubicfish_cli.core.assess.camera_facts import CameraFacts
 from cubicfish_cli.core.assess.verdict import Verdict
+from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.fit.comparison import Comparison, compare
 from cubicfish_cli.core.io.camera_yaml import load_any_camera, load_camera
-from cubicfish_cli.core.io.files import refuse_existing
 
 _DRAWN_PIXELS = 150_000
 

@@ -106,7 +106,7 @@ def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     from cubicfish_cli.app.overlay import draw_found
     from cubicfish_cli.app.photos import read_grey
     from cubicfish_cli.app.undistortion.images import write_picture
-    from cubicfish_cli.core.io.files import refuse_existing
+    from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.core.io.observations_csv import save_corners
 
     refuse_existing(file, overwrite=run.overwrite)

@@ -16,8 +16,8 @@ from cubicfish_cli.app.undistortion.map_formats import (
     map_paths,
     view_files,
 )
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.views.choose import ChosenView, SeenField, chosen_view
 from cubicfish_cli.core.views.maps import (
     UndistortMap,

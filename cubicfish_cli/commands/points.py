@@ -19,7 +19,7 @@ from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import say
 from cubicfish_cli.core.errors import CorrespondenceError, UsageError
-from cubicfish_cli.core.io.reading import read_bytes
+from cubicfish_cli.core.reading import read_bytes
 from cubicfish_cli.core.wording import quoted
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ from cubicfish_cli.app.terminal.terminal import (
 from cubicfish_cli.core.boards.registry import DESIGNED
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.target_files import TargetCheck

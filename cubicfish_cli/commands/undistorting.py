@@ -46,10 +46,10 @@ from cubicfish_cli.commands.views import (
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.codes import Code, Event, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_any_camera, load_camera
-from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.views.choose import ChosenView, SeenField, build_view

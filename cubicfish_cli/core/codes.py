@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import cache
+from importlib import import_module
 from typing import Any
 
 
@@ -169,7 +171,11 @@ class Event(StrEnum):
 
     def line(self, **figures: Any) -> str:
         """What is said of it."""
-        from cubicfish_cli.app.words.catalogue import catalogue
-        from cubicfish_cli.core.phrases import Sentences
+        line: str = words().say_event(self, figures)
+        return line
 
-        return Sentences().vformat(catalogue().events[self], (), figures)
+
+@cache
+def words() -> Any:
+    """The module with the sentences: the core has facts, and wording stands above it."""
+    return import_module("cubicfish_cli.app.words.catalogue")

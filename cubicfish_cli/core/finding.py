@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
-from cubicfish_cli.app.words.catalogue import Saying, catalogue
-from cubicfish_cli.core.codes import Code, Remedy, Severity
-from cubicfish_cli.core.phrases import Sentences, listed
+from cubicfish_cli.core.codes import Code, Remedy, Severity, words
 
 Level = Literal["good", "care", "bad"]
-_SENTENCES = Sentences()
+
+
+class Saying(NamedTuple):
+    """What is said of a finding, and what kind of thing helps."""
+
+    what: str
+    evidence: str
+    do: str
+    remedy: Remedy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +80,7 @@ class Finding:
     @property
     def short(self) -> str:
         """The same where there is little room."""
-        known = (self.code.value, "short") in catalogue().sayings
+        known = words().has(self.code, "short")
         return replace(self, case="short").what if known else self.line
 
     def __str__(self) -> str:
@@ -106,16 +112,7 @@ class Finding:
     def _said(self) -> Saying:
         if self.recorded is not None:
             return self.recorded
-        known = catalogue()
-        saying = known.sayings[self.code, self.case]
-        values: dict[str, Any] = {**self.figures, **self._about}
-        for name in known.phrases.keys() & self.figures.keys():
-            values[name] = _phrase(name, values[name], values)
-        evidence = known.because[self.because] if self.because else saying.evidence
-        what, evidence, do = (
-            _SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do)
-        )
-        return Saying(what, evidence, do, saying.remedy)
+        return words().say(self.code, self.case, self.because, {**self.figures, **self._about})
 
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
@@ -164,15 +161,6 @@ def level_of(findings: Iterable[Finding]) -> Level:
 def joined(findings: Sequence[Finding]) -> str:
     """What is told of a photo, in a few words; ``good`` where there is nothing."""
     return "; ".join(finding.line for finding in findings) or "good"
-
-
-def _phrase(name: str, value: Any, values: Mapping[str, Any]) -> str:
-    """A part of a sentence that depends on a figure: one phrase, or a list of records' phrases."""
-    phrases = catalogue().phrases[name]
-    if isinstance(value, str):
-        return _SENTENCES.vformat(phrases[value], (), values)
-    said = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
-    return listed(said, name)
 
 
 @dataclass(frozen=True, kw_only=True)

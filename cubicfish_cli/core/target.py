@@ -17,7 +17,7 @@ from cubicfish_cli.core.boards.section import Section
 from cubicfish_cli.core.boards.shape import AXES_TOLERANCE
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.io.plain_yaml import load_plain_yaml, plain_yaml_text
+from cubicfish_cli.core.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.core.wording import Brief, quoted
 

@@ -53,7 +53,8 @@ def fonts_folder(*, keep: bool, **environment: str) -> Path:
     """Where a new process tells matplotlib to keep its list of fonts."""
     done = subprocess.run(
         [sys.executable, "-c",
-         f"import os; from cubicfish_cli.app.terminal.progress import keep_fonts; keep_fonts({keep})\n"
+         "import os; from cubicfish_cli.app.terminal.progress import keep_fonts\n"
+         f"keep_fonts({keep})\n"
          "name = os.environ['MPLCONFIGDIR']; print(name, os.path.isdir(name))"],
         env={**os.environ, **environment}, capture_output=True, text=True, check=True,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from pathlib import Path
 from synthetic import lens_of_size
 
 from cubicfish_cli.app.undistortion.images import remap_picture
-from cubicfish_cli.core.io import files
+from cubicfish_cli.core import files
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.projections import PerspectiveView
 

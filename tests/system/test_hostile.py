@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.app.undistortion.images import write_picture
-from cubicfish_cli.core.io import reading
+from cubicfish_cli.core import reading
 
 SAMPLE = Path(__file__).parents[2] / "sample_data"
 TARGET, CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"

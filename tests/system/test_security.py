@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cubicfish_cli.app import photos
-from cubicfish_cli.core.io import reading
+from cubicfish_cli.core import reading
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "SECURITY.md").read_text(encoding="utf-8")

@@ -29,7 +29,7 @@ import numpy as np
 from cubicfish_cli import __version__
 from cubicfish_cli.app.photos import one_opencv_thread, shown
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
-from cubicfish_cli.core.io.files import temporary_name, working_on, write_text
+from cubicfish_cli.core.files import temporary_name, working_on, write_text
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

@@ -20,7 +20,7 @@ from cubicfish_cli.app.executors.pool import Executor
 from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.app.undistortion.images import check_outputs, encode_picture, naming
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
-from cubicfish_cli.core.io.files import remove_orphans, write_files
+from cubicfish_cli.core.files import remove_orphans, write_files
 
 
 @dataclass(frozen=True, kw_only=True)

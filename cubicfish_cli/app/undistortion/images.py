@@ -21,7 +21,7 @@ import numpy as np
 from cubicfish_cli.app.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.app.picture_headers import jpeg_segments
 from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
-from cubicfish_cli.core.io.files import refuse_existing, write_files
+from cubicfish_cli.core.files import refuse_existing, write_files
 from cubicfish_cli.core.views.maps import UndistortMap
 from cubicfish_cli.core.views.options import INTERPOLATIONS
 from cubicfish_cli.core.wording import did_you_mean, quoted

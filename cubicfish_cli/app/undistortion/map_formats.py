@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.app.undistortion.images import encode_picture
 from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
-from cubicfish_cli.core.io.files import Content
+from cubicfish_cli.core.files import Content
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, write_npz
 from cubicfish_cli.core.views.plane import PlaneView

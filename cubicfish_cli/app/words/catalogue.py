@@ -10,19 +10,13 @@ from string import Template
 from typing import Any, NamedTuple
 
 from cubicfish_cli.app.extensions import extensions
-from cubicfish_cli.core.codes import Remedy
+from cubicfish_cli.core.codes import Code, Event, Remedy
+from cubicfish_cli.core.finding import Saying
+from cubicfish_cli.core.phrases import Sentences, listed
 
 _FILE = Path(__file__).with_name("catalogue.toml")
 _TEXTS = ("what", "evidence", "do")
-
-
-class Saying(NamedTuple):
-    """What is said of a finding, and what kind of thing helps."""
-
-    what: str
-    evidence: str
-    do: str
-    remedy: Remedy
+_SENTENCES = Sentences()
 
 
 class Catalogue(NamedTuple):
@@ -80,3 +74,36 @@ def catalogue() -> Catalogue:
     }
     checks = {key: whole(text) for key, text in data["checks"].items()}
     return Catalogue(sayings, data["because"], phrases, data["events"], checks)
+
+
+def has(code: Code, case: str) -> bool:
+    """Whether there are sentences of this form of a finding."""
+    return (code.value, case) in catalogue().sayings
+
+
+def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Saying:
+    """The sentences of a finding, with its figures in them."""
+    known = catalogue()
+    saying = known.sayings[code, case]
+    values = dict(figures)
+    for name in known.phrases.keys() & figures.keys():
+        values[name] = _say_part(name, values[name], values)
+    evidence = known.because[because] if because else saying.evidence
+    what, evidence, do = (
+        _SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do)
+    )
+    return Saying(what, evidence, do, saying.remedy)
+
+
+def say_event(event: Event, figures: Mapping[str, Any]) -> str:
+    """What is said of something that happens while work is done."""
+    return _SENTENCES.vformat(catalogue().events[event], (), figures)
+
+
+def _say_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
+    """A part of a sentence that depends on a figure: one phrase, or a list of records' phrases."""
+    phrases = catalogue().phrases[name]
+    if isinstance(value, str):
+        return _SENTENCES.vformat(phrases[value], (), values)
+    said = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
+    return listed(said, name)

@@ -21,10 +21,10 @@ from cubicfish_cli.core.assess.camera_facts import CameraFacts, camera_facts
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
-from cubicfish_cli.core.io.files import write_text
-from cubicfish_cli.core.io.plain_yaml import plain_yaml_text
+from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera
+from cubicfish_cli.core.plain_yaml import plain_yaml_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted
 

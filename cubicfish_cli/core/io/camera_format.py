@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.reading import read_bytes, read_text
 from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.reading import read_bytes, read_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 

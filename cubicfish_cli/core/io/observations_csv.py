@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.io.files import write_text
-from cubicfish_cli.core.io.tables import Table, csv_text, read_table
+from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.observations import (
     MAX_COORDINATE,
     MAX_SIDE,
@@ -22,6 +21,7 @@ from cubicfish_cli.core.observations import (
     first_repeated,
     no_such_board,
 )
+from cubicfish_cli.core.tables import Table, csv_text, read_table
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray
 from cubicfish_cli.core.wording import quoted

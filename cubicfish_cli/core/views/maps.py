@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.io.files import whole_file
+from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import BoolArray

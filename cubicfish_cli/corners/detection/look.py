@@ -22,8 +22,8 @@ from cubicfish_cli.app.executors.pool import Work, settled
 from cubicfish_cli.app.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import OutputError, PhotoError
+from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.io.files import whole_file
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners import detection, mosaic
 from cubicfish_cli.corners.detection.closer import is_part, look_closer

@@ -14,7 +14,7 @@ from cubicfish_cli.app.terminal.options import FloatRange, IntRange, as_command,
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.core.io.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.verdict import Verdict

@@ -98,7 +98,7 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
             not installed.
 
     """
-    from cubicfish_cli.core.io.files import refuse_existing
+    from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.extensions.films import frames
     from cubicfish_cli.extensions.films.scan import room_for_frames
     from cubicfish_cli.extensions.films.source import open_films

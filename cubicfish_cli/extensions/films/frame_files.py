@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from cubicfish_cli.core.errors import OutputError
-from cubicfish_cli.core.io.files import whole_file
+from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.extensions.films.measure import Grey
 
 # Compressing a picture well takes as long as decoding twenty.

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.photos import data_uri, read_picture, shown, thumbnail
-from cubicfish_cli.core.io.files import whole_files, write_text
+from cubicfish_cli.core.files import whole_files, write_text
 from cubicfish_cli.extensions.films.candidates import Candidate
 from cubicfish_cli.extensions.films.choose import Seen
 from cubicfish_cli.extensions.films.scan import Measured

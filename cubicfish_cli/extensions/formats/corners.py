@@ -99,7 +99,7 @@ def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCor
             replaced.
 
     """
-    from cubicfish_cli.core.io.files import refuse_existing
+    from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.core.io.observations_csv import save_corners
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 

@@ -16,10 +16,10 @@ import numpy as np
 from cubicfish_cli import __version__
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.core.errors import CubicfishError, FitError, UsageError
+from cubicfish_cli.core.files import refuse_existing, write_files
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.io.camera_format import Poses
 from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.io.files import refuse_existing, write_files
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map, save_map
 from cubicfish_cli.core.wording import did_you_mean, quoted

@@ -24,11 +24,11 @@ from cubicfish_cli.core.io.camera_format import (
     numbers,
     size,
 )
-from cubicfish_cli.core.io.plain_yaml import load_plain_yaml
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.pinhole import PinholeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.unified import DoubleSphereLens, UnifiedLens
+from cubicfish_cli.core.plain_yaml import load_plain_yaml
 from cubicfish_cli.core.wording import quoted
 
 _CORE = ("fx", "fy", "cx", "cy")

@@ -30,9 +30,9 @@ from cubicfish_cli.core.io.camera_format import (
     read_bounded,
     size,
 )
-from cubicfish_cli.core.io.plain_yaml import parse_plain_yaml
 from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.core.lenses.pinhole import PinholeLens
+from cubicfish_cli.core.plain_yaml import parse_plain_yaml
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 

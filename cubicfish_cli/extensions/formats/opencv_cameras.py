@@ -38,10 +38,10 @@ from cubicfish_cli.core.io.camera_format import (
     read_bounded,
     size,
 )
-from cubicfish_cli.core.io.plain_yaml import MAX_DEPTH, parse_plain_yaml
 from cubicfish_cli.core.lenses.pinhole import PinholeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.unified import UnifiedLens
+from cubicfish_cli.core.plain_yaml import MAX_DEPTH, parse_plain_yaml
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted
 

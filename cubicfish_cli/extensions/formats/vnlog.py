@@ -32,14 +32,14 @@ import numpy as np
 
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.io.reading import read_text
-from cubicfish_cli.core.io.tables import Table, csv_text, parse_table
 from cubicfish_cli.core.observations import (
     Observations,
     first_bad_weight,
     first_outside_photo,
     no_such_board,
 )
+from cubicfish_cli.core.reading import read_text
+from cubicfish_cli.core.tables import Table, csv_text, parse_table
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.core.wording import quoted

@@ -27,9 +27,9 @@ from cubicfish_cli.app.photos import (
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.assess.fit_record import FileRecord, Origin, origin_of
 from cubicfish_cli.core.errors import PhotoError, ViewError
+from cubicfish_cli.core.files import sha256_of
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.io.camera_yaml import load_any_camera
-from cubicfish_cli.core.io.files import sha256_of
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations

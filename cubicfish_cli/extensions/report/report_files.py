@@ -11,7 +11,7 @@ from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.io.files import refuse_existing, write_text
+from cubicfish_cli.core.files import refuse_existing, write_text
 from cubicfish_cli.extensions.report.from_files import facts_of_files
 
 PAGE = "report.html"

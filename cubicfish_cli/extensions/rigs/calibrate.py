@@ -31,7 +31,7 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.io.files import refuse_existing
+from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
 from cubicfish_cli.extensions.films import MOST
 from cubicfish_cli.extensions.report.command import PAGE, report_option

@@ -12,7 +12,7 @@ from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import option, record
 from cubicfish_cli.app.terminal.progress import running
 from cubicfish_cli.core.errors import FitError, UsageError
-from cubicfish_cli.core.io.files import write_files
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.extensions.formats.export import (
     max_angle_option,
     max_error_option,

@@ -14,10 +14,10 @@ from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import Photo, read_grey
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import DetectionError, PhotoError
+from cubicfish_cli.core.files import refuse_existing, whole_files, write_text
 from cubicfish_cli.core.frame_names import frame_name
-from cubicfish_cli.core.io.files import refuse_existing, whole_files, write_text
-from cubicfish_cli.core.io.tables import csv_text
 from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.tables import csv_text
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.films.choose import Seen, choose_shots
 from cubicfish_cli.extensions.films.frame_search import found_in

@@ -13,8 +13,8 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.undistortion.map_formats import map_paths, view_files
 from cubicfish_cli.commands.map_files import MapFiles, contents_of, ffmpeg_commands, files_of
 from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
-from cubicfish_cli.core.io.files import refuse_existing, write_files
-from cubicfish_cli.core.io.plain_yaml import plain_yaml_text
+from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.plain_yaml import plain_yaml_text
 from cubicfish_cli.core.views.choose import ChosenView, chosen_view
 from cubicfish_cli.core.views.fit import sees
 from cubicfish_cli.core.views.maps import build_map, camera_for_photos

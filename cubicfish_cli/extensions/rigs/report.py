@@ -11,7 +11,7 @@ from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import record
 from cubicfish_cli.app.terminal.progress import keep_fonts, running
 from cubicfish_cli.app.terminal.terminal import print_json, result
-from cubicfish_cli.core.io.files import refuse_existing, write_text
+from cubicfish_cli.core.files import refuse_existing, write_text
 from cubicfish_cli.extensions.report.command import PAGE
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 

@@ -13,8 +13,8 @@ import numpy as np
 from cubicfish_cli.core.errors import CameraFileError, CubicfishError
 from cubicfish_cli.core.io.camera_format import mapping, numbers, refuse_unknown, refuse_version
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
-from cubicfish_cli.core.io.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 

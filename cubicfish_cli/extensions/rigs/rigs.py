@@ -15,14 +15,14 @@ from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.commands.calibration import observed
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CorrespondenceError, FitError
+from cubicfish_cli.core.files import Content, write_files
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.frame_names import time_of
 from cubicfish_cli.core.geometry import camera_centre, total_sigma
 from cubicfish_cli.core.io.calibrated import camera_text
 from cubicfish_cli.core.io.camera_yaml import CameraFile
-from cubicfish_cli.core.io.files import Content, write_files
-from cubicfish_cli.core.io.tables import read_table
 from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.tables import read_table
 from cubicfish_cli.core.target import Target, target_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted

@@ -28,8 +28,8 @@ from cubicfish_cli.core.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.simulation.options import FORMATS, LOOKS, LookOptions
 
 if TYPE_CHECKING:
+    from cubicfish_cli.core.files import Content
     from cubicfish_cli.core.io.calibrated import Calibrated
-    from cubicfish_cli.core.io.files import Content
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.target import Target
 
@@ -185,7 +185,7 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
 
     """
     from cubicfish_cli.core.codes import Event
-    from cubicfish_cli.core.io.files import write_files
+    from cubicfish_cli.core.files import write_files
     from cubicfish_cli.core.phrases import plural
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.boards.board import Face
 from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.io.tables import csv_text, read_table
+from cubicfish_cli.core.tables import csv_text, read_table
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 

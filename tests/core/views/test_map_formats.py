@@ -20,7 +20,7 @@ from cubicfish_cli.app.undistortion.map_formats import (
     write_exr,
 )
 from cubicfish_cli.core.errors import OutputError, UsageError
-from cubicfish_cli.core.io.files import write_files
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.views.maps import UndistortMap, build_map
 from cubicfish_cli.core.views.projections import EquidistantView, PerspectiveView
 from cubicfish_cli.core.views.view import rotation_from_angles

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from cubicfish_cli.core import files
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError
-from cubicfish_cli.core.io import files
 
 
 def names(folder: Path) -> list[str]:
@@ -334,7 +334,7 @@ def test_the_temporary_name_fits_long_names_of_other_scripts(tmp_path: Path) -> 
 LEAVE = """
 import os, signal, sys
 from pathlib import Path
-from cubicfish_cli.core.io import files
+from cubicfish_cli.core import files
 with files.whole_file(Path(sys.argv[1]), overwrite=False) as temporary:
     temporary.write_text("half")
     if sys.argv[2] == "dies":

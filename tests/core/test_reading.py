@@ -4,9 +4,9 @@ import time
 
 import pytest
 
+from cubicfish_cli.core import reading
 from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.io import reading
-from cubicfish_cli.core.io.reading import read_bytes, read_text
+from cubicfish_cli.core.reading import read_bytes, read_text
 
 UNIX = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 

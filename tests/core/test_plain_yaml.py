@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.io.plain_yaml import load_plain_yaml, parse_plain_yaml, plain_yaml_text
+from cubicfish_cli.core.plain_yaml import load_plain_yaml, parse_plain_yaml, plain_yaml_text
 
 
 def load(tmp_path: Path, text: str | bytes) -> Any:

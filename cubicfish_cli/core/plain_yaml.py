@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.io.reading import read_text
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.wording import quoted
 
 MAX_DEPTH = 12

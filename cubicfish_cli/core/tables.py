@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.io.reading import read_text
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 MAX_BYTES = 100_000_000
