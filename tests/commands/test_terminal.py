@@ -146,7 +146,7 @@ def test_no_progress_where_none_is_wanted(tmp_path: Path, how: str) -> None:
 def test_ctrl_c_leaves_a_clean_terminal(tmp_path: Path) -> None:
     ended = on_terminal(
         *["calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--refine-target", "points"],
-        interrupt_at="photos (",
+        interrupt_at="\x1b[?25l",  # the line of progress begins
     )
     assert ended.code == 130
     assert visible(ended.screen) == ["Fitting to 1,139 corners.", "Interrupted."]

@@ -177,7 +177,7 @@ def _context() -> BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods() or _too_long_for_a_server():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    looks = ("detection.look", "identification.second_pass")
+    looks = ("corners.detection.look", "corners.identification.second_pass")
     context.set_forkserver_preload([f"cubicfish_cli.{look}" for look in looks])
     _start_server()
     return context
