@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,13 +20,13 @@ from cubicfish_cli.app.asked import (
 from cubicfish_cli.app.inputs import (
     Inputs,
     load_inputs,
+    recorded_as,
     refuse_other_sizes,
 )
 from cubicfish_cli.core.assess.fit_record import FitRecord, origin_of
 from cubicfish_cli.core.assess.records import plain_record
 from cubicfish_cli.core.assess.uncertainty import PixelUncertainty
 from cubicfish_cli.core.assess.verdict import Verdict, evaluation_verdict
-from cubicfish_cli.core.files import Fingerprint
 from cubicfish_cli.core.fit.evaluate import Evaluation, evaluate
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -93,17 +94,22 @@ def evaluate_files(
         camera=file.camera,
         uncertainty=sigma,
         verdict=evaluation_verdict(
-            evaluation.errors, sigma, _with_this_target(file, loaded.target_file), size
+            evaluation.errors, sigma, _with_this_target(file, loaded, source), size
         ),
     )
 
 
-def _with_this_target(file: CameraFile, target: Fingerprint | None) -> FitRecord:
+def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> FitRecord:
     """The camera's fit, and what it was off by on a target that was no better known than this one.
 
-    Where the target was refined, its file as drawn leaves errors that are not the camera's.
+    Where the target was refined, the drawn one leaves errors that are not the camera's.
     """
-    given, as_drawn = origin_of(file.made_by).target, file.fit.held_out_by_level.get("off")
-    if not (target and given and given.sha256 == target.sha256) or as_drawn is None:
-        return file.fit
-    return replace(file.fit, held_out_rms_px=as_drawn)
+    fit, given, drawn = file.fit, origin_of(file.made_by).target, loaded.drawn(source)
+    digest = loaded.target_file and loaded.target_file.sha256
+    if drawn is not None:
+        digest = recorded_as(drawn, Path())["sha256"]
+    if given is None or digest != given.sha256 or fit.refine_target in (None, "off"):
+        return fit
+    # Where nobody measured that, errors are judged by themselves.
+    as_drawn = fit.held_out_by_level.get("off", math.nan)
+    return replace(fit, held_out_rms_px=as_drawn, rms_px=as_drawn)

@@ -51,13 +51,17 @@ def test_a_board_is_named_by_its_counts_whatever_its_outer_squares(
     assert corners.boards == ("board",)
 
 
-@pytest.mark.usefixtures("quick_fit")
-def test_the_board_is_written_beside_the_camera_and_read_back(run: Run, tmp_path: Path) -> None:
-    flat = tmp_path / "flat.csv"
+def flat_corners(folder: Path) -> Path:
+    """A table of the corners of one of the sample's boards."""
     lines = CORNERS.read_text().splitlines()
     kept = [line.replace(",floor,", ",board,") for line in lines[2:] if ",floor," in line]
-    flat.write_text("\n".join([*lines[:2], *kept]) + "\n")
-    out = tmp_path / "c"
+    (folder / "flat.csv").write_text("\n".join([*lines[:2], *kept]) + "\n")
+    return folder / "flat.csv"
+
+
+@pytest.mark.usefixtures("quick_fit")
+def test_the_board_is_written_beside_the_camera_and_read_back(run: Run, tmp_path: Path) -> None:
+    flat, out = flat_corners(tmp_path), tmp_path / "c"
     line = ("calibrate", flat, "--board", "9x6", "--square", "25mm", "--no-hold-out", "-o", out)
     run(*line, "--json")
     written = load_target(out / "target.yaml")
@@ -69,6 +73,25 @@ def test_the_board_is_written_beside_the_camera_and_read_back(run: Run, tmp_path
     assert said["rms_px"] < 1
     run(*line[:-1], tmp_path / "p", "--lift", "point")
     assert (tmp_path / "p" / "target.yaml").read_bytes() == (out / "target.yaml").read_bytes()
+
+
+@pytest.mark.usefixtures("quick_fit")
+def test_photos_of_the_fit_are_no_worse_than_the_drawn_target_was(run: Run, tmp_path: Path) -> None:
+    flat, out = flat_corners(tmp_path), tmp_path / "c"
+    board = ("--board", "9x6", "--square", "25mm")
+    run("calibrate", flat, *board, "--refine-target", "off", "--no-hold-out", "-o", out)
+    camera = yaml.safe_load((out / "camera.yaml").read_text())
+    fit = camera["fit"]
+    off = fit["rms_px"]
+    for level, before in (("off", f"against {off:.3f} px"), ("points", "on these photos\n")):
+        # As if the refined target had left a fiftieth of that.
+        fit |= {"refine_target": "points", "rms_px": off / 50, "held_out_rms_px": off / 50}
+        fit["held_out_by_level"] = {level: off, "points": off / 50}
+        (out / "camera.yaml").write_text(yaml.safe_dump(camera))
+        for target in (board, ("--target", out / "target.yaml")):
+            said = run("evaluate", flat, *target, "-m", out)
+            assert before in said.stdout, said.stdout
+            assert "calibrate again" not in said.stdout
 
 
 def test_what_does_not_go_together_is_wrong_usage(run: Run, tmp_path: Path) -> None:

@@ -220,6 +220,15 @@ def test_arrays_give_the_camera_that_named_corners_give(
 
 
 @pytest.mark.slow
+def test_pairs_have_a_held_out_error_whatever_is_asked_of_their_target(
+    corners: Observations, target: Target
+) -> None:
+    world, pixel = as_arrays(corners, target)
+    pairs = Observations.from_points(world, pixel, (960, 720))
+    assert calibrate(pairs, refine_target="points").fit.held_out_rms_px < 0.2
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e4, 1e7])
 def test_a_world_counted_from_far_away_gives_the_same_camera(
     fitted: Calibration, corners: Observations, target: Target, distance: float

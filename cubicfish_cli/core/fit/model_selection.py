@@ -88,11 +88,11 @@ def select_model(
     """
     measured: dict[Level, HeldOut | None] = {}
     auto = refine_target == "auto"
-    if auto and (nominal.target is None or not hold_out):
+    if nominal.target is None or (auto and not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
         fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
-    if nominal.target is None or refine_target == "off" or (auto and measured["off"] is None):
+    if refine_target == "off" or (auto and measured["off"] is None):
         return SelectedModel(fit=fit, nominal=nominal, held_out=measured)
     groups = folds_of(fit.reference)
     reached, named = fit, nominal
