@@ -23,11 +23,11 @@ from cubicfish_cli.app.picture_headers import (
     OTHER_SUFFIXES,
     RAW_SUFFIXES,
     VIDEO_SUFFIXES,
-    Claim,
     as_stored,
-    claimed,
     is_picture,
+    is_whole,
     other_kind,
+    read_size,
 )
 from cubicfish_cli.core.errors import MISSING, PhotoError
 from cubicfish_cli.core.files import on_host
@@ -44,8 +44,6 @@ _FEW_NAMES = 4
 
 MAX_PIXELS = 200_000_000
 """More than any camera has; a small file that claims more is refused before it fills memory."""
-MAX_PICTURE_BYTES = 1_200_000_000
-"""As many pixels in colour of 16 bits: what a decoder may have to make room for, about twice."""
 MAX_FILE_BYTES = 2_000_000_000
 
 _READABLE = "PNG, JPEG, TIFF, BMP, WebP or PNM"
@@ -277,12 +275,15 @@ def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
         PhotoError: as :func:`read_picture`.
 
     """
-    data = as_stored(data)
-    _claim_of(path, data)
+    _check(path, data)
+    if not is_whole(data):
+        raise PhotoError(_DAMAGED, about=shown(path))
     with quiet_stderr():
         try:
-            picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-        except cv2.error:
+            picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), cv2.IMREAD_UNCHANGED)
+        except cv2.error as problem:
+            if "CV_IO_MAX_IMAGE" in str(problem):
+                raise _too_large(path) from problem
             picture = None
     if picture is None or picture.size == 0:
         raise PhotoError(_DAMAGED, about=shown(path))
@@ -339,14 +340,19 @@ def data_uri(picture: npt.NDArray[np.uint8], quality: int) -> str:
 
 
 def photo_size(path: Path) -> tuple[int, int]:
-    """(width, height) of a picture, from its header.
+    """(width, height) of a picture, where that is possible from its header.
 
     Raises:
         PhotoError: as :func:`read_picture`; a damaged picture with a good header passes.
 
     """
-    claim = _claim_of(path, read_file(path))
-    return claim.width, claim.height
+    data = read_file(path)
+    _check(path, data)
+    size = read_size(data)
+    if size is None:
+        height, width = decode_picture(path, data, floats=True).shape[:2]
+        size = width, height
+    return size
 
 
 def read_file(path: Path) -> bytes:
@@ -375,34 +381,25 @@ def read_file(path: Path) -> bytes:
     return data
 
 
-def _claim_of(path: Path, data: bytes) -> Claim:
-    """What a picture's header claims, if it is within bounds: small files can claim huge ones.
-
-    A decoder is never asked before: it makes room for whatever is claimed.
-    """
+def _check(path: Path, data: bytes) -> None:
+    """Refuse what is not for a decoder, which makes room for whatever a small file claims."""
     other = other_kind(data, path.suffix)
     if other is not None:
         raise PhotoError(other, about=shown(path))
-    claim = claimed(data)
-    if claim is None:
-        if is_picture(data):
-            raise PhotoError(_DAMAGED, about=shown(path))
+    if not is_picture(data):
         raise PhotoError(
             f"is not a picture that can be read: save it as {_READABLE}", about=shown(path)
         )
-    size = f"{claim.width}x{claim.height} pixels"
-    if claim.width * claim.height > MAX_PIXELS:
-        raise PhotoError(
-            f"claims {size}, more than the {MAX_PIXELS / 1e6:g} million allowed: is it a photo?",
-            about=shown(path),
-        )
-    if claim.memory > MAX_PICTURE_BYTES:
-        raise PhotoError(
-            f"claims {size} that need {claim.memory / 1e9:.3g} GB, more than the "
-            f"{MAX_PICTURE_BYTES / 1e9:g} GB allowed: is it a photo?",
-            about=shown(path),
-        )
-    return claim
+    width, height = read_size(data) or (0, 0)
+    if width * height > MAX_PIXELS:
+        raise _too_large(path)
+
+
+def _too_large(path: Path) -> PhotoError:
+    return PhotoError(
+        f"claims more than the {MAX_PIXELS / 1e6:g} million pixels allowed: is it a photo?",
+        about=shown(path),
+    )
 
 
 def _one_thread() -> int:

@@ -15,8 +15,7 @@ COLMAP's cameras                       16 MB                       200 MB    10
 tables: corners, pairs, poses          100 MB, 16 million values   1.5 GB    20
 corners.vnl                            200 MB, 16 million values   2 GB      20
 points, pixels                         100 MB                      1 GB      60
-photos, each of those under way        2 GB, 200 million pixels,   2.5 GB    15
-                                       1.2 GB when decoded
+photos, each of those under way        2 GB, 200 million pixels    7 GB      15
 =====================================  ==========================  ========  =======
 
 Anything else than a file, such as a pipe or a device, is read up to the same bounds where text is

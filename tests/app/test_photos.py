@@ -223,7 +223,7 @@ def test_a_small_file_that_claims_a_huge_picture_is_refused(tmp_path):
 
     path = tmp_path / "bomb.png"
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IEND", b""))
-    with pytest.raises(PhotoError, match="30000x30000"):
+    with pytest.raises(PhotoError, match="200 million pixels"):
         read_picture(path)
 
 

@@ -1,6 +1,9 @@
-"""What pictures claim: small files that claim huge ones never reach a decoder."""
+"""What pictures claim: small files that claim huge ones take no memory."""
 
+import os
 import struct
+import subprocess
+import sys
 import zlib
 
 import cv2
@@ -10,7 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.app import photos
-from cubicfish_cli.app.picture_headers import as_stored, claimed, is_picture, other_kind
+from cubicfish_cli.app.picture_headers import (
+    as_stored,
+    is_picture,
+    is_whole,
+    other_kind,
+    read_size,
+)
 from cubicfish_cli.core.errors import PhotoError
 
 RNG = np.random.default_rng(0)
@@ -91,14 +100,59 @@ HUGE = {
 }
 
 
-@pytest.mark.parametrize("data", HUGE.values(), ids=HUGE)
+@pytest.mark.parametrize("data", [HUGE["png"], HUGE["jpeg"]], ids=["png", "jpeg"])
 def test_huge_claims_never_reach_a_decoder(tmp_path, monkeypatch, data):
     monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("it was decoded"))
     path = tmp_path / "photo"
     path.write_bytes(data)
     for read in (photos.read_picture, photos.photo_size):
-        with pytest.raises(PhotoError, match=r"claims .* more than the .* allowed"):
+        with pytest.raises(PhotoError, match=r"claims more than the 200 million pixels allowed"):
             read(path)
+
+
+READ_ALL = """
+import resource, sys
+from pathlib import Path
+from cubicfish_cli.app.terminal.start import _settle
+_settle()
+from cubicfish_cli.app import photos
+from cubicfish_cli.core.errors import PhotoError
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    try:
+        photos.read_picture(path)
+    except PhotoError as refused:
+        print(path.name, "too large" if "claims more" in str(refused) else "damaged")
+print("MB", (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="memory is measured as Unix does")
+def test_small_files_that_claim_much_take_no_memory(tmp_path):
+    whole = {
+        suffix: cv2.imencode(f".{suffix}", np.zeros((8, 8, 3), np.uint8))[1].tobytes()
+        for suffix in ("bmp", "ppm")
+    }
+    side = struct.pack("<ii", 30_000, 30_000)
+    files = {
+        **HUGE,
+        "bmp-else-whole": whole["bmp"][:18] + side + whole["bmp"][26:],
+        "ppm-else-whole": whole["ppm"].replace(b"8 8", b"30000 30000"),
+    }
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    environment = {**os.environ}
+    environment.pop("OPENCV_IO_MAX_IMAGE_PIXELS", None)
+    told = subprocess.run(
+        [sys.executable, "-c", READ_ALL, tmp_path],
+        check=True, capture_output=True, text=True, env=environment,
+    ).stdout.splitlines()  # fmt: skip
+    refused = dict(line.rsplit(" ", 1) if "damaged" in line else line.split(" ", 1)
+                   for line in told)  # fmt: skip
+    assert int(refused.pop("MB")) < 100
+    assert refused.keys() == files.keys()
+    assert refused["bmp-else-whole"] == refused["ppm-else-whole"] == "too large"
 
 
 DAMAGED = {
@@ -108,13 +162,6 @@ DAMAGED = {
     "jpeg-scans": jpeg(640, 480, 0xC2, scans=65),
     "jpeg-without-end": jpeg(640, 480)[:-2],
     "jpeg-without-scan": b"\xff\xd8\xff\xe0\0\x02\xff\xd9",
-    "tiff-loop": b"II*\0\x08\0\0\0\xff\xff" + bytes(40),
-    "bigtiff-count": b"II+\0\x08\0\0\0\x10" + bytes(7) + b"\xff" * 8,
-    "webp-empty": webp(),
-    "ppm-bytes": b"P6 14000 14000 255\n" + bytes(100),
-    "pgm-digits": b"P2 14000 14000 255\n1 2 3\n",
-    "pbm-bits": b"P4 14000 14000\n" + bytes(100),
-    "ppm-blanks": b"P6" + b" " * 5000 + b"x",
 }
 
 
@@ -143,25 +190,18 @@ def test_kinds_whose_headers_are_not_read_never_reach_a_decoder(tmp_path, monkey
 @pytest.mark.parametrize(
     ("name", "data", "kind"),
     [
-        ("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "a HEIC picture"),
-        ("a.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "a HEIC picture"),
-        ("a.avif", b"\0\0\0\x1cftypmif1\0\0\0\0mif1avifmiaf", "an AVIF picture"),
+        ("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "a HEIC or AVIF picture"),
+        ("a.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "a HEIC or AVIF picture"),
+        ("a.avif", b"\0\0\0\x1cftypmif1\0\0\0\0mif1avifmiaf", "a HEIC or AVIF picture"),
         ("a.mp4", b"\0\0\0\x20ftypisom\0\0\2\0isomiso2avc1mp41", "a video: save frames of it"),
         ("a.mp4", b"\0\0\0\x10ftypisom\0\0\2\0heic", "a video"),  # beyond the brands
         ("a.mov", b"\0\0\0\x08mdat", "a video"),
         ("a.avi", b"RIFF\0\0\0\0AVI LIST", "a video"),
         ("a.mkv", b"\x1a\x45\xdf\xa3", "a video"),
-        ("a.gif", b"GIF89a", "a GIF picture"),
-        ("a.jxl", b"\xff\x0a", "a JPEG XL picture"),
-        ("a.jp2", b"\0\0\0\x0cjP  ", "a JPEG 2000 picture"),
-        ("a.psd", b"8BPS", "a Photoshop picture"),
-        ("a.exr", b"v/1\x01", "an OpenEXR picture"),
-        ("a.pdf", b"%PDF-1.7", "a PDF document: save the photo in it"),
         ("a.CR3", b"\0\0\0\x18ftypcrx \0\0\0\1crx isom", "a camera's raw file: develop it"),
-        ("a", b"II*\0\x10\0\0\0CR\2\0", "a camera's raw file"),
+        ("a.cr2", b"II*\0\x10\0\0\0CR\2\0", "a camera's raw file"),
         ("a.NEF", tiff([(256, 3, 160), (257, 3, 120)], order=">"), "a camera's raw file"),
         ("a.raf", b"FUJIFILMCCD-RAW 0201", "a camera's raw file"),
-        ("a.rw2", b"IIU\0\x08\0\0\0", "a camera's raw file"),
     ],
 )
 def test_what_is_known_and_not_read_is_named_with_what_to_do(tmp_path, name, data, kind):
@@ -174,7 +214,7 @@ def test_what_is_known_and_not_read_is_named_with_what_to_do(tmp_path, name, dat
 
 @pytest.mark.parametrize("data", [b"", b"RIFF", b"\0\0\0\0ftyp", b"hello", b"\xff\xfe\x0a"])
 def test_what_says_little_is_no_puzzle(data):
-    assert other_kind(data, ".png") in (None, other_kind(b"\0\0\0\x08mdat", ""))
+    assert other_kind(data, ".png") is None or data.endswith(b"ftyp")
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "tif", "bmp", "webp", "ppm"])
@@ -182,37 +222,22 @@ def test_pictures_that_are_read_are_of_no_other_kind(suffix):
     assert other_kind(cv2.imencode(f".{suffix}", COLOUR)[1].tobytes(), f".{suffix}") is None
 
 
-@pytest.mark.parametrize("suffix", ["png", "jpg", "tif", "bmp", "webp", "ppm"])
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
 def test_pictures_claim_what_they_hold(suffix):
     data = cv2.imencode(f".{suffix}", COLOUR)[1].tobytes()
-    claim = claimed(data)
-    assert (claim.width, claim.height) == (64, 48)
-    assert claim.memory >= COLOUR.nbytes
-
-
-def test_progressive_jpeg_and_other_ways_to_write():
-    data = cv2.imencode(".jpg", COLOUR, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
-    assert claimed(data).memory == 64 * 48 * (3 + 3)  # colour at a quarter: 1.5 numbers of 2 bytes
-    assert claimed(tiff([(256, 3, 70), (257, 4, 50)], order=">")).height == 50
-    assert claimed(b"P5\n# a remark\n 7 # another\n5\n255\n" + bytes(35)).width == 7
-    assert claimed(b"P1 3 2\n010101").width == 3
+    assert read_size(data) == (64, 48)
+    assert is_whole(data)
 
 
 @pytest.mark.slow
-@given(st.sampled_from(sorted(HUGE)), st.data())
-def test_any_damage_is_none_or_a_claim(kind, data):
-    hurt = bytearray(HUGE[kind])
+@given(st.sampled_from(sorted({**HUGE, **DAMAGED})), st.data())
+def test_any_damage_is_told_or_has_a_size(kind, data):
+    hurt = bytearray({**HUGE, **DAMAGED}[kind])
     for _ in range(data.draw(st.integers(1, 6))):
         hurt[data.draw(st.integers(0, len(hurt) - 1))] = data.draw(st.integers(0, 255))
-    claim = claimed(bytes(hurt[: data.draw(st.integers(0, len(hurt)))]))
-    assert claim is None or min(claim.width, claim.height, claim.memory + 1) > 0
-
-
-@pytest.mark.parametrize("far", [2**31, 2**63 - 1, 2**64 - 1])
-def test_places_beyond_any_memory_are_damage(far):
-    big_tiff = b"II" + struct.pack("<HHHQ", 43, 8, 0, far)
-    assert is_picture(big_tiff)
-    assert claimed(big_tiff + bytes(64)) is None
+    cut = bytes(hurt[: data.draw(st.integers(0, len(hurt)))])
+    assert is_whole(cut) in (False, True)
+    assert min(read_size(cut) or (0,)) >= 0
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -226,22 +251,8 @@ def test_a_note_of_orientation_is_undone_in_every_kind_of_tiff(order, big):
     assert as_stored(plain) is plain
 
 
-def test_a_note_outside_the_file_or_of_no_number_changes_nothing():
+def test_no_note_or_one_of_no_number_changes_nothing():
     note = tiff([(274, 3, 6)])
-    text = note.replace(struct.pack("<HH", 274, 3), struct.pack("<HH", 274, 2))
-    afar = tiff([(274, 3, 60_000)]).replace(
-        struct.pack("<HHI", 274, 3, 1), struct.pack("<HHI", 274, 3, 9)
-    )
-    for data in (text, afar, note[:14], b"II+\0\x08\0\0\0" + b"\xff" * 16, b""):
+    afar = note.replace(struct.pack("<HHI", 274, 3, 1), struct.pack("<HHI", 274, 3, 9))
+    for data in (tiff([(256, 3, 6)]), afar, note[:14], b"II+\0\x08\0\0\0" + b"\xff" * 16, b""):
         assert as_stored(data) is data
-
-
-def test_a_size_is_judged_as_it_is_decoded(tmp_path, monkeypatch):
-    """A note of orientation whose place is that of the size would change what a header claims."""
-    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("it was decoded"))
-    data = tiff([(256, 4, 14_000), (257, 4, 14_000), (274, 3, 20)])
-    data = data.replace(struct.pack("<HHII", 274, 3, 1, 20), struct.pack("<HHII", 274, 3, 9, 20))
-    path = tmp_path / "p.tif"
-    path.write_bytes(data)  # 20 is the upper half of the width: 1 there makes it 79 536
-    with pytest.raises(PhotoError, match="79536x14000"):
-        photos.read_picture(path)

@@ -5,8 +5,8 @@ told how far it is, and maybe an `Executor`: something that does a function of o
 items, and answers as they are done. `app/executors/pool.py` and `app/undistortion/batch.py` need no
 more; `--scheduler` (`app/terminal/progress.py`) gives them a `Cluster`, and nothing of dask is
 loaded without it. `app/executors/cluster.py` makes each item a task and notices when workers or
-scheduler are lost; its `do_one` is what runs in a worker: it checks versions and folders, unpickles
-the work once per process (so that maps are made once there), and answers with errors as values. A
-task may run twice, so the right to write is settled before the work begins and tasks replace what
-they wrote.
+scheduler are lost; its `do_one` is what runs in a worker: it checks versions and answers with
+errors as values. The work is unpickled once per process, so that maps are made once there. A task
+may run twice, so the right to write is settled before the work begins and tasks replace what they
+wrote.
 """

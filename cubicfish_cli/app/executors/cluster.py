@@ -1,9 +1,7 @@
 """Executor on a dask cluster: each photo is a task.
 
 The work travels once to each process, a photo's path with each task, and what comes back is
-small: photos and pictures themselves stay on a file system that all machines share. An order is
-pickled as (versions, proof, pickled work): those who cannot do the work find out before they
-unpickle it.
+small: photos and pictures themselves stay on a file system that all machines share.
 """
 
 from __future__ import annotations
@@ -11,16 +9,12 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import logging
-import os
 import pickle
 import platform
-import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any, TypeVar
 
 import cv2
@@ -29,7 +23,7 @@ import numpy as np
 from cubicfish_cli import __version__
 from cubicfish_cli.app.photos import one_opencv_thread, shown
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
-from cubicfish_cli.core.files import temporary_name, working_on, write_text
+from cubicfish_cli.core.files import working_on
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -39,11 +33,8 @@ CANCELLED = (concurrent.futures.CancelledError, asyncio.CancelledError)
 WAIT_S = 60.0
 """How long to wait for a worker where there is none."""
 
-# A scheduler that is there answers within milliseconds.
-_CONNECT_S, _SLACK_S = 5.0, 1.0
-_CLOSE_S = 5.0
+_CONNECT_S = _CLOSE_S = 5.0  # a scheduler that is there answers within milliseconds
 _POLL_S, _LOOK_S = 1.0, 0.01
-_INSTALL = "pip install 'cubicfish[scale]'"
 
 
 def versions_here() -> dict[str, str]:
@@ -51,77 +42,23 @@ def versions_here() -> dict[str, str]:
     return {"cubicfish": __version__, "OpenCV": cv2.__version__, "numpy": np.__version__}
 
 
-@contextmanager
-def order(work: Callable[[Any], Any], writes_below: Path | None) -> Iterator[bytes]:
-    """What asks for the work, while the block runs."""
-    with _proof(writes_below) as proof:
-        yield pickle.dumps((versions_here(), proof, pickle.dumps(work)))
+def do_one(work: Callable[[Any], Any], versions: Mapping[str, str], item: Any) -> tuple[Any]:
+    """Run on a worker: the work on one item, or what is wrong with that item.
 
-
-@contextmanager
-def _proof(folder: Path | None) -> Iterator[Path | None]:
-    """A file in a folder, or in the nearest above that exists: who sees it sees that folder too."""
-    if folder is None:
-        yield None
-        return
-    below = Path(os.path.abspath(folder))
-    there = next(path for path in (below, *below.parents) if path.exists())
-    path = temporary_name(there / "cubicfish")
-    write_text(path, "", overwrite=False)
-    try:
-        yield path
-    finally:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
-
-
-_one_at_a_time = threading.Lock()
-
-
-@lru_cache(maxsize=2)  # processes serve several runs one after the other; their maps are large
-def _work_of(wanted: bytes) -> Callable[[Any], Any]:
-    """The work that an order asks for, the same object for the same order."""
+    The answer is in a tuple of one, by which it is told from what became of a task that failed.
+    """
     host = platform.node()
-    versions, proof, work = pickle.loads(wanted)
     for name, has in versions_here().items():
         if has != versions[name]:
             raise ClusterError(
                 f"a worker on {host} has {name} {has} and this machine has {versions[name]}, whose "
                 "results may differ: install the same version"
             )
-    if proof is not None and not proof.exists():
-        raise ClusterError(
-            f"a worker on {host} does not see the {shown(proof.parent)} of this machine: all need "
-            "the same folders, on a shared file system"
-        )
-    chosen: Callable[[Any], Any] = pickle.loads(work)
-    return chosen
-
-
-def do_one(wanted: bytes, item: bytes) -> Any:
-    """Run on a worker: the work on one pickled item, or what is wrong with that item."""
-    with _one_at_a_time:
-        work = _work_of(wanted)
-    with one_opencv_thread(), working_on(platform.node()):
+    with one_opencv_thread(), working_on(host):
         try:
-            return work(pickle.loads(item))
+            return (work(item),)
         except CubicfishError as error:
-            return error
-
-
-def task() -> Callable[[bytes, bytes], tuple[Any]]:
-    """What is sent as a task: a function in a function travels as code, which all can read.
-
-    It puts the answer into a tuple of one, by which it is told from what became of a task that
-    failed.
-    """
-
-    def do(wanted: bytes, item: bytes) -> tuple[Any]:
-        from cubicfish_cli.app.executors.cluster import do_one
-
-        return (do_one(wanted, item),)
-
-    return do
+            return (error,)
 
 
 class Cluster:
@@ -150,11 +87,7 @@ class Cluster:
             )
 
     def each(
-        self,
-        work: Callable[[Item], Answer],
-        items: Sequence[Item],
-        *,
-        writes_below: Path | None = None,
+        self, work: Callable[[Item], Answer], items: Sequence[Item]
     ) -> Iterator[tuple[int, Answer | CubicfishError]]:
         """Do the work on every item; see :meth:`cubicfish_cli.app.executors.pool.Executor.each`.
 
@@ -162,41 +95,40 @@ class Cluster:
         one after the other gets a :class:`ClusterError` for an answer.
 
         Raises:
-            ClusterError: the scheduler or all workers are lost, a worker has other versions, or
-                does not see the folder.
+            ClusterError: the scheduler or all workers are lost, or a worker has other versions.
 
         """
         from distributed import as_completed
 
+        # The answer of a task, unlike data that is scattered, is made again when it is lost.
+        kept = self._client.submit(pickle.loads, pickle.dumps(work), pure=False)
+        every = len(items)
+        versions = [versions_here()] * every
+        futures = self._client.map(do_one, [kept] * every, versions, items, pure=False)
+        numbers = {future: number for number, future in enumerate(futures)}
+        # It fetches answers on its own thread: one that is lost with its worker may never come.
+        finished = as_completed(
+            futures, loop=self._client.loop, with_results=True, raise_errors=False
+        )
         so_far = ""
-        with order(work, writes_below) as wanted:
-            # The answer of a task, unlike data that is scattered, is made again when it is lost.
-            kept = self._client.submit(bytes, wanted, pure=False)
-            pickled = [pickle.dumps(item) for item in items]
-            futures = self._client.map(task(), [kept] * len(items), pickled, pure=False)
-            numbers = {future: number for number, future in enumerate(futures)}
-            # It fetches answers on its own thread: one that is lost with its worker may never come.
-            finished = as_completed(
-                futures, loop=self._client.loop, with_results=True, raise_errors=False
-            )
-            try:
-                while numbers:
-                    so_far = f" ({len(items) - len(numbers)} of {len(items)} done)"
-                    if time.monotonic() > self._asked + _POLL_S:
-                        self.ask(so_far)
-                    some = finished.next_batch(block=False)
-                    if not some:
-                        time.sleep(_LOOK_S)
-                    for future, told in some:
-                        # Its status may have changed since: answers are lost with their workers.
-                        if isinstance(told, tuple) and len(told) == 1:
-                            answer = told[0]
-                        else:  # of what failed: its type, the exception and its traceback
-                            why = told if isinstance(told, BaseException) else told[1]
-                            answer = self._explained(why, so_far)
-                        yield numbers.pop(future), answer
-            except CANCELLED as problem:
-                raise self._lost(so_far) from problem
+        try:
+            while numbers:
+                so_far = f" ({every - len(numbers)} of {every} done)"
+                if time.monotonic() > self._asked + _POLL_S:
+                    self.ask(so_far)
+                some = finished.next_batch(block=False)
+                if not some:
+                    time.sleep(_LOOK_S)
+                for future, told in some:
+                    # Its status may have changed since: answers are lost with their workers.
+                    if isinstance(told, tuple) and len(told) == 1:
+                        answer = told[0]
+                    else:  # of what failed: its type, the exception and its traceback
+                        why = told if isinstance(told, BaseException) else told[1]
+                        answer = self._explained(why, so_far)
+                    yield numbers.pop(future), answer
+        except CANCELLED as problem:
+            raise self._lost(so_far) from problem
 
     def _explained(self, problem: BaseException, so_far: str) -> ClusterError:
         """What became of a task that gave no answer, where the others may go on."""
@@ -210,10 +142,11 @@ class Cluster:
                 "each worker that tried it was ended from outside, as happens when memory runs "
                 "out: give the workers more memory or fewer threads"
             )
-        if isinstance(problem, ImportError):
+        # The scheduler says what it cannot load by a RuntimeError.
+        if isinstance(problem, (ImportError, RuntimeError)):
             raise ClusterError(
-                f"a worker cannot load cubicfish ({problem}): install cubicfish {__version__} "
-                "there as it is here"
+                f"a worker or the scheduler cannot load cubicfish ({problem}): install cubicfish "
+                f"{__version__} there as it is here"
             ) from problem
         raise problem
 
@@ -239,7 +172,9 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
     try:
         from distributed import Client
     except ImportError as problem:
-        raise ClusterError(f"a scheduler needs dask ({problem}): {_INSTALL}") from problem
+        raise ClusterError(
+            f"a scheduler needs dask ({problem}): pip install 'cubicfish[scale]'"
+        ) from problem
     with ExitStack() as stack:
         # What goes wrong is said once, by an error: dask's own log goes nowhere meanwhile.
         stack.callback(logging.disable, logging.root.manager.disable)
@@ -247,9 +182,8 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
         stack.enter_context(warnings.catch_warnings())
         # It compares versions too, of more than what matters here.
         warnings.filterwarnings("ignore", message="Mismatched versions found")
-        reach = partial(Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
         try:
-            client = _within(_CONNECT_S + _SLACK_S, reach)
+            client = Client(address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
         except Exception as problem:  # whatever the other side does not understand
             said = " ".join(str(problem).split()) or "it is silent"
             raise ClusterError(
@@ -268,22 +202,3 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
 def _close(client: Any) -> None:
     with suppress(OSError, RuntimeError, *CANCELLED):
         client.close(timeout=_CLOSE_S)
-
-
-def _within(limit_s: float, start: Callable[[], Any]) -> Any:
-    """Call a function that may never return, as where something else listens.
-
-    Raises:
-        TimeoutError: it did not return in time.
-
-    """
-    outcome: concurrent.futures.Future[Any] = concurrent.futures.Future()
-
-    def run() -> None:
-        try:
-            outcome.set_result(start())
-        except Exception as problem:
-            outcome.set_exception(problem)
-
-    threading.Thread(target=run, daemon=True).start()
-    return outcome.result(limit_s)

@@ -128,12 +128,10 @@ class _Cluster:
         self._asked, self._listener, self._stack = asked, listener, stack
         self._there: Executor | None = None
 
-    def each(
-        self, work: Callable[[Any], Any], items: Sequence[Any], *, writes_below: Path | None = None
-    ) -> Iterator[tuple[int, Any]]:
+    def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         if self._there is None:
             self._there = self._connected(str(self._asked.address))
-        return self._there.each(work, items, writes_below=writes_below)
+        return self._there.each(work, items)
 
     def _connected(self, address: str) -> Executor:
         from cubicfish_cli.app.executors.cluster import connect

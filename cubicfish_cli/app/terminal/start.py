@@ -52,8 +52,8 @@ def _settle() -> None:
     # run it waits for its turn again and again. Work is shared out by processes instead.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")
-    # A small file that claims a huge picture is refused, also in formats whose headers only OpenCV
-    # reads, which takes its limit when it is loaded: as in cubicfish_cli.app.photos.
+    # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
+    # loaded: the one of cubicfish_cli.app.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
     register()
     settle_streams(ERRORS)  # a terminal may lack some characters

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from os.path import abspath, commonpath
+from os.path import abspath
 from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Any
@@ -192,9 +192,9 @@ def _by_executor(
         return
     numbers = list(free)
     folders = {path.parent for job in free.values() for path in job.outputs.values()}
-    below, any_done = Path(commonpath(folders)), False
+    any_done = False
     try:
-        for index, problem in executor.each(work, list(free.values()), writes_below=below):
+        for index, problem in executor.each(work, list(free.values())):
             if isinstance(problem, ClusterError):  # which does not know the photo
                 about = shown(jobs[numbers[index]].source)
                 problem = ClusterError(str(problem), about=about, apart=True)

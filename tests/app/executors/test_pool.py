@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from multiprocessing.context import ForkServerProcess
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
@@ -34,28 +34,6 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     )  # fmt: skip
     assert (done.stdout.strip(), done.stderr) == ("1 2", "")
     assert list(folder.iterdir()) == []
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="needs Linux's /proc")
-def test_the_server_of_workers_holds_interrupts_back_while_it_loads() -> None:
-    """Ctrl-C goes to the server too, and would end it with a traceback of its imports."""
-    work = (
-        "import signal\n"
-        "from multiprocessing import forkserver\n"
-        "from pathlib import Path\n"
-        "from cubicfish_cli.app.executors.pool import _context\n"
-        "_context()\n"
-        "for process in (forkserver._forkserver._forkserver_pid, 'self'):\n"
-        "    lines = Path(f'/proc/{process}/status').read_text().splitlines()\n"
-        "    (blocked,) = [line.split()[1] for line in lines if line.startswith('SigBlk')]\n"
-        "    print(int(blocked, 16) >> (signal.SIGINT - 1) & 1)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", work], capture_output=True, text=True, check=False,
-        env={**os.environ, "TMPDIR": "/tmp"},  # a name short enough for a server's socket
-    )  # fmt: skip
-    assert (done.stdout.split(), done.stderr) == (["1", "0"], "")
 
 
 def dies(fate: str) -> str:
@@ -98,16 +76,16 @@ def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | 
 def test_a_request_to_end_waits_until_a_process_has_started(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Else the server of workers is asked for one by half, and prints what it thinks of it."""
+    """Else a process is told by half what it is to do, and prints what it thinks of it."""
     started = []
-    start = ForkServerProcess.start
+    start = SpawnProcess.start
 
-    def interrupted(process: ForkServerProcess) -> None:
+    def interrupted(process: SpawnProcess) -> None:
         signal.raise_signal(signal.SIGINT)
         start(process)
         started.append(process)
 
-    monkeypatch.setattr(ForkServerProcess, "start", interrupted)
+    monkeypatch.setattr(SpawnProcess, "start", interrupted)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         list(map_photos(abs, [-1, 2], 2))

@@ -175,8 +175,9 @@ READS = {"startswith", "endswith", "partition", "rpartition", "split", "rsplit",
 MATCHES = {"search", "match", "fullmatch", "sub", "findall", "split"}
 # Where sentences of other programs and libraries are read, which have no codes: file, function.
 FOREIGN = {
-    ("executors/cluster.py", "connect"): "what distributed says, on one line",
-    ("undistortion/map_formats.py", "write_exr"): "why OpenEXR could not write",
+    ("app/executors/cluster.py", "connect"): "what distributed says, on one line",
+    ("app/photos.py", "decode_picture"): "whether OpenCV's limit of pixels was the reason",
+    ("app/undistortion/map_formats.py", "write_exr"): "why OpenEXR could not write",
 }
 
 

@@ -1,10 +1,9 @@
 """A cluster's workers give what this machine gives, and whatever happens to them is said."""
 
+import gc
 import json
 import os
-import pickle
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -22,7 +21,7 @@ pytest.importorskip("distributed", exc_type=ImportError)
 import distant_work
 
 from cubicfish_cli.app.executors import cluster
-from cubicfish_cli.app.executors.cluster import connect, do_one, order, versions_here
+from cubicfish_cli.app.executors.cluster import connect, do_one, versions_here
 from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.core.errors import ClusterError, PhotoError
 
@@ -307,25 +306,10 @@ def test_workers_of_another_version_are_refused(
         list(executor.each(distant_work.process, [1]))
 
 
-def test_a_worker_that_comes_later_is_checked_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with order(distant_work.process, tmp_path / "new" / "out") as wanted:
-        assert do_one(wanted, pickle.dumps(1)) == os.getpid()
-    assert not (tmp_path / "new").exists()
-    with order(distant_work.process, tmp_path) as wanted:
-        other = {**versions_here(), "numpy": "1.0"}
-        monkeypatch.setattr("cubicfish_cli.app.executors.cluster.versions_here", lambda: other)
-        with pytest.raises(ClusterError, match=r"a worker on \S+ has numpy 1\.0 and this machine"):
-            do_one(wanted, pickle.dumps(1))
-
-
-def test_a_worker_with_other_folders_is_refused(tmp_path: Path) -> None:
-    with order(distant_work.process, tmp_path) as wanted:
-        (proof,) = tmp_path.iterdir()
-        proof.unlink()
-        with pytest.raises(ClusterError, match=rf"does not see the {tmp_path} of this machine"):
-            do_one(wanted, pickle.dumps(1))
+def test_a_worker_that_comes_later_is_checked_too() -> None:
+    assert do_one(distant_work.process, versions_here(), 1) == (os.getpid(),)
+    with pytest.raises(ClusterError, match=r"a worker on \S+ has numpy .* this machine has 1\.0"):
+        do_one(distant_work.process, {**versions_here(), "numpy": "1.0"}, 1)
 
 
 @pytest.mark.slow
@@ -378,24 +362,8 @@ def test_a_scheduler_that_is_not_there_is_one_line(
     assert result.stderr.startswith(f"Error: {said}")
     assert result.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
-    code = (
-        "import sys\nfrom cubicfish_cli.app.executors import cluster\n"
-        "cluster._CONNECT_S = cluster._SLACK_S = 0.3\n"
-        "with cluster.connect(sys.argv[1]):\n    pass"
-    )
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        done = subprocess.run(
-            [sys.executable, "-c", code, address], capture_output=True, text=True, timeout=20
-        )
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith(
-        f"cubicfish_cli.core.errors.ClusterError: no scheduler answers at {address}"
-    )
+    del result
+    gc.collect()  # dask hangs where a client that was never connected goes while one is made
 
 
 @pytest.mark.slow
