@@ -32,10 +32,10 @@ import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
 
+from cubicfish_cli.app.viewpoints.truth import look_at, project_corners
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import look_at, project_corners
 
 NEAR, FAR = 1.0, 3.0
 # Image, corners that must be found, all corners that may be found.

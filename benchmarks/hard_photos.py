@@ -37,13 +37,13 @@ import numpy as np
 from synthetic_lenses import SYNTHETIC_LENSES, SyntheticLens, synthetic_lens
 
 from cubicfish_cli.app.detection import detect
+from cubicfish_cli.app.viewpoints.truth import Pose, TrueCorners, project_corners
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.detection.markers import find_marked_corners
 from cubicfish_cli.extensions.simulation.simulate import RayGrid, render, room_background
-from cubicfish_cli.extensions.simulation.truth import Pose, TrueCorners, project_corners
 
 SIZE = (640, 480)
 COLUMNS, ROWS, SQUARE = 10, 7, 30.0

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
 
+from cubicfish_cli.app.viewpoints.truth import Pose, TrueCorners, look_at, project_corners
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.boards.types import BOARD_TYPES
@@ -30,7 +31,6 @@ from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.detection.markers import find_marked_corners
 from cubicfish_cli.corners.detection.markers_pieces import How
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import Pose, TrueCorners, look_at, project_corners
 
 LENS = AsymmetricLens(
     image_size=(1280, 1280),

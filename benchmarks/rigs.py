@@ -25,6 +25,7 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.lenses.sphere import cone_rays
@@ -32,7 +33,6 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration, RigCamera, calibrate_rig
 from cubicfish_cli.extensions.rigs.fit.shots import shots_by_name
-from cubicfish_cli.extensions.simulation.truth import Pose, pose_of_matrix, rotation_matrix
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
 

@@ -20,9 +20,7 @@ from cubicfish_cli.commands.detect import DetectOptions as DetectOptions
 from cubicfish_cli.commands.detect import detect_files as detect_files
 from cubicfish_cli.commands.map_files import map_files as map_files
 from cubicfish_cli.commands.target import CheckOptions as CheckOptions
-from cubicfish_cli.commands.target import PrintOptions as PrintOptions
 from cubicfish_cli.commands.target import check_target_files as check_target_files
-from cubicfish_cli.commands.target import print_target_files as print_target_files
 from cubicfish_cli.commands.target_files import check_target as check_target
 from cubicfish_cli.commands.undistorting import undistort as undistort
 from cubicfish_cli.commands.undistorting import undistort_files as undistort_files
@@ -71,6 +69,8 @@ from cubicfish_cli.extensions.simulation.options import LookOptions as LookOptio
 
 __version__: str
 __all__: list[str]
+from cubicfish_cli.extensions.printing.command import PrintOptions as PrintOptions
+from cubicfish_cli.extensions.printing.command import print_target_files as print_target_files
 from cubicfish_cli.extensions.rigs.calibrate import calibrate_rig_files as calibrate_rig_files
 from cubicfish_cli.extensions.rigs.compare import compare_rig_files as compare_rig_files
 from cubicfish_cli.extensions.rigs.evaluate import evaluate_rig_files as evaluate_rig_files

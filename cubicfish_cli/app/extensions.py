@@ -25,6 +25,7 @@ TABLE = {
     "formats": "cubicfish_cli.extensions.formats.extension:EXTENSION",
     "report": "cubicfish_cli.extensions.report.extension:EXTENSION",
     "advice": "cubicfish_cli.extensions.advice.extension:EXTENSION",
+    "printing": "cubicfish_cli.extensions.printing.extension:EXTENSION",
     "simulation": "cubicfish_cli.extensions.simulation.extension:EXTENSION",
     "rigs": "cubicfish_cli.extensions.rigs.extension:EXTENSION",
 }
@@ -36,7 +37,8 @@ class Extension:
     """What an extension adds.
 
     Attributes:
-        commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named.
+        commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named;
+            ``target print`` is one of the group ``target``.
         words: a file of its sentences, as words/catalogue.toml has them.
 
     """
@@ -79,6 +81,9 @@ def _load_installed(entry: EntryPoint) -> Extension:
     return found
 
 
-def extension_commands() -> dict[str, str]:
-    """The commands of all extensions: name -> ``module:command``."""
-    return {name: place for one in extensions() for name, place in one.commands.items()}
+def extension_commands(group: str = "") -> dict[str, str]:
+    """The commands of all extensions: name -> ``module:command``; of a group, those within it."""
+    named = [
+        (name.rpartition(" "), at) for one in extensions() for name, at in one.commands.items()
+    ]
+    return {name: place for (of, _, name), place in named if of == group}

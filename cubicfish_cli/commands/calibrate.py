@@ -274,8 +274,8 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     asked.refuse_unused(run)
     made_at()  # said before the work if it cannot be
     from cubicfish_cli.app.inputs import load_inputs, recorded_as
+    from cubicfish_cli.app.sufficiency.enough import summary
     from cubicfish_cli.core.fit.calibration import Calibration
-    from cubicfish_cli.extensions.advice.enough import summary
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
     goals = {kind: folder / name for kind, name in NAMES.items()}
@@ -415,7 +415,7 @@ def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> s
     run.listener.progress("Making the report")
     try:
         with extra.quiet():
-            from cubicfish_cli.extensions.report.from_files import facts_of_fit
+            from cubicfish_cli.app.calibration_facts import facts_of_fit
             from cubicfish_cli.extensions.report.page import report_html
 
         page = report_html(facts_of_fit(fitted, loaded.pairs, loaded.photos))

@@ -26,7 +26,7 @@ QUICK = ("--no-hold-out", "--refine-target", "off")
 
 def facts(folder: Path, target: Path | None = None) -> Any:
     """What a page says of a folder, without making one."""
-    from cubicfish_cli.extensions.report.from_files import facts_of_files
+    from cubicfish_cli.app.calibration_facts import facts_of_files
 
     return facts_of_files(folder / "camera.yaml", target=target, photos=[])
 

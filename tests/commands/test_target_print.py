@@ -12,6 +12,7 @@ from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -26,7 +27,6 @@ from cubicfish_cli.extensions.printing.layout import (
 from cubicfish_cli.extensions.printing.objects import Wanted, design
 from cubicfish_cli.extensions.printing.paper import paper
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import look_at
 from tests.commands.test_main import CUBICFISH, heavy_modules_after
 
 pytest.importorskip("matplotlib")

@@ -12,9 +12,9 @@ from cubicfish_cli import (
     load_corners,
     save_corners,
 )
+from cubicfish_cli.app.calibration_facts import facts_of_files
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.target import target_text
-from cubicfish_cli.extensions.report.from_files import facts_of_files
 
 
 @pytest.mark.slow

@@ -9,12 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from asymmetric_lens import AsymmetricLens
 
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.checkerboard import Checkerboard
-from cubicfish_cli.core.boards.types import BOARD_TYPES
-from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.simulation.truth import (
+from cubicfish_cli.app.viewpoints.truth import (
     AnyLens,
     Pose,
     TrueCorners,
@@ -22,6 +17,11 @@ from cubicfish_cli.extensions.simulation.truth import (
     look_at,
     project_corners,
 )
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.types import BOARD_TYPES
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
 
 IMAGE_SIZE = (960, 720)
 TRUE_LENS = AsymmetricLens(

@@ -23,6 +23,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.viewpoints.truth import (
+    MARGIN_SQUARES,
+    Pose,
+    project_corners,
+    rotation_matrix,
+)
+from cubicfish_cli.app.viewpoints.views import WanderingPupil, WholeLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.target import Target
@@ -39,13 +46,6 @@ from cubicfish_cli.extensions.simulation.simulate import (
     sensed,
     vignette,
 )
-from cubicfish_cli.extensions.simulation.truth import (
-    MARGIN_SQUARES,
-    Pose,
-    project_corners,
-    rotation_matrix,
-)
-from cubicfish_cli.extensions.simulation.views import WanderingPupil, WholeLens
 
 Float32Array = npt.NDArray[np.float32]
 

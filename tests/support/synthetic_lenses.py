@@ -25,10 +25,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.units import MILLIMETRES
-from cubicfish_cli.extensions.simulation.truth import rotation_matrix
 
 # A point's angle and its pupil depend on each other: each round gains a factor of the distance
 # over the pupil's travel.

@@ -458,7 +458,7 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
         raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
-    from cubicfish_cli.extensions.printing.paper import length_mm
+    from cubicfish_cli.core.units import length_mm
 
     say_if_in_mm("--square", square)
     return TargetSource(counts=board, square=length_mm(square))

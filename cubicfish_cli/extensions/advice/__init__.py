@@ -1,6 +1,6 @@
 """What to photograph next: where the camera is uncertain, and which photos would help most.
 
-`extensions/simulation/views.py` samples poses from which a camera sees whole boards well;
+`app/viewpoints/views.py` samples poses from which a camera sees whole boards well;
 `simulate.py` chooses those that fill the field and renders them, with rays that are worked out once
 for all photos (`RayGrid`), and makes grey levels of light, burnt out and bleeding where there is
 too much. `AsymmetricLens` of tests/support is of the family that P is held to, and flatters what

@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.app.sufficiency.enough import FEWEST_PHOTOS, default_goal, why_not_enough
+from cubicfish_cli.app.sufficiency.gaps import Gaps, find_gaps
+from cubicfish_cli.app.viewpoints.views import Distances, Viewpoint, sample_views
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import verdict
@@ -18,12 +21,9 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.advice.enough import FEWEST_PHOTOS, default_goal, why_not_enough
 from cubicfish_cli.extensions.advice.field import GRID, Field, reach_of
-from cubicfish_cli.extensions.advice.gaps import Gaps, find_gaps
 from cubicfish_cli.extensions.advice.knowledge import Knowledge, know, recorded_poses
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
-from cubicfish_cli.extensions.simulation.views import Distances, Viewpoint, sample_views
 
 PROPOSALS = 3
 # Photos so far show where this camera is in focus and the target is in view: proposals go to half

@@ -113,10 +113,10 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
+    from cubicfish_cli.app.calibration_facts import facts_of_files
+    from cubicfish_cli.app.viewpoints.truth import pose_table_text
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.extensions.advice.advise import advise
-    from cubicfish_cli.extensions.report.from_files import facts_of_files
-    from cubicfish_cli.extensions.simulation.truth import pose_table_text
 
     named = (asked.picture, asked.poses, asked.corners, asked.target)
     drawing, table, given, drawn = map(path_or_none, named)

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.viewpoints.views import WholeLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, summed
 from cubicfish_cli.core.fit.uncertainty import Information, field_grid
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.simulation.views import WholeLens
 
 GRID = (80, 60)
 """Columns and rows over the photo of the uncertainty that the picture shows."""

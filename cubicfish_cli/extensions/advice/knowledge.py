@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cubicfish_cli.app.viewpoints.views import Viewpoint
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
@@ -23,7 +24,6 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.simulation.views import Viewpoint
 
 _DECREASE = 1e-7
 # Files that do not say how symmetric a lens held P are from when it was always this.

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from cubicfish_cli.app.drawing import drawing, lay_out
+from cubicfish_cli.app.target_drawing import draw_board
+from cubicfish_cli.app.viewpoints.truth import camera_points
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.advice.advise import Advice
 from cubicfish_cli.extensions.advice.field import reach_of
 from cubicfish_cli.extensions.advice.proposals import Proposal
-from cubicfish_cli.extensions.printing.object_drawing import draw_board
-from cubicfish_cli.extensions.simulation.truth import camera_points
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "advice",

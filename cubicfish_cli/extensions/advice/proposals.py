@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.app.sufficiency.enough import ENOUGH_COVERAGE
+from cubicfish_cli.app.sufficiency.gaps import place_words, tilt_words
+from cubicfish_cli.app.viewpoints.views import Viewpoint
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.fit.findings import FieldCells
 from cubicfish_cli.core.types import BoolArray
-from cubicfish_cli.extensions.advice.enough import ENOUGH_COVERAGE
 from cubicfish_cli.extensions.advice.field import Field
-from cubicfish_cli.extensions.advice.gaps import place_words, tilt_words
 from cubicfish_cli.extensions.advice.knowledge import Knowledge
-from cubicfish_cli.extensions.simulation.views import Viewpoint
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""

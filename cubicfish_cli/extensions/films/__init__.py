@@ -7,7 +7,7 @@ and keeps the best of every few as the picture that it would become (`frame_file
 `frames`, `calibrate FILM` and `--best`; `frame_search.py` looks round by round, at a glance
 (`corners/identification/glance.py`), and as `detect` does where that shows too little. `choose.py`
 takes the pictures that add most and knows of corners only; what they add is told by
-`extensions/advice/worth.py`, which fits a first lens to all, or by its own coverage. `written.py`
+`app/sufficiency/worth.py`, which fits a first lens to all, or by its own coverage. `written.py`
 writes them.
 """
 

@@ -19,6 +19,7 @@ from cubicfish_cli.app.diagnosis.corner_count import squares_of_grids
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import Photo
+from cubicfish_cli.app.sufficiency.worth import Worth
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, FitError
 from cubicfish_cli.core.finding import Finding
@@ -28,7 +29,6 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.look import GridCache, nameless_grids
 from cubicfish_cli.corners.identification.glance import glance, named_at_a_glance
-from cubicfish_cli.extensions.advice.worth import Worth
 from cubicfish_cli.extensions.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.extensions.films.scan import still_px
 

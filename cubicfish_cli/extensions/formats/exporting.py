@@ -15,6 +15,7 @@ import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
+from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError, FitError, UsageError
 from cubicfish_cli.core.files import refuse_existing, write_files
 from cubicfish_cli.core.io.calibrated import Calibrated
@@ -28,7 +29,6 @@ from cubicfish_cli.extensions.formats.foreign import (
     OWN_FIELD,
     WRITTEN,
 )
-from cubicfish_cli.extensions.simulation.truth import rotation_matrix
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}

@@ -1,4 +1,4 @@
-"""Sizes of paper, and lengths as people write them, in millimetres."""
+"""Sizes of paper in millimetres."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.units import MILLIMETRES
+from cubicfish_cli.core.units import MILLIMETRES, NUMBER, UNITS
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 # Width and height in millimetres, upright: ISO 216 and ANSI/ASME Y14.1.
@@ -32,8 +32,6 @@ PAPERS: dict[str, tuple[float, float]] = {
 }
 # The ruler of 100 mm must have its place; PDF readers take pages of up to 200 inches.
 SMALLEST, LARGEST = (100.0, 140.0), 5080.0
-_NUMBER = r"[0-9]+(?:\.[0-9]+)?|\.[0-9]+"
-_UNITS = "|".join(sorted(MILLIMETRES, key=len, reverse=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +61,7 @@ def paper(text: str) -> Paper:
     if name is not None:
         short, long = PAPERS[name]
         return Paper(name=name, short=short, long=long)
-    side = rf"\s*({_NUMBER})\s*({_UNITS})?\s*"
+    side = rf"\s*({NUMBER})\s*({UNITS})?\s*"
     match = re.fullmatch(rf"{side}[x×]{side}", text, re.I)
     if match is None:
         raise TargetError(
@@ -81,21 +79,6 @@ def paper(text: str) -> Paper:
             f"{SMALLEST[0]:g} x {SMALLEST[1]:g} mm and at most {LARGEST:g} mm long"
         )
     return Paper(name=f"{short:g} x {long:g} mm", short=short, long=long)
-
-
-def length_mm(text: str) -> float:
-    """``30mm``, ``3cm``, ``0.75in`` or ``30`` (millimetres) -> millimetres.
-
-    Raises:
-        TargetError: the text is no positive length.
-
-    """
-    match = re.fullmatch(rf"\s*({_NUMBER})\s*({_UNITS})?\s*", text, re.I)
-    value = float(match[1]) * MILLIMETRES[(match[2] or "mm").lower()] if match else 0.0
-    if not 0 < value < 1e6:
-        raise TargetError(f"{quoted(text)} is no length: write it like 30mm, 3cm or 1.25in")
-    # Inches are exact in binary as little as tenths are; files should still look as meant.
-    return round(value, 9)
 
 
 def millimetres_per(units: str) -> float:

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.app.drawing import drawing, lay_out
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.statistics import rms_px
@@ -22,7 +23,6 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.core.units import round_down, round_up
-from cubicfish_cli.extensions.report.facts import ErrorFacts, Facts
 
 INK, MUTED = "#1d2329", "#57606a"
 BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
+from cubicfish_cli.app.calibration_facts import Facts, matched
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord, origin_of
 from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.extensions.report.facts import Facts
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
-from cubicfish_cli.extensions.report.from_files import MOST_CARDS, all_pictures, matched
+from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 
 _MOST_DROPPED = 200

@@ -9,10 +9,10 @@ from typing import Any
 
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
+from cubicfish_cli.app.calibration_facts import facts_of_files
 from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.files import refuse_existing, write_text
-from cubicfish_cli.extensions.report.from_files import facts_of_files
 
 PAGE = "report.html"
 

@@ -8,10 +8,10 @@ import numpy as np
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from cubicfish_cli.app.calibration_facts import Facts
 from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.report.facts import Facts
 from cubicfish_cli.extensions.report.figures import (
     BLUE,
     BOARD_COLOURS,

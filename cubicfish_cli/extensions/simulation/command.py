@@ -184,6 +184,7 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
+    from cubicfish_cli.app.viewpoints.truth import pose_table_text, true_corners_text
     from cubicfish_cli.core.codes import Event
     from cubicfish_cli.core.files import write_files
     from cubicfish_cli.core.phrases import plural
@@ -193,7 +194,6 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         simulated_photos,
     )
     from cubicfish_cli.extensions.simulation.simulated_files import poses_of_table, source_of
-    from cubicfish_cli.extensions.simulation.truth import pose_table_text, true_corners_text
 
     thing, form, look, listener = target_in(asked.target), asked.form, asked.look, run.listener
     listener.progress("Choosing where to take photos from")

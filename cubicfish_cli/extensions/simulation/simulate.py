@@ -15,24 +15,24 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.extensions.simulation.options import LookOptions
-from cubicfish_cli.extensions.simulation.truth import (
+from cubicfish_cli.app.viewpoints.truth import (
     Plate,
     Pose,
     nearest,
     plates,
     rotation_matrix,
 )
-from cubicfish_cli.extensions.simulation.views import (
+from cubicfish_cli.app.viewpoints.views import (
     WanderingPupil,
     WholeLens,
     choose_views,
     sample_views,
 )
+from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.core.errors import TargetError
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.extensions.simulation.options import LookOptions
 
 # Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels per radian, in half the memory.
 FloatArray32 = npt.NDArray[np.float32]

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.app.asked import StrPath
+from cubicfish_cli.app.viewpoints.truth import Pose, load_poses
+from cubicfish_cli.app.viewpoints.views import NearLens, WholeLens
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, UsageError
@@ -18,8 +20,6 @@ from cubicfish_cli.core.observations import MAX_SIDE
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.wording import quoted
 from cubicfish_cli.extensions.formats.foreign import is_foreign, read_foreign
-from cubicfish_cli.extensions.simulation.truth import Pose, load_poses
-from cubicfish_cli.extensions.simulation.views import NearLens, WholeLens
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,12 @@ from seen import grid_evidence
 from synthetic import checkerboard, lens_of_size, poses_around
 
 from cubicfish_cli.app.diagnosis.lost_photos import many_lost
+from cubicfish_cli.app.viewpoints.truth import camera_points
 from cubicfish_cli.core.codes import Code, Remedy, Severity
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.identification.identified import CODES, Decided, PhotoReport, remark_of
 from cubicfish_cli.extensions.simulation.options import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import simulated_photos
-from cubicfish_cli.extensions.simulation.truth import camera_points
 from tests.app.diagnosis.test_another_target import LARGE, ONE, identified, report
 
 

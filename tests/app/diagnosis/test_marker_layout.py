@@ -10,6 +10,7 @@ from asymmetric_lens import AsymmetricLens
 
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import MarkerEvidence
+from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.codes import Code, Severity
@@ -18,7 +19,6 @@ from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.detection.markers import find_marked_corners
 from cubicfish_cli.corners.identification.identified import marked_corners
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import look_at
 
 SIZE = (480, 400)
 LENS = AsymmetricLens(

@@ -7,6 +7,7 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.point_fit import calibrate_points, fit_ratio, ratio
 from cubicfish_cli.core.fit.subset import select, select_photos
@@ -14,7 +15,6 @@ from cubicfish_cli.core.lenses.lift import lift, lift_rotation
 from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.plane import PlaneView
-from cubicfish_cli.extensions.simulation.truth import rotation_matrix
 
 TARGET = synthetic.corner_of_three()
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from synthetic import box_of_four, lens_of_size
 
+from cubicfish_cli.app.viewpoints.truth import look_at, project_corners
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.corners.detection import finder
@@ -15,7 +16,6 @@ from cubicfish_cli.corners.detection.growth import measure_contrast
 from cubicfish_cli.corners.detection.lattice import Lattice
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import look_at, project_corners
 
 POSE = look_at((330, 420, 300), (250, 150, 120), roll=0.5)
 

@@ -9,6 +9,7 @@ from asymmetric_lens import AsymmetricLens
 from synthetic import plain_background
 
 from cubicfish_cli.app.photos import Photo
+from cubicfish_cli.app.viewpoints.truth import camera_points, look_at, project_corners
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.target import Target
@@ -23,7 +24,6 @@ from cubicfish_cli.corners.detection.markers_read import read_grid
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.corners.identification.glance import glance_at_markers
 from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import camera_points, look_at, project_corners
 
 SIZE = (520, 520)
 LENS = AsymmetricLens(

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
+from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.markers import find_marked_corners
 from cubicfish_cli.corners.detection.markers_detect import families
 from cubicfish_cli.corners.detection.markers_read import read_grid, read_together
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
-from cubicfish_cli.extensions.simulation.truth import project_corners
 from tests.corners.detection.test_markers import (
     LENS,
     POSE,

@@ -12,6 +12,7 @@ from synthetic import (
     synthetic_corners,
 )
 
+from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.placement import placement_of, reach_of
@@ -28,7 +29,6 @@ from cubicfish_cli.corners.identification.search import (
     normal_equations,
     search,
 )
-from cubicfish_cli.extensions.simulation.truth import look_at
 
 LENS = RadialCamera(
     image_size=IMAGE_SIZE, fx=262.0, fy=262.6, cx=485.3, cy=352.8, k=np.array([-0.02, -0.004, 0, 0])

@@ -14,6 +14,15 @@ from synthetic import (
     synthetic_correspondences,
 )
 
+from cubicfish_cli.app.sufficiency.enough import summary, why_not_enough
+from cubicfish_cli.app.sufficiency.gaps import (
+    find_gaps,
+    place_words,
+    side_of,
+    tilt_words,
+)
+from cubicfish_cli.app.viewpoints.truth import look_at
+from cubicfish_cli.app.viewpoints.views import Distances, sample_views, view_from
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import (
@@ -28,17 +37,8 @@ from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.fit.uncertainty import field_grid
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
-from cubicfish_cli.extensions.advice.enough import summary, why_not_enough
 from cubicfish_cli.extensions.advice.field import GRID, reach_of
-from cubicfish_cli.extensions.advice.gaps import (
-    find_gaps,
-    place_words,
-    side_of,
-    tilt_words,
-)
 from cubicfish_cli.extensions.advice.knowledge import know, recorded_poses
-from cubicfish_cli.extensions.simulation.truth import look_at
-from cubicfish_cli.extensions.simulation.views import Distances, sample_views, view_from
 
 TARGET = corner_of_three()
 NOISE = 0.1

@@ -7,10 +7,10 @@ import pytest
 from simulated import simulated_corners
 from synthetic import flat_board, lens_of_size
 
+from cubicfish_cli.app.sufficiency.worth import Worth, _told
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.lenses.radial import project_jacobian
-from cubicfish_cli.extensions.advice.worth import Worth, _told
 
 LENS = lens_of_size(1.0)
 

@@ -11,6 +11,7 @@ from synthetic import checkerboard
 from cubicfish_cli.app.diagnosis.object_check import check_object
 from cubicfish_cli.core.errors import TargetError, UsageError
 from cubicfish_cli.core.target import Target, load_target, target_text
+from cubicfish_cli.core.units import length_mm
 from cubicfish_cli.extensions.printing.layout import (
     STRIP,
     boards_in_millimetres,
@@ -18,7 +19,7 @@ from cubicfish_cli.extensions.printing.layout import (
     quiet_zone,
 )
 from cubicfish_cli.extensions.printing.objects import BAND, Wanted, design
-from cubicfish_cli.extensions.printing.paper import length_mm, millimetres_per, paper
+from cubicfish_cli.extensions.printing.paper import millimetres_per, paper
 from tests.extensions.simulation.test_faces_markers import aprilgrid
 
 MARGIN = 8.0

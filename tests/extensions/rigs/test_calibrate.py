@@ -24,6 +24,7 @@ from cubicfish_cli import (
     save_target,
 )
 from cubicfish_cli.app.terminal.options import keys_of
+from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.lift import lift_rotation
@@ -32,7 +33,6 @@ from cubicfish_cli.extensions.rigs import group
 from cubicfish_cli.extensions.rigs.inputs import named_by
 from cubicfish_cli.extensions.rigs.rigs import compare_rigs
 from cubicfish_cli.extensions.rigs.verdict import rig_verdict
-from cubicfish_cli.extensions.simulation.truth import rotation_matrix
 
 BOARDS = [
     ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import stitch
+from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -17,7 +18,6 @@ from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.maps import camera_for_photos
 from cubicfish_cli.core.views.projections import CylindricalView, EquirectangularView
 from cubicfish_cli.extensions.rigs.mosaic import Body, BodyCamera, edge_distance, mosaic_of
-from cubicfish_cli.extensions.simulation.truth import rotation_matrix
 from tests.extensions.rigs.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]

@@ -12,6 +12,7 @@ from synthetic import TRUE_LENS
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli import calibrate_rig, rectify
+from cubicfish_cli.app.viewpoints.truth import Pose, rotation_matrix
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.geometry import camera_centre
 from cubicfish_cli.core.target import Target
@@ -24,7 +25,6 @@ from cubicfish_cli.core.views.projections import (
 )
 from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
 from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
-from cubicfish_cli.extensions.simulation.truth import Pose, rotation_matrix
 
 BOARDS = [
     ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),

@@ -14,16 +14,16 @@ from synthetic import (
     poses_around,
 )
 
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.simulation import simulate as rendering
-from cubicfish_cli.extensions.simulation.simulate import render
-from cubicfish_cli.extensions.simulation.truth import (
+from cubicfish_cli.app.viewpoints.truth import (
     camera_points,
     look_at,
     project_corners,
     rotation_matrix,
 )
+from cubicfish_cli.core.errors import TargetError
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.extensions.simulation import simulate as rendering
+from cubicfish_cli.extensions.simulation.simulate import render
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size

@@ -10,10 +10,10 @@ pytest.importorskip("av")
 
 from synthetic_films import Film, FilmOptions, HandPath
 
+from cubicfish_cli.app.viewpoints.truth import look_at, rotation_matrix
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.simulation.options import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
-from cubicfish_cli.extensions.simulation.truth import look_at, rotation_matrix
 
 LENS = lens_of_size(0.5)
 SIZE = LENS.image_size

@@ -15,12 +15,12 @@ from synthetic import (
     flat_board,
 )
 
+from cubicfish_cli.app.viewpoints.truth import camera_points, rotation_matrix
+from cubicfish_cli.app.viewpoints.views import choose_views, sample_views, view_from
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
-from cubicfish_cli.extensions.simulation.truth import camera_points, rotation_matrix
-from cubicfish_cli.extensions.simulation.views import choose_views, sample_views, view_from
 
 
 def eye_of(view):

@@ -10,6 +10,7 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 from synthetic_lenses import SineProfile, synthetic_lens
 
+from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
@@ -35,7 +36,6 @@ from cubicfish_cli.extensions.rigs.fit.shots import (
     shots_of_table,
 )
 from cubicfish_cli.extensions.rigs.fit.start import median_pose
-from cubicfish_cli.extensions.simulation.truth import Pose, pose_of_matrix, rotation_matrix
 
 NAMES = ("left", "right")
 APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cubicfish_cli.app.sufficiency.enough import default_goal
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.radial_reference import fit_radial
@@ -20,7 +21,6 @@ from cubicfish_cli.core.fit.subset import middle, world_scale
 from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.advice.enough import default_goal
 
 # How free the field is: polynomials up to this degree, of so many pixels' spread each for every
 # 1000 pixels of the photo's longer side.

@@ -14,14 +14,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.markers import marker_modules
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.pupil import pupil_profile
-from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.extensions.simulation.truth import (
+from cubicfish_cli.app.viewpoints.truth import (
     AnyLens,
     Pose,
     TrueCorners,
@@ -29,6 +22,13 @@ from cubicfish_cli.extensions.simulation.truth import (
     project_corners,
     rotation_matrix,
 )
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.markers import marker_modules
+from cubicfish_cli.core.errors import TargetError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.pupil import pupil_profile
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 # Squares below these many pixels are hard to find, and so are markers' modules.
 _SQUARE_PX, _MODULE_PX = 10.0, 2.6

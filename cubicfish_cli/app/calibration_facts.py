@@ -1,4 +1,7 @@
-"""What a page says: a fit's record, and each corner's error computed again from it."""
+"""A calibration's record, and each corner's error computed again from it.
+
+Of a fit, or of a calibration's folder, with what cannot be found left out.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +9,41 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cubicfish_cli.app.photos import find_photos
+from cubicfish_cli.app.sufficiency.enough import summary
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.fit_record import FitRecord, PhotoRecord
+from cubicfish_cli.core.assess.fit_record import (
+    FileRecord,
+    FitRecord,
+    Origin,
+    PhotoRecord,
+    origin_of,
+)
 from cubicfish_cli.core.assess.verdict import photo_verdicts
+from cubicfish_cli.core.files import sha256_of
 from cubicfish_cli.core.finding import joined
+from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.findings import FieldCells, field_cells
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.io.calibrated import CameraRecord
+from cubicfish_cli.core.io.camera_yaml import load_any_camera
+from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import best_named
-from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.target import Target, load_target
 from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.extensions.advice.enough import summary
+from cubicfish_cli.core.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.point_fit import PointCalibration
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""
@@ -32,6 +51,11 @@ _HINTS = {"--target": "; 'cubicfish report --target FILE' names it"}
 # Errors that are worked out again and differ by more than this share are of other corners.
 _SAME_RMS = 0.02
 _SAME_RMS_PX = 1e-3
+_REFINED = "target.refined.yaml"
+_CORNERS = "corners.csv"
+# Programs that save a calibration may put the target there; its place is not on record then.
+_TARGET = "target.yaml"
+
 _NO_PHOTOS = (
     "Pictures of the photos, and an undistorted one: the photos are not at hand. "
     "'cubicfish report --photos FOLDER' shows them."
@@ -77,7 +101,7 @@ class Lack:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Facts:
-    """All that a page is made from.
+    """What is known of a calibration.
 
     Attributes:
         known: the camera and its records, and what follows from these.
@@ -142,7 +166,7 @@ def gather(
     lack: Lack | None = None,
     absent: Sequence[str] = (),
 ) -> Facts:
-    """Put together what a page says.
+    """Put together what is known.
 
     Args:
         known: the camera and its records.
@@ -263,3 +287,157 @@ def _among(pairs: Observations, fit: FitRecord) -> BoolArray:
     )
     names = [*pairs.boards, None]  # of points without a board, whose index is -1
     return np.array([(pairs.images[i], names[b], c, r) in gone for i, b, c, r in rows], bool)
+
+
+def matched(names: Sequence[str], paths: Sequence[Path]) -> dict[str, Path]:
+    """Which file is which photo: by the file's name, or the end of its path.
+
+    A name that several files have is left out, as is one that none has.
+    """
+    found: dict[str, list[Path]] = {}
+    for path in paths:
+        parts = path.as_posix().split("/")
+        for length in range(1, len(parts) + 1):
+            found.setdefault("/".join(parts[-length:]), []).append(path)
+    return {name: found[name][0] for name in names if len(found.get(name, ())) == 1}
+
+
+def facts_of_files(
+    camera_file: Path,
+    *,
+    target: Path | None,
+    photos: Sequence[Path],
+    corners: Path | None = None,
+) -> Facts:
+    """Read a camera and what lies beside it, or where it says that it came from.
+
+    A file that the camera file names is read only if it still has the SHA-256 that stands there.
+
+    Args:
+        camera_file: camera.yaml; corners.csv, target.refined.yaml and, where the target's place is
+            not on record, target.yaml are looked for beside it.
+        target: the calibration target as drawn, where it is not at its recorded place.
+        photos: files, folders or patterns of the photos, where they are not at theirs.
+        corners: the corners.csv of the fit, where it is not beside the camera.
+
+    Raises:
+        CubicfishError: a file that is there cannot be used.
+
+    """
+    loaded = load_any_camera(camera_file)
+    origin = origin_of(loaded.made_by)
+    folder = camera_file.parent
+    absent: list[str] = []
+    refined = loaded.fit.refine_target in REFINED
+    drawn = target or _recorded(origin.target, folder) or _beside(folder, _TARGET)
+    if refined:
+        drawn = _beside(folder, _REFINED) or target
+    thing = None if drawn is None else load_target(drawn)
+    size = loaded.camera.image_size
+    pairs = _pairs(corners or folder / _CORNERS, folder, origin, thing, size)
+    lack = _lack(folder, origin, thing, refined=refined) if pairs is None else None
+    names = [photo.image for photo in loaded.fit.per_image]
+    digests = {Path(one.file): one.sha256 for one in origin.inputs}
+    recorded = matched(names, [*digests])
+    if photos:
+        found = find_photos(photos)
+        files = {photo.name: photo.path for photo in found}
+        files = {**matched(names, [photo.path for photo in found]), **files}
+    else:
+        places = {name: _place(path, folder) for name, path in recorded.items()}
+        files = {name: path for name, path in places.items() if path is not None}
+    lost = [name for name in names if name not in files]
+    if lost and files:
+        absent.append(f"{len(lost)} of {len(names)} photos are not at hand, such as {lost[0]}.")
+    return gather(
+        loaded,
+        pairs=pairs,
+        target=thing,
+        files=files,
+        digests={name: digests[path] for name, path in recorded.items()},
+        lack=lack,
+        absent=absent,
+    )
+
+
+def facts_of_fit(
+    fitted: Calibration | PointCalibration, pairs: Observations, photos: Sequence[Path]
+) -> Facts:
+    """What a page says of a fit that is still at hand.
+
+    Args:
+        fitted: the fit.
+        pairs: what was fitted to.
+        photos: the photos' files; none for corners alone.
+
+    """
+    target = fitted.target
+    if target is not None:
+        pairs = pairs.with_target(target)
+    files = matched([photo.image for photo in fitted.fit.per_image], photos)
+    return gather(fitted, pairs=pairs, target=target, files=files)
+
+
+def _pairs(
+    beside: Path,
+    folder: Path,
+    origin: Origin,
+    target: Target | None,
+    size: tuple[int, int],
+) -> Observations | None:
+    if target is not None and beside.is_file():
+        return load_corners(beside, target, image_size=size).by_photo()
+    table = _recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
+    if table is None or table.suffix.lower() != ".csv":
+        return None
+    if origin.target is None:
+        return load_correspondences(table, image_size=size)
+    return None if target is None else load_corners(table, target, image_size=size).by_photo()
+
+
+def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> Lack:
+    """What is missing of the corners, or of what they are of."""
+    has_corners = (folder / _CORNERS).is_file()
+    has_table = has_corners or origin.inputs
+    if target is None and has_table and (origin.target is not None or has_corners):
+        if refined:
+            why = f"the target was fitted too, and {_REFINED} is not beside the camera"
+        elif origin.target is not None:
+            name = quoted(origin.target.file)
+            why = f"the target is not where it was, or has changed ({name})"
+        else:
+            why = f"the target is not on record, and no {_TARGET} is beside the camera"
+        return Lack(why=why, name_it="--target")
+    why = f"there is no {_CORNERS} beside the camera, and "
+    if origin.inputs:
+        why += "the table that it was calibrated from is not where it was, or has changed"
+    else:
+        why += "what it was calibrated from is not on record"
+    return Lack(why=why, name_it="--corners")
+
+
+def _beside(folder: Path, name: str) -> Path | None:
+    path = folder / name
+    return path if path.is_file() else None
+
+
+def _recorded(record: FileRecord | None, folder: Path) -> Path | None:
+    """The file that a record names, if it is there and still the same."""
+    if record is None:
+        return None
+    path = _place(Path(record.file), folder)
+    try:
+        return path if path and sha256_of(path) == record.sha256 else None
+    except OSError:
+        return None
+
+
+def _place(path: Path, folder: Path) -> Path | None:
+    """Where a recorded path leads: from here, or from the folder that holds the calibration's."""
+    for place in (path, folder.resolve().parent / path):
+        try:
+            if place.is_file():
+                return place
+        except (OSError, ValueError):  # a name that no file can have
+            continue
+    return None

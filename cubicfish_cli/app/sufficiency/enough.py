@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from cubicfish_cli.app.sufficiency.gaps import Gaps, find_gaps
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import verdict
@@ -13,7 +14,6 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.extensions.advice.gaps import Gaps, find_gaps
 
 GOAL_PX = 0.2
 """Wanted over the field, for photos of up to :data:`GOAL_SIDE` pixels per side; larger ones in

@@ -1,0 +1,250 @@
+"""``cubicfish target print``: boards on paper at true scale, and targets for a paper size."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from cubicfish_cli import __version__
+from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.figures import count
+from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_table, result, say
+from cubicfish_cli.core.boards.registry import DESIGNED
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import CubicfishError, UsageError
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
+
+if TYPE_CHECKING:
+    from cubicfish_cli.extensions.printing.layout import Page
+    from cubicfish_cli.extensions.printing.paper import Paper
+
+NAMES = {"boards": "boards.pdf", "target": "target.yaml"}
+
+_OBJECTS = ("corner", "box", "board")
+
+
+@record
+class PrintOptions:
+    """Boards on paper: those of a target, or of a new one.
+
+    Attributes:
+        target: the target's file; None makes a new one.
+        kind: of a new target: ``corner``, ``box`` or ``board``.
+        paper: its size, such as ``A3``, ``Letter`` or ``600x400mm``.
+        board_type: of a new target's boards: ``checkerboard``, ``charuco`` or ``aprilgrid``.
+        square: the side of a new target's squares, such as ``30mm``.
+        counts: (columns, rows) of inner corners of its largest board.
+        dictionary: of its markers.
+        margin: along the paper's edges.
+        boards: those of ``target`` that are printed; all where there are none.
+        folder: where the pages go.
+
+    Raises:
+        UsageError: they do not go together.
+
+    """
+
+    target: StrPath | None = options.argument(
+        "The target.yaml of boards that are there already; leave it out with --object.",
+        required=False,
+        metavar="[TARGET]",
+    )
+    kind: Literal["corner", "box", "board"] | None = option(
+        "--object",
+        "Make a target: a corner (floor and two walls, seen from inside), an open box of five "
+        "boards seen from inside, or one flat board.",
+        click.Choice(_OBJECTS),
+    )
+    paper: str = option(
+        "--paper SIZE",
+        "A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
+        "as 600x400mm. Upright or across is chosen for each page.",
+        default="A4",
+    )
+    board_type: Literal["checkerboard", "charuco", "aprilgrid"] | None = option(
+        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(DESIGNED)
+    )
+    square: str | None = option(
+        "--square LENGTH",
+        "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
+        "large as covers most of the paper]",
+    )
+    counts: tuple[int, int] | None = option(
+        "--corners --tags COLUMNSxROWS",
+        "Inner corners (of an aprilgrid: tags) of a target's largest board.",
+        COUNTS,
+    )
+    dictionary: str | None = option(
+        "--dictionary NAME",
+        "Markers' family, such as DICT_5X5_250 or tag36h11. [default: the smallest DICT_5X5 that "
+        "is large enough; tag36h11]",
+    )
+    margin: str = option(
+        "--margin LENGTH", "Along the paper's edges, where the printer cannot print.", default="8mm"
+    )
+    boards: Sequence[str] = option(
+        "--board NAME", "Of TARGET, print this board only. May be given again.", multiple=True
+    )
+    folder: StrPath = options.output_option(
+        "Where boards.pdf and target.yaml go.", default="printed", folder=True
+    )
+
+    def __post_init__(self) -> None:
+        made = (self.kind, self.board_type, self.square, self.counts, self.dictionary)
+        if self.target is None and self.kind is None:
+            raise UsageError(
+                "name a target.yaml, or make a target with --object corner, box or board"
+            )
+        if self.target is not None and any(one is not None for one in made):
+            raise UsageError(
+                "--object, --type, --square, --corners and --dictionary make a new target; the "
+                "boards of TARGET are printed as they are: give the one or the other"
+            )
+        if self.target is None and self.boards:
+            raise UsageError("--board chooses among the boards of TARGET: name a target.yaml")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PrintedFiles:
+    """What became of :func:`print_target_files`.
+
+    Attributes:
+        files: what was written, by its name in :data:`NAMES`.
+        pages: the pages, each with its board.
+        paper: the paper.
+
+    """
+
+    files: dict[str, Path]
+    pages: Sequence[Page]
+    paper: Paper
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish target print --json`` prints."""
+        pages = [
+            {
+                "board": page.board.name,
+                "size_mm": [page.width, page.height],
+                "corner_0_0_mm": list(page.shift),
+            }
+            for page in self.pages
+        ]
+        return {**self.files, "paper": self.paper.name, "pages": pages}
+
+
+def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
+    """Print the boards of a target, or of a new one, as ``cubicfish target print`` does.
+
+    Raises:
+        CubicfishError: matplotlib is not installed, something cannot be printed, or a file exists
+            and may not be replaced.
+
+    """
+    from cubicfish_cli.commands.target_files import check_target
+    from cubicfish_cli.core.target import load_target, target_text
+    from cubicfish_cli.core.units import length_mm
+    from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
+    from cubicfish_cli.extensions.printing.objects import Wanted, design
+    from cubicfish_cli.extensions.printing.paper import paper as paper_of
+
+    lacking = extra.missing(extra.PRINTING)
+    if lacking:
+        raise CubicfishError(f"printing needs {' and '.join(lacking)}: {extra.INSTALL}")
+    on, rim = paper_of(asked.paper), length_mm(asked.margin)
+    contents: dict[str, Content] = {}
+    if asked.target is not None:
+        loaded = load_target(Path(asked.target)).as_printed()
+        printed = boards_in_millimetres(loaded, tuple(asked.boards))
+        pages = [lay_out(board, on, margin=rim) for board in printed]
+        if any(board.shape is not None for board in loaded.boards):
+            run.listener.tell(Event.PRINTED_AS_DRAWN)
+    elif asked.kind is not None:
+        wanted = Wanted(
+            kind=asked.kind,
+            type=asked.board_type or "checkerboard",
+            square=None if asked.square is None else length_mm(asked.square),
+            counts=asked.counts,
+            dictionary=asked.dictionary,
+        )
+        loaded, pages = design(wanted, on, margin=rim)
+        checked = check_target(loaded)
+        for about, words in checked.advice if checked.facts.ambiguous else ():
+            if about == "Names":
+                run.listener.tell(Event.AMBIGUOUS, line=words)
+        join = "" if len(pages) == 1 else " Cut and join them as it says, and measure."
+        contents["target"] = (
+            f"# {asked.kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at 100 %."
+            f"{join}\n{target_text(loaded)}"
+        )
+    # Pages carry no date, so that they can be made again, or that of SOURCE_DATE_EPOCH.
+    date = datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
+    with extra.quiet():
+        from cubicfish_cli.extensions.printing.drawing import write_boards
+
+    contents = {"boards": lambda path: write_boards(path, pages, date=date), **contents}
+    outputs = {name: Path(asked.folder) / NAMES[name] for name in contents}
+    refuse_existing(*outputs.values(), overwrite=run.overwrite)
+    run.listener.progress(f"Drawing {len(pages)} page{'s' * (len(pages) != 1)}")
+    write_files({path: contents[name] for name, path in outputs.items()}, overwrite=run.overwrite)
+    return PrintedFiles(files=outputs, pages=pages, paper=on)
+
+
+@as_command(
+    "print",
+    "Boards on paper, at true scale.",
+    "cubicfish target print --object corner --paper A4 -o my-target/",
+    "cubicfish target print --object board --type charuco --square 30mm --paper A3",
+    "cubicfish target print target.yaml --paper Letter -o pages/",
+    how=("overwrite", "as_json"),
+    json="target-print",
+)
+def command(given: PrintOptions, how: How) -> None:
+    """Print the boards of TARGET, or those of a new target that fits the paper.
+
+    Writes boards.pdf, a board a page, to be printed at 100 %, each with a ruler, the board's name
+    and which way up it is. A new target comes with its target.yaml, and its pages say where they
+    are cut and which edges are joined.
+    """
+    for name, text in (("--square", given.square), ("--margin", given.margin)):
+        options.say_if_in_mm(name, text)
+    made = how.do(print_target_files, given)
+    if how.print(made):
+        return
+    _print_written(made)
+
+
+def _print_written(made: PrintedFiles) -> None:
+    from cubicfish_cli.commands.target_files import print_size
+
+    outputs, pages = made.files, made.pages
+    rows = [
+        (
+            board.name,
+            board.kind,
+            f"{board.columns}x{board.rows}",
+            f"{board.square:g}",
+            " x ".join(f"{side:g}" for side in print_size(board)),
+        )
+        for board in (page.board for page in pages)
+    ]
+    print_table(("board", "type", "corners", "square mm", "print mm"), rows)
+    result("\n" + "\n".join(f"wrote {path}" for path in outputs.values()))
+    say(
+        f"\n{count(len(pages), 'page')} on {made.paper.name}: print at 100 %, without 'fit to "
+        "page', and check the printed rulers with a real one."
+    )
+    if "target" in outputs:
+        say(
+            "Take photos that fill the picture to the rim, then: cubicfish calibrate photos/ "
+            f"--target {outputs['target']}"
+        )

@@ -1,0 +1,7 @@
+"""What the extension adds."""
+
+from cubicfish_cli.app.extensions import Extension
+
+EXTENSION = Extension(
+    commands={"target print": "cubicfish_cli.extensions.printing.command:command"}
+)

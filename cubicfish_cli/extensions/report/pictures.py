@@ -1,0 +1,189 @@
+"""Small copies of the photos for the page, with what was found in them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.calibration_facts import Facts, PhotoRecord
+from cubicfish_cli.app.photos import (
+    Picture,
+    data_uri,
+    decode_picture,
+    read_file,
+    thumbnail,
+)
+from cubicfish_cli.app.undistortion.images import remap_picture
+from cubicfish_cli.core.errors import PhotoError, ViewError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.maps import build_map
+
+if TYPE_CHECKING:
+    pass
+
+Small = npt.NDArray[np.uint8]
+# What a page can carry and a reader look at: more photos have a row in the table only.
+MOST_THUMBNAILS = 48
+MOST_CARDS = 12
+# Reading photos is what takes time: a fifth of a second for each 12 million pixels.
+_MOST_PIXELS = 150_000_000
+_THUMBNAIL, _CARD, _WIDE = 144, 640, 720
+# Colours of what is drawn over photos, as report.html has them, BGR.
+_FOUND, _ERROR, _DROPPED = (233, 180, 86), (0, 160, 240), (54, 90, 255)
+_QUALITY = 72
+_THREADS = 2
+_MOST_PROBLEMS = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoPicture:
+    """A photo's small copies, as data URIs of JPEG files; ``card`` is None for most of many."""
+
+    small: str
+    card: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Example:
+    """A photo and its undistorted view, as data URIs, and what the view is."""
+
+    name: str
+    before: str
+    after: str
+    view: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """All pictures of a page.
+
+    Attributes:
+        photos: by the photo's name, those with the largest errors first.
+        example: None where no photo is at hand or the camera has no rays.
+        problems: why photos are missing, a line each.
+
+    """
+
+    photos: Mapping[str, PhotoPicture]
+    example: Example | None
+    problems: tuple[str, ...]
+
+
+def all_pictures(facts: Facts, zoom: float) -> Pictures:
+    """Read photos, those with the largest errors first, and make their copies.
+
+    Args:
+        facts: the calibration; photos are those of its ``files``.
+        zoom: how many times as long as they are errors are drawn.
+
+    """
+    order = sorted(
+        (photo for photo in facts.photos if photo.image in facts.files),
+        key=lambda photo: -np.nan_to_num(photo.rms_px),
+    )
+    width, height = facts.camera.image_size
+    most = max(1, min(MOST_THUMBNAILS, _MOST_PIXELS // (width * height)))
+    chosen = order[:most]
+    example = max(chosen, key=lambda photo: photo.corners, default=None)
+
+    def made(photo: PhotoRecord) -> tuple[PhotoPicture | None, Example | None, str | None]:
+        picture = _read(facts.files[photo.image], (width, height), facts.digests.get(photo.image))
+        if isinstance(picture, str):
+            return None, None, picture
+        copies = _copies(facts, photo, picture, zoom, card=photo in chosen[:MOST_CARDS])
+        return copies, _example(facts, photo, picture) if photo is example else None, None
+
+    with ThreadPoolExecutor(_THREADS) as threads:
+        done = list(threads.map(made, chosen))
+    return Pictures(
+        photos={
+            photo.image: copies
+            for photo, (copies, _, _) in zip(chosen, done, strict=True)
+            if copies is not None
+        },
+        example=next((shown for _, shown, _ in done if shown is not None), None),
+        problems=_few([problem for _, _, problem in done if problem is not None]),
+    )
+
+
+def _read(path: Path, size: tuple[int, int], digest: str | None) -> Picture | str:
+    """A photo, or why there is none."""
+    try:
+        data = read_file(path)
+        if digest is not None and hashlib.sha256(data).hexdigest() != digest:
+            return f"{path} is not shown: it is no longer the photo that was calibrated with."
+        picture = decode_picture(path, data)
+    except PhotoError as problem:
+        return f"{problem}."
+    if picture.shape[1::-1] != size:
+        return f"{path} is not shown: it is not of the camera's size."
+    return picture
+
+
+def _few(problems: Sequence[str]) -> tuple[str, ...]:
+    more = len(problems) - _MOST_PROBLEMS
+    rest = (f"So are {more} more photos.",) if more > 0 else ()
+    return (*problems[:_MOST_PROBLEMS], *rest)
+
+
+def _copies(
+    facts: Facts, photo: PhotoRecord, picture: Picture, zoom: float, *, card: bool
+) -> PhotoPicture:
+    middle = thumbnail(picture, _CARD)
+    return PhotoPicture(
+        small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY),
+        card=data_uri(_draw_found(facts, photo, middle, zoom), _QUALITY) if card else None,
+    )
+
+
+def _draw_found(facts: Facts, photo: PhotoRecord, copy: Small, zoom: float) -> Small:
+    """Draw a photo's corners, their errors and the dropped ones on a small copy of it."""
+    drawn = np.dstack([copy] * 3) if copy.ndim == 2 else copy.copy()
+    scale = drawn.shape[1] / facts.camera.image_size[0]
+
+    def placed(pixel: FloatArray) -> list[tuple[int, int]]:
+        clipped = np.clip((pixel + 0.5) * scale - 0.5, -1e4, 1e4)
+        return [(x, y) for x, y in np.rint(clipped).astype(int).tolist()]
+
+    if facts.errors is not None and photo.image in facts.errors.pairs.images:
+        pairs = facts.errors.pairs
+        own = pairs.image == pairs.images.index(photo.image)
+        found = pairs.pixel[own]
+        ends = placed(found + zoom * facts.errors.residual[own])
+        for start, end in zip(placed(found), ends, strict=True):
+            cv2.circle(drawn, start, 3, _FOUND, -1, cv2.LINE_AA)
+            cv2.line(drawn, start, end, _ERROR, 2, cv2.LINE_AA)
+    for name, pixel in facts.dropped_pixels:
+        if name == photo.image:
+            (place,) = placed(pixel[None])
+            cv2.drawMarker(drawn, place, _DROPPED, cv2.MARKER_TILTED_CROSS, 10, 2)
+    return drawn
+
+
+def _example(facts: Facts, photo: PhotoRecord, picture: Picture) -> Example | None:
+    if not isinstance(facts.camera, CubicCamera):
+        return None
+    try:
+        view = build_view(facts.camera)
+        scale = min(1.0, 2 * _WIDE / max(view.size))
+        size = (max(1, round(scale * view.size[0])), max(1, round(scale * view.size[1])))
+        view = replace(view, size=size, focal=scale * view.focal)
+        after = remap_picture(picture, build_map(facts.camera, view))
+    except ViewError:
+        return None
+    return Example(
+        name=photo.image,
+        before=data_uri(thumbnail(picture, _WIDE), _QUALITY),
+        after=data_uri(thumbnail(after, _WIDE), _QUALITY),
+        view=f"{view.kind}, {view.hfov_deg:.0f}° wide",
+    )
