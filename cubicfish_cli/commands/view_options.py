@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.views.choose import SeenField
 
 _PLANE = "plane:"
+_MUCH = 0.1  # of what a photo shows
 
 
 def _turn(text: str) -> tuple[float, ...]:
@@ -210,6 +211,18 @@ undistort_options: Any = bundle(
 
 
 def say_what_is_unseen(seen: SeenField | None) -> None:
-    """Tell the user where the camera's field ends before the view's does."""
-    if seen is not None and not seen.is_whole:
+    """Tell the user where the camera's field ends before the view's does, and what is lost."""
+    if seen is None:
+        return
+    if not seen.is_whole:
         say(f"the camera sees {seen.describe()}: the rest is empty")
+    if seen.uncalibrated > _MUCH:
+        say(
+            f"{100 * seen.uncalibrated:.0f} % of the photo is left out, where the camera is not "
+            "calibrated: calibrate again with photos in which the target reaches the photo's edges"
+        )
+    if seen.cut_off > _MUCH:
+        say(
+            f"{100 * seen.cut_off:.0f} % of the photo lies beyond the picture's edges: "
+            "--fit outer or --view equidistant shows more of it"
+        )

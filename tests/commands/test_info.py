@@ -2,18 +2,23 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
 from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
+from cubicfish_cli import save_camera
 from cubicfish_cli.core.assess.camera_facts import camera_facts, field_seen
 from cubicfish_cli.core.assess.fit_record import fit_record
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.views.choose import chosen_view
+from cubicfish_cli.core.views.options import ViewOptions
 
 TRUTH = synthetic_lens("equisolid")
 
@@ -45,6 +50,39 @@ def test_a_smaller_field_is_seen_where_the_camera_is_trusted_less(calibrated: Pa
     assert seen.horizontal == pytest.approx(80, abs=1)
     assert seen.diagonal == pytest.approx(80, abs=1)
     assert whole.horizontal < 2 * camera.max_angle_deg + 1e-6
+
+
+def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
+    run: Run, calibrated: Path, tmp_path: Path
+) -> None:
+    camera = load_camera(calibrated / "camera.yaml").camera
+    shift = np.array([[1.0, 0, -280], [0, 1, -210], [0, 0, 1]])
+    radial = replace(
+        camera.radial, cx=camera.radial.cx - 280, cy=camera.radial.cy - 210, image_size=(400, 300)
+    )
+    middle = CubicCamera(
+        image_size=(400, 300), P=shift @ camera.P, max_angle_deg=20.0, radial=radial
+    )
+    seen = field_seen(middle)
+    spans = np.rad2deg(400 / np.mean(TRUTH.focal))
+    assert seen.horizontal == pytest.approx(spans, abs=4)
+    assert seen.horizontal > seen.vertical > 60
+    save_camera(tmp_path / "camera.yaml", middle)
+    assert "calibrated to 20° from the axis" in run("info", tmp_path).stdout
+    lost = chosen_view(middle, None).seen_by(middle)
+    assert lost is not None
+    # The cone is a circle of 89 pixels in the photo.
+    assert lost.uncalibrated == pytest.approx(1 - np.pi * 89**2 / (400 * 300), abs=0.03)
+    assert lost.cut_off < 0.05
+    cv2.imwrite(str(tmp_path / "p.png"), np.full((300, 400), 200, np.uint8))
+    line = ("undistort", tmp_path / "p.png", tmp_path / "f.png", "-m", tmp_path)
+    assert "% of the photo is left out" in run(*line).stderr
+    turned = ViewOptions(rotate_deg=(5, 0, 0))
+    for given, cut in ((ViewOptions(), 0.1), (ViewOptions(hfov_deg=30), 0), (turned, 0)):
+        whole = chosen_view(camera, given).seen_by(camera)
+        assert whole is not None
+        assert whole.cut_off >= cut
+        assert bool(whole.cut_off) == bool(cut)
 
 
 def test_a_file_without_a_fit_says_what_it_knows(

@@ -192,7 +192,7 @@ def test_a_bad_photo_is_named_and_the_rest_done(
     run: Run, model: Path, tmp_path: Path, photos: Path, jobs: int
 ) -> None:
     out = tmp_path / "out"
-    done = run("undistort", photos, out, "-m", model, "--size", "96x72", "-j", jobs, code=1)
+    done = run("undistort", photos, out, "-m", model, "--hfov", "90", "-j", jobs, code=1)
     assert sorted(path.name for path in out.iterdir()) == ["a.jpg", "c.jpg"]
     first, last = done.stderr.splitlines()
     assert first.startswith(f"failed: {photos / 'b.jpg'} is cut short")
@@ -213,7 +213,7 @@ def test_a_reason_that_photos_share_is_said_once(run: Run, model: Path, tmp_path
     small = [tmp_path / f"s{number}.png" for number in (1, 2, 3)]
     empty = [tmp_path / f"e{number}.png" for number in (1, 2)]
     (tmp_path / "a.jpg").write_bytes(PHOTO.read_bytes())
-    end = [tmp_path / "out", "-m", model, "--size", "96x72"]
+    end = [tmp_path / "out", "-m", model, "--size", "96x72", "--hfov", "90"]
     error = run("undistort", *small, *end, code=1).stderr
     why = "the photo has 300x200 pixels, the camera was calibrated for 960x720: "
     assert error.startswith(f"Error: none of 3 photos could be undistorted: {why}")
@@ -239,7 +239,7 @@ def test_results_that_cannot_be_written_are_refused_before_the_work(
     for photo in photos:
         photo.write_bytes(PHOTO.read_bytes())
     (tmp_path / "out").touch()
-    end = [tmp_path / "out", "-m", model, "--size", "96x72"]
+    end = [tmp_path / "out", "-m", model, "--size", "96x72", "--hfov", "90"]
     error = run("undistort", *photos, *end, code=1).stderr
     assert error.endswith("out is a file, not a folder\n")
     assert error.count("\n") == 1
@@ -339,7 +339,12 @@ def test_what_the_camera_saw_is_told_from_what_the_view_spans(
     assert seen == pytest.approx(2 * camera.max_angle_deg, abs=0.5)
     assert seen < across
     assert run("map", tmp_path / "m.npz", *args).stderr == done.stderr
-    assert run("undistort", PHOTO, tmp_path / "f.png", "-m", model).stderr == ""
+    assert (
+        "beyond the picture's edges"
+        in run("undistort", PHOTO, tmp_path / "f.png", "-m", model).stderr
+    )
+    done = run("undistort", PHOTO, tmp_path / "g.png", "-m", model, "--hfov", 90)
+    assert done.stderr == ""
 
 
 def test_a_cube_is_six_pictures(run: Run, model: Path, tmp_path: Path) -> None:

@@ -21,11 +21,12 @@ COVERED = "of the field covered by corners"
 """What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
 and does not see itself, in squares of an eighth of the photo's shorter side."""
 _STEPS = 512  # pixels that are looked at between the axis and an edge
+_ROUNDED_DEG = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldSeen:
-    """The angle that a photo spans where the camera may be trusted, degrees.
+    """The angle that a photo spans, degrees: to its edges, or as far as it may be trusted.
 
     Attributes:
         horizontal, vertical: along the row and the column of the axis's pixel.
@@ -36,6 +37,10 @@ class FieldSeen:
     horizontal: float
     vertical: float
     diagonal: float
+
+    def beyond(self, max_angle_deg: float) -> bool:
+        """Whether a photo shows more than is calibrated, in its middle row or column."""
+        return max(self.horizontal, self.vertical) > 2 * max_angle_deg + _ROUNDED_DEG
 
     @property
     def words(self) -> str:
@@ -146,6 +151,8 @@ class CameraFacts:
                 f"sees {self.field.horizontal:.0f}° x {self.field.vertical:.0f}° "
                 f"({self.field.diagonal:.0f}° diagonal)"
             )
+            if self.max_angle_deg is not None and self.field.beyond(self.max_angle_deg):
+                parts.append(f"calibrated to {self.max_angle_deg:.0f}° from the axis")
         if self.focal_px is not None and self.principal_point is not None:
             parts.append(
                 f"focal length {sum(self.focal_px) / 2:.1f} px, principal point "
@@ -225,7 +232,7 @@ def camera_facts(
 
 
 def field_seen(camera: CubicCamera) -> FieldSeen:
-    """The angles that a photo of a camera spans, as far as the camera may be trusted."""
+    """The angles that a photo of a camera spans."""
     width, height = camera.image_size
     left, right, top, bottom = -0.5, width - 0.5, -0.5, height - 0.5
     x, y = camera.project(np.array([0.0, 0.0, 1.0]))
@@ -233,7 +240,8 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
     def reach(to_x: float, to_y: float) -> float:
         """The largest angle from the axis towards a place on the photo's edge, degrees."""
         share = np.linspace(0, 1, _STEPS)[:, None]
-        rays = camera.unproject((1 - share) * [x, y] + share * [to_x, to_y])
+        way = (1 - share) * [x, y] + share * [to_x, to_y]
+        rays = np.concatenate([camera.unproject(way), camera.photo_rays(way[-1:])])
         angle = np.rad2deg(angle_from_axis(rays[np.isfinite(rays[:, 0])]))
         return float(angle.max()) if len(angle) else 0.0
 

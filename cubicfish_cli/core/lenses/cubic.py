@@ -32,6 +32,8 @@ _BLOCK = 8192
 # A ray this close beyond the edge of the cone is rounding, not a ray outside.
 _EDGE_SLACK_RAD = 1e-9
 _CHECK_RAYS = 6000
+# Farther from the axis a fisheye's circle may end within the photo.
+_FILLED_RAD = np.pi / 2
 # Of the angle in which the field ends: to some billionths of a radian.
 _HALVINGS = 30
 
@@ -133,6 +135,16 @@ class CubicCamera(Brief):
         for block in np.array_split(candidates, len(candidates) // _BLOCK + 1):
             rays[block] = self._newton(flat[block])
         return rays.reshape((*pixel.shape[:-1], 3))
+
+    def photo_rays(self, pixel: FloatArray) -> FloatArray:
+        """Pixels (N, 2) -> the rays (N, 3) that a photo shows there; NaN where it may be black.
+
+        Where P may be trusted these are its own. Beyond, up to 90° from the axis, they are those
+        of the radial reference, which is extrapolated there.
+        """
+        rays, beyond = self.unproject(pixel), self.radial.unproject(pixel)
+        beyond[~(angle_from_axis(beyond) <= _FILLED_RAD)] = np.nan
+        return np.where(np.isfinite(rays), rays, beyond)
 
     def _may_be_inside(self, pixel: FloatArray) -> npt.NDArray[np.bool_]:
         """Cheaply rule out pixels (N, 2) that lie clearly outside the image of the cone's rim."""

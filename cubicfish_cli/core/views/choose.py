@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.core.errors import UsageError, ViewError
-from cubicfish_cli.core.views.fit import cropped_view, fit_view, seen_field_deg
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.views.fit import cropped_view, fit_view, lost_shares, seen_field_deg
 from cubicfish_cli.core.views.options import KINDS, OUTER, Kind, Share, ViewOptions
 from cubicfish_cli.core.views.plane import PlaneView
 from cubicfish_cli.core.views.projections import (
@@ -164,11 +165,15 @@ class SeenField:
     Attributes:
         field_deg: of the view, across and down.
         seen_deg: what the camera sees of it, along the view's middle row and column.
+        uncalibrated: share of what the photos show that lies beyond the camera's cone.
+        cut_off: share of it that lies beyond the view's edges; 0 where the field was asked for.
 
     """
 
     field_deg: tuple[float, float]
     seen_deg: tuple[float, float]
+    uncalibrated: float = 0.0
+    cut_off: float = 0.0
 
     @property
     def is_whole(self) -> bool:
@@ -198,12 +203,14 @@ class ChosenView:
         views: name of the part -> view; one part named "" unless it is a cube.
         at_limit: whether the camera sees more than the fitted view can show.
         unit: of length, of a plane's picture.
+        asked_field: whether its field is what somebody asked for.
 
     """
 
     views: Mapping[str, View]
     at_limit: bool = False
     unit: str = "unit"
+    asked_field: bool = True
 
     @property
     def first(self) -> View:
@@ -224,7 +231,11 @@ class ChosenView:
         if len(self.views) > 1 or not isinstance(self.first, CentralView):
             return None
         field = (self.first.hfov_deg, self.first.vfov_deg)
-        return SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
+        seen = SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
+        if self.asked_field or not isinstance(camera, CubicCamera):
+            return seen
+        uncalibrated, cut_off = lost_shares(camera, self.first)
+        return replace(seen, uncalibrated=uncalibrated, cut_off=cut_off)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON; of a cube the first face, and all their names."""
@@ -250,7 +261,9 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
     if asked.kind == "cube":
         return ChosenView(views=_cube(camera, asked))
     view, at_limit = _central(camera, asked)
-    return ChosenView(views={"": view}, at_limit=at_limit)
+    numbers = (asked.hfov_deg, asked.vfov_deg, asked.focal, *filter(None, asked.rotate_deg))
+    asked_field = any(number is not None for number in numbers)
+    return ChosenView(views={"": view}, at_limit=at_limit, asked_field=asked_field)
 
 
 def _cube(camera: Camera, asked: ViewOptions) -> Mapping[str, View]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.core.views.options import INNER, OUTER, WIDEST
@@ -23,6 +24,7 @@ from cubicfish_cli.core.views.view import Camera, CentralView, Rotation, View
 _MOST_FOCAL_SIDES = 60.0  # a field of one degree
 _BISECTIONS = 40
 _REGION_RAYS = 4000
+_GRID = 64  # pixels along a side that are looked at
 # Pixels inside the photo by this much stay inside whatever the map's rounding does.
 _SAFE_PX = 1e-3
 # A view looks along the camera's axis where its middle row shows hardly more than the cone, and
@@ -131,6 +133,24 @@ def seen_field_deg(camera: Camera, view: CentralView) -> tuple[float, float]:
     """
     across, down = (_seen_deg(camera, view, axis) for axis in (0, 1))
     return across, down
+
+
+def lost_shares(camera: CubicCamera, view: CentralView) -> tuple[float, float]:
+    """How much of what photos show a view leaves out, from 0 to 1.
+
+    Returns:
+        The share of their pixels that lies beyond the camera's cone, and the share within it that
+        lies beyond the view's edges.
+
+    """
+    width, height = camera.image_size
+    x, y = np.meshgrid(np.linspace(0, width - 1, _GRID), np.linspace(0, height - 1, _GRID))
+    pixel = np.stack([x.ravel(), y.ravel()], axis=-1)
+    rays = camera.photo_rays(pixel)
+    known = np.isfinite(camera.unproject(pixel)[:, 0])
+    photo = max(1, int(np.isfinite(rays[:, 0]).sum()))
+    unknown = photo - int(known.sum())
+    return unknown / photo, int((known & ~_shows(view, rays)).sum()) / photo
 
 
 def _seen_along(camera: Camera, view: CentralView, axis: int) -> IntArray:
