@@ -58,7 +58,7 @@ _PLACES = {
         "save_target",
     ),
     "app.detection": ("detect",),
-    "extensions.formats.exporting": ("export_camera", "export_files"),
+    "commands.exporting": ("export_camera", "export_files"),
     "extensions.report.report_files": ("report_files",),
     "extensions.formats.importing": ("import_camera",),
     "commands.describing": ("compare_files", "info_files"),

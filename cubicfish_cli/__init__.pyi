@@ -18,6 +18,8 @@ from cubicfish_cli.commands.describing import compare_files as compare_files
 from cubicfish_cli.commands.describing import info_files as info_files
 from cubicfish_cli.commands.detect import DetectOptions as DetectOptions
 from cubicfish_cli.commands.detect import detect_files as detect_files
+from cubicfish_cli.commands.exporting import export_camera as export_camera
+from cubicfish_cli.commands.exporting import export_files as export_files
 from cubicfish_cli.commands.map_files import map_files as map_files
 from cubicfish_cli.commands.target import CheckOptions as CheckOptions
 from cubicfish_cli.commands.target import check_target_files as check_target_files
@@ -55,8 +57,6 @@ from cubicfish_cli.extensions.films.command import FramesOptions as FramesOption
 from cubicfish_cli.extensions.films.command import choose_frames as choose_frames
 from cubicfish_cli.extensions.formats.corners import CornersOptions as CornersOptions
 from cubicfish_cli.extensions.formats.corners import import_corner_files as import_corner_files
-from cubicfish_cli.extensions.formats.exporting import export_camera as export_camera
-from cubicfish_cli.extensions.formats.exporting import export_files as export_files
 from cubicfish_cli.extensions.formats.import_camera import ImportOptions as ImportOptions
 from cubicfish_cli.extensions.formats.import_camera import import_files as import_files
 from cubicfish_cli.extensions.formats.importing import import_camera as import_camera

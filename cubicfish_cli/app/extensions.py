@@ -7,8 +7,8 @@ before it is asked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -33,17 +33,37 @@ TABLE = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraFiles:
+    """A format of another tool, by its names; known without what reads and writes it.
+
+    Attributes:
+        place: ``module:name`` of its :class:`~cubicfish_cli.core.io.camera_format.CameraFormat`.
+        written: names that it is written under, and what comes of each.
+        read: the name that it is read under; None where it is only written.
+        reads: what is read.
+
+    """
+
+    place: str
+    written: Mapping[str, str]
+    read: str | None = None
+    reads: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Extension:
     """What an extension adds.
 
     Attributes:
         commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named;
             ``target print`` is one of the group ``target``.
+        formats: in which other tools keep cameras.
         words: a file of its sentences, as words/catalogue.toml has them.
 
     """
 
-    commands: Mapping[str, str]
+    commands: Mapping[str, str] = field(default_factory=dict)
+    formats: Sequence[CameraFiles] = ()
     words: Path | None = None
 
 
@@ -87,3 +107,18 @@ def extension_commands(group: str = "") -> dict[str, str]:
         (name.rpartition(" "), at) for one in extensions() for name, at in one.commands.items()
     ]
     return {name: place for (of, _, name), place in named if of == group}
+
+
+def camera_formats() -> list[CameraFiles]:
+    """The formats of all extensions."""
+    return [made for one in extensions() for made in one.formats]
+
+
+def written_formats() -> dict[str, str]:
+    """Format that is written -> what comes of it."""
+    return {name: what for one in camera_formats() for name, what in one.written.items()}
+
+
+def read_formats() -> dict[str, str]:
+    """Format that is read -> what is read."""
+    return {one.read: one.reads for one in camera_formats() if one.read is not None}

@@ -2,7 +2,6 @@
 
 import json
 import re
-from importlib import import_module
 from pathlib import Path
 
 import cv2
@@ -11,14 +10,14 @@ import pytest
 import yaml
 from running import Run
 
+from cubicfish_cli.app import foreign
+from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
+from cubicfish_cli.app.foreign import WRITTEN
+from cubicfish_cli.commands.export import FORMATS
+from cubicfish_cli.commands.exporting import _rounded_up, export_camera
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.extensions.formats import foreign
-from cubicfish_cli.extensions.formats.export import FORMATS
-from cubicfish_cli.extensions.formats.exporting import _rounded_up, export_camera
-from cubicfish_cli.extensions.formats.foreign import WRITTEN
-from cubicfish_cli.extensions.formats.registry import ENTRIES, READABLE
 
 # The last two are not read.
 LENS_FORMATS = sorted({*foreign.WRITTEN} - {"gyroflow", "nvidia"})
@@ -61,15 +60,15 @@ def kannala_brandt(points, fx, fy, cx, cy, k):
 
 def test_the_commands_know_the_formats_that_there_are(run: Run):
     """A module's ``FORMAT`` has the names that it is registered under."""
-    for entry in ENTRIES:
-        made = import_module(f"cubicfish_cli.extensions.formats.{entry.module}").FORMAT
+    for entry in camera_formats():
+        made = load_place(entry.place)
         assert set(made.lenses) == set(entry.written)
         assert (made.read is None) == (entry.read is None) == (entry.reads == "")
         assert set(made.front_only) <= set(entry.written)
         assert made.rig is None or made.rig[0]
     for page, names in (
         (run("export", "--help"), {*foreign.WRITTEN, "maps"}),
-        (run("import", "--help"), set(READABLE)),
+        (run("import", "--help"), set(read_formats())),
     ):
         assert {name for name in names if name in page.stdout} == names
 

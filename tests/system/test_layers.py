@@ -22,7 +22,6 @@ NOT_YET: dict[str, set[str]] = {
         "extensions.report.command",
         "extensions.report.page",
     },
-    "core/io/camera_yaml.py": {"extensions.formats.foreign"},
     "corners/detection/look.py": {"app.executors.pool", "app.photos"},
     "corners/identification/glance.py": {"app.executors.pool", "app.photos"},
     "corners/identification/second_pass.py": {"app.executors.pool", "app.photos"},
@@ -30,12 +29,6 @@ NOT_YET: dict[str, set[str]] = {
         "extensions.films",
         "extensions.films.scan",
         "extensions.report.command",
-    },
-    "extensions/rigs/export.py": {
-        "extensions.formats.export",
-        "extensions.formats.exporting",
-        "extensions.formats.foreign",
-        "extensions.formats.registry",
     },
     "extensions/rigs/films.py": {
         "extensions.films.choose",
@@ -45,7 +38,6 @@ NOT_YET: dict[str, set[str]] = {
         "extensions.films.source",
     },
     "extensions/rigs/inputs.py": {"extensions.films.recordings"},
-    "extensions/rigs/lens_rig.py": {"extensions.formats.exporting"},
     "extensions/rigs/moments.py": {
         "extensions.films.decoding",
         "extensions.films.frame_files",
@@ -59,10 +51,6 @@ NOT_YET: dict[str, set[str]] = {
         "extensions.report.scene",
     },
     "extensions/rigs/report.py": {"extensions.report.command", "extensions.report.report_files"},
-    "extensions/simulation/simulated_files.py": {
-        "extensions.formats.conversion.from_lens",
-        "extensions.formats.foreign",
-    },
 }
 
 # Parts that do not even load numpy, so that `--help` answers at once.

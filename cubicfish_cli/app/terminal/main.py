@@ -39,6 +39,7 @@ COMMANDS = {
     "map": "commands.map:command",
     "project": "commands.points:project",
     "unproject": "commands.points:unproject",
+    "export": "commands.export:command",
 }
 """The commands in the order of the work, and where each is."""
 

@@ -23,7 +23,8 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.core.lenses.lift import SIZE
 from cubicfish_cli.core.lenses.point import Frame, PointCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml
+from cubicfish_cli.core.plain_yaml import parse_plain_yaml
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
 
 # A calibration of some ten thousand photos; nobody's camera file is larger.
@@ -95,20 +96,6 @@ def load_camera(path: Path | str) -> CameraFile:
 _NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
 
 
-def _of_another_tool(path: Path) -> CameraFileError | None:
-    """What to say of a file of another tool; None where it is of none that is known."""
-    from cubicfish_cli.extensions.formats.foreign import sniffed  # it reads this format, too
-
-    try:
-        kind = sniffed(path)
-    except CameraFileError:
-        return None
-    tool = {"opencv": "an OpenCV", "ocamcalib": "an OCamCalib", "mrcal": "an mrcal"}.get(
-        kind, f"a {kind.capitalize()}"
-    )
-    return CameraFileError(f"{path} is {tool} file: 'cubicfish import {path}' makes a camera of it")
-
-
 def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     """Read camera.yaml of either lift, the paper's literal ``point`` too, as ``project`` does.
 
@@ -118,21 +105,20 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
 
     """
     path = Path(path)
-    try:
-        record = load_plain_yaml(
-            path, error=CameraFileError, max_bytes=MAX_BYTES, if_empty=f"{_NO_CAMERA} wrote"
-        )
-    except CameraFileError as problem:
-        raise _of_another_tool(path) or problem from None
+    text = read_text(path, max_bytes=MAX_BYTES, error=CameraFileError)
+    none = CameraFileError(
+        f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
+        "another tool's with 'cubicfish import'"
+    )
+    if text.startswith("%"):  # OpenCV's files, which are not quite YAML
+        raise none
+    record = parse_plain_yaml(path, text, error=CameraFileError, if_empty=f"{_NO_CAMERA} wrote")
     if not isinstance(record, dict) or "cubicfish" not in record:
         if isinstance(record, dict) and "boards" in record:
             raise CameraFileError(
                 f"{path} is a calibration target, not a camera: {_NO_CAMERA} wrote"
             )
-        raise _of_another_tool(path) or CameraFileError(
-            f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
-            "another tool's with 'cubicfish import'"
-        )
+        raise none
     refuse_version(path, record["cubicfish"], FORMAT_VERSION)
     refuse_unknown(path, record, _KEYS)
     kind = (record.get("lift"), record.get("frame"))

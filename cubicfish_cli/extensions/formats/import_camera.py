@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at, made_by_record
+from cubicfish_cli.app.extensions import read_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result
-from cubicfish_cli.extensions.formats.registry import READABLE
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.formats.importing import Imported
@@ -24,7 +24,7 @@ _HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compa
 These can be read, by the names that --from takes:
 
 \b
-{chr(10).join(f"{name:<13}{what}" for name, what in READABLE.items())}
+{chr(10).join(f"{name:<13}{what}" for name, what in read_formats().items())}
 
 P is fitted to the lens over its field; how near it comes, how far it is trusted and why no farther
 are printed. Corners of other detectors are read by 'cubicfish corners'.
@@ -50,7 +50,7 @@ class ImportOptions:
     written_by: str | None = option(
         "--from FORMAT",
         "What wrote the file: a name of the list above. [default: told by what it holds]",
-        click.Choice(list(READABLE)),
+        click.Choice(list(read_formats())),
     )
     camera: str | None = option(
         "--camera NAME",

@@ -9,6 +9,14 @@ from pathlib import Path
 from cubicfish_cli.app.asked import (
     StrPath,
 )
+from cubicfish_cli.app.conversion.from_lens import (
+    LARGEST_ANGLE_DEG,
+    LARGEST_FIELD_DEG,
+    ImportedCamera,
+    from_lens,
+)
+from cubicfish_cli.app.extensions import read_formats
+from cubicfish_cli.app.foreign import own_field_deg, read_foreign
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError
@@ -16,14 +24,6 @@ from cubicfish_cli.core.io.camera_yaml import CameraFile
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.observations import MAX_SIDE
 from cubicfish_cli.core.wording import did_you_mean, quoted
-from cubicfish_cli.extensions.formats.conversion.from_lens import (
-    LARGEST_ANGLE_DEG,
-    LARGEST_FIELD_DEG,
-    ImportedCamera,
-    from_lens,
-)
-from cubicfish_cli.extensions.formats.foreign import own_field_deg, read_foreign
-from cubicfish_cli.extensions.formats.registry import READABLE
 
 _REFUSAL = Refusal(error=CameraFileError)
 
@@ -82,8 +82,8 @@ def import_camera(
 
     """
     path = Path(path)
-    if written_by is not None and written_by not in READABLE:
-        told = did_you_mean(str(written_by), READABLE)
+    if written_by is not None and written_by not in read_formats():
+        told = did_you_mean(str(written_by), read_formats())
         raise CameraFileError(f"no format that is read is called {quoted(written_by)}: {told}")
     if max_angle_deg is not None and not 0 < max_angle_deg <= LARGEST_ANGLE_DEG:
         raise CameraFileError(

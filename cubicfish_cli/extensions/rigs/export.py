@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath
+from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import option, record
 from cubicfish_cli.app.terminal.progress import running
-from cubicfish_cli.core.errors import FitError, UsageError
-from cubicfish_cli.core.files import write_files
-from cubicfish_cli.extensions.formats.export import (
+from cubicfish_cli.commands.export import (
     max_angle_option,
     max_error_option,
     print_exported,
 )
-from cubicfish_cli.extensions.formats.registry import WRITABLE
+from cubicfish_cli.core.errors import FitError, UsageError
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_argument
 
 if TYPE_CHECKING:
-    from cubicfish_cli.extensions.formats.exporting import ExportedFiles
+    from cubicfish_cli.commands.exporting import ExportedFiles
 
 _HELP = """Write a rig for another tool: each camera's lens with its place on the body.
 
@@ -47,7 +47,7 @@ class Asked:
     to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
-        click.Choice(list(WRITABLE)),
+        click.Choice(list(written_formats())),
         required=True,
     )
     output: Path | None = options.output_option(
@@ -109,12 +109,12 @@ def export_rig_files(
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.extensions.formats.exporting import (
+    from cubicfish_cli.app.foreign import WRITTEN
+    from cubicfish_cli.commands.exporting import (
         ExportedFiles,
         export_camera,
         without_matrix,
     )
-    from cubicfish_cli.extensions.formats.foreign import WRITTEN
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
 

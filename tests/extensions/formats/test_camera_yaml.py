@@ -160,20 +160,14 @@ def test_what_is_no_camera_file_says_what_to_name(tmp_path, text, what):
 
 
 @pytest.mark.parametrize(
-    ("text", "tool"),
-    [
-        ("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 3\n", "an OpenCV"),
-        ("camera_matrix: 1\n", "an OpenCV"),
-        ("fl_x: 1\n", "a Nerfstudio"),
-    ],
+    "text",
+    ["%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 3\n", "camera_matrix: 1\n", "{fl_x: 1}\n"],
 )
-def test_a_file_of_another_tool_is_named_and_how_to_take_it_over(tmp_path, text, tool):
+def test_it_is_said_how_a_file_of_another_tool_is_taken_over(tmp_path, text):
     file = tmp_path / "theirs.yaml"
     file.write_text(text)
-    with pytest.raises(CameraFileError) as refused:
+    with pytest.raises(CameraFileError, match="read another tool's with 'cubicfish import'"):
         load_camera(file)
-    says = f"{file} is {tool} file: 'cubicfish import {file}' makes a camera of it"
-    assert str(refused.value) == says
 
 
 def test_missing_file(tmp_path):

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
+from cubicfish_cli.app.conversion.from_lens import from_lens
+from cubicfish_cli.app.conversion.to_lens import to_lens
+from cubicfish_cli.app.foreign import sniffed
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.thin_prism import RadTanThinPrismLens
@@ -17,9 +20,6 @@ from cubicfish_cli.extensions.formats.colmap_cameras import (
     colmap_text,
     read_colmap,
 )
-from cubicfish_cli.extensions.formats.conversion.from_lens import from_lens
-from cubicfish_cli.extensions.formats.conversion.to_lens import to_lens
-from cubicfish_cli.extensions.formats.foreign import sniffed
 
 SIZE = (640, 480)
 # Some of each parameter that is not 0: pixels of lenses that look like lenses.

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from cubicfish_cli.app.foreign import read_foreign, sniffed
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.extensions.formats.foreign import read_foreign, sniffed
 from cubicfish_cli.extensions.formats.opencv_cameras import read_file_storage, read_opencv
 
 K = np.array([[401.25, 0, 320.5], [0, 399.5, 239.0], [0, 0, 1]])

@@ -14,9 +14,9 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import RigFile, load_rig
+from cubicfish_cli.app.foreign import WRITTEN
 from cubicfish_cli.app.terminal.options import keys_of
-from cubicfish_cli.extensions.formats.export import FORMATS
-from cubicfish_cli.extensions.formats.foreign import WRITTEN
+from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.extensions.rigs import group
 from cubicfish_cli.extensions.rigs.rig_yaml import rig_text
 from tests.commands.test_export import kannala_brandt, project_kalibr

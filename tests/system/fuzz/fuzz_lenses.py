@@ -11,16 +11,16 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
+from cubicfish_cli.app.conversion.to_lens import to_lens
+from cubicfish_cli.app.extensions import camera_formats, read_formats
+from cubicfish_cli.app.foreign import WRITTEN, read_foreign
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
-from cubicfish_cli.extensions.formats.conversion.to_lens import to_lens
-from cubicfish_cli.extensions.formats.foreign import WRITTEN, read_foreign
-from cubicfish_cli.extensions.formats.registry import ENTRIES, READABLE
 
 SIZE = (640, 480)
 K = np.array([[300.0, 0, 320.5], [0, 301.5, 239], [0, 0, 1]])
 # More than what is exported is read of the others: fuzz_readers.py has them one by one.
 _SEEDED = {"opencv", "colmap", "ocamcalib", "mrcal"}
-EXPORTED = [name for name in READABLE if name not in _SEEDED]
+EXPORTED = [name for name in read_formats() if name not in _SEEDED]
 KEYS = (
     "camera_matrix", "K", "M1", "distortion_coefficients", "D", "xi", "image_size", "image_width",
     "fisheye_model", "model", "fisheye", "pinhole", "rows", "cols", "data", "opencv_storage", "_",
@@ -64,7 +64,7 @@ def storage_seeds(syntax: str) -> Callable[[], Sequence[bytes]]:
 def exported_seeds(read: str) -> Sequence[bytes]:
     """Files that are read under this name, as ``cubicfish export`` writes them."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
-    (names,) = (entry.written for entry in ENTRIES if entry.read == read)
+    (names,) = (entry.written for entry in camera_formats() if entry.read == read)
     return [
         made.write(to_lens(camera(), made.lenses[name]).lens, ["a note"], poses).encode()
         for name, made in WRITTEN.items()

@@ -9,11 +9,11 @@ import fuzz_foreign as foreign
 import pytest
 from fuzz_readers import READERS
 
+from cubicfish_cli.app.foreign import read_foreign
 from cubicfish_cli.core import plain_yaml, tables
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.io import camera_format
 from cubicfish_cli.extensions.formats import vnlog
-from cubicfish_cli.extensions.formats.foreign import read_foreign
 from cubicfish_cli.extensions.formats.nerfstudio_json import read_nerfstudio
 
 MOST = 1000

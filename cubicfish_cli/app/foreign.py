@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.io.camera_format import (
     CameraFormat,
@@ -15,15 +15,12 @@ from cubicfish_cli.core.io.camera_format import (
     read_bounded_bytes,
 )
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.extensions.formats.registry import ENTRIES, READABLE
 
-_FORMATS: Mapping[str, CameraFormat] = {
-    entry.module: import_module(f"cubicfish_cli.extensions.formats.{entry.module}").FORMAT
-    for entry in ENTRIES
+_READ: Mapping[str, CameraFormat] = {
+    one.read: load_place(one.place) for one in camera_formats() if one.read is not None
 }
-_READ = {entry.read: _FORMATS[entry.module] for entry in ENTRIES if entry.read is not None}
 WRITTEN: Mapping[str, CameraFormat] = {
-    name: _FORMATS[entry.module] for entry in ENTRIES for name in entry.written
+    name: load_place(one.place) for one in camera_formats() for name in one.written
 }
 """The format of each name that one is written under."""
 
@@ -44,7 +41,7 @@ def read_foreign(
 
     Args:
         path: the file.
-        name: its format, one of :data:`READABLE`; by default it is told by what the file holds.
+        name: its format, one of :func:`read_formats`; by default it is told by what the file holds.
         camera: which one, of formats that hold several.
         image_size: of the photos, for formats that do not say.
 
@@ -120,5 +117,5 @@ def sniffed(path: Path) -> str:
         raise CameraFileError(f"{path} is a camera.yaml of cubicfish already: use it as it is")
     raise CameraFileError(
         f"{path} is of no format that is known by its looks: name it with --from, one of "
-        + ", ".join(READABLE)
+        + ", ".join(read_formats())
     )

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import running
 from cubicfish_cli.app.terminal.terminal import print_json, print_wrote, result, say
-from cubicfish_cli.extensions.formats.registry import WRITABLE
 
 if TYPE_CHECKING:
-    from cubicfish_cli.extensions.formats.exporting import ExportedFiles
+    from cubicfish_cli.commands.exporting import ExportedFiles
 
 # Maps are of no lens model, and so not among the registered formats.
-FORMATS = {**WRITABLE, "maps": ".npz for cv2.remap; holds any lens"}
+FORMATS = {**written_formats(), "maps": ".npz for cv2.remap; holds any lens"}
 
 _HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 
@@ -83,7 +83,7 @@ class Asked:
 )
 def command(given: Asked) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.extensions.formats.exporting import export_files
+    from cubicfish_cli.commands.exporting import export_files
 
     with running(overwrite=given.overwrite) as run:
         made = export_files(

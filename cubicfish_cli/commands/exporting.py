@@ -15,6 +15,11 @@ import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
+from cubicfish_cli.app.conversion.to_lens import Conversion, to_lens
+from cubicfish_cli.app.foreign import (
+    OWN_FIELD,
+    WRITTEN,
+)
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError, FitError, UsageError
 from cubicfish_cli.core.files import refuse_existing, write_files
@@ -24,11 +29,6 @@ from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map, save_map
 from cubicfish_cli.core.wording import did_you_mean, quoted
-from cubicfish_cli.extensions.formats.conversion.to_lens import Conversion, to_lens
-from cubicfish_cli.extensions.formats.foreign import (
-    OWN_FIELD,
-    WRITTEN,
-)
 
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.conversion.to_lens import ConversionError, conversion_error
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.lenses import CubicFit
@@ -19,7 +20,6 @@ from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.formats.conversion.to_lens import ConversionError, conversion_error
 
 _RAYS = 4000
 _AZIMUTHS = 72
