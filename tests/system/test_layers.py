@@ -22,9 +22,6 @@ NOT_YET: dict[str, set[str]] = {
         "extensions.report.command",
         "extensions.report.page",
     },
-    "corners/detection/look.py": {"app.executors.pool", "app.photos"},
-    "corners/identification/glance.py": {"app.executors.pool", "app.photos"},
-    "corners/identification/second_pass.py": {"app.executors.pool", "app.photos"},
     "extensions/rigs/calibrate.py": {
         "extensions.films",
         "extensions.films.scan",

@@ -5,7 +5,7 @@ frames times that grow, and says which are damaged. `scan.py` measures every fra
 and keeps the best of every few as the picture that it would become (`frame_files.py`);
 `candidates.py` tells which are worth a look. `extensions/films/command.py` is the recipe, for
 `frames`, `calibrate FILM` and `--best`; `frame_search.py` looks round by round, at a glance
-(`corners/identification/glance.py`), and as `detect` does where that shows too little. `choose.py`
+(`corners/detection/finder.py`), and as `detect` does where that shows too little. `choose.py`
 takes the pictures that add most and knows of corners only; what they add is told by
 `app/sufficiency/worth.py`, which fits a first lens to all, or by its own coverage. `written.py`
 writes them.
