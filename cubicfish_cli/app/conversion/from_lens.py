@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -158,9 +158,13 @@ def _sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
     rays, pixel = _seen(lens, max_angle_deg + _MARGIN_DEG)
     radial = _reference(lens, rays, pixel)
     for pull in _PULLS:
-        for camera in _cameras(lens, radial, rays, pixel, max_angle_deg, pull):
-            if check_validity(camera.P, camera.max_angle_deg).valid:
-                return camera
+        linear = CubicFit.linear(rays, pixel, radial, denominator_pull=pull)
+        refined = refined_cubic(linear, rays, pixel, stiffness=pull * linear.scale)
+        for P in (refined.P, linear.P):
+            if check_validity(P, max_angle_deg).valid:
+                return CubicCamera(
+                    image_size=lens.image_size, P=P, max_angle_deg=max_angle_deg, radial=radial
+                )
     return None
 
 
@@ -223,20 +227,3 @@ def _reference(lens: Lens, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
     focal = float(np.median(np.linalg.norm(pixel[far] - middle, axis=1) / theta[far]))
     start = RadialCamera.from_parameters([focal, focal, *middle, 0, 0, 0, 0], lens.image_size)
     return nearest_lens([start], rays, pixel)
-
-
-def _cameras(
-    lens: Lens,
-    radial: RadialCamera,
-    rays: FloatArray,
-    pixel: FloatArray,
-    max_angle_deg: float,
-    pull: float,
-) -> list[CubicCamera]:
-    """Cameras to choose from, the best first: refined in pixels, and as the linear start."""
-    linear = CubicFit.linear(rays, pixel, radial, denominator_pull=pull)
-    refined = refined_cubic(linear, rays, pixel, stiffness=pull * linear.scale)
-    first = CubicCamera(
-        image_size=lens.image_size, P=linear.P, max_angle_deg=max_angle_deg, radial=radial
-    )
-    return [replace(first, P=refined.P), first]

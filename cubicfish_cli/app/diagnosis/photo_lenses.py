@@ -13,7 +13,6 @@ import numpy as np
 
 from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.linearise import huber_weight
-from cubicfish_cli.core.fit.normal_equations import runs_of_photos
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
 from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.robust import wide_px
@@ -26,6 +25,7 @@ TERMS = 5
 LENS = slice(0, 3)
 # Twice as many equations as unknowns, that are 6 of the pose and these.
 _FEWEST_CORNERS = 12
+_AT_A_TIME = 5000
 # Two groups, or one photo, may look unlike the others by chance this often among right set-ups.
 BY_CHANCE = 1e-6
 # What is blamed must have been this share of the squared error, or it is not worth a word.
@@ -64,7 +64,6 @@ def select_fit(fit: TargetFit, photos: IntArray) -> TargetFit:
         poses=adjusted.poses[photos],
         residual=adjusted.residual[own],
         pairs=reference.pairs,
-        sums=None,
     )
     cubic = replace(fit.cubic, fit=adjusted)
     return replace(fit, reference=reference, cubic=cubic)
@@ -156,7 +155,8 @@ def _triangulate_photos(
     """
     rows = []
     # In runs: the derivatives by the lens, that come with those by the point, are many.
-    for _, run in runs_of_photos(pairs.image, len(pairs.images)):
+    for start in range(0, len(pairs.image), _AT_A_TIME):
+        run = slice(start, start + _AT_A_TIME)
         rows.append(_linearise(lens, poses, pairs, world, run))
     rows_of_all = np.concatenate(rows)
     # The loss of the fit: grossly wrong corners must not speak for a photo.

@@ -319,7 +319,7 @@ def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
     poses = start.fit.cubic.poses
     poses = replace(poses, translation=poses.translation * (scale / old)[:, None])
     reference = refit_radial(start.fit.reference, replace(pairs, pixel=pixel), poses)
-    near = replace(start.fit.cubic.fit, poses=reference.poses, sums=None)
+    near = replace(start.fit.cubic.fit, poses=reference.poses)
     cubic = fit_cubic(
         reference,
         fit.cubic.prior,

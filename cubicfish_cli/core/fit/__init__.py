@@ -4,21 +4,20 @@
 levels. The direction of a pixel from the image's centre does not depend on the radial profile,
 which gives linear start poses without any guess (`radial_pose.py`, `start.py`). A Kannala–Brandt
 lens and all poses follow (`radial_reference.py`). The cubic starts from the one nearest to the
-radial reference on a cone (`linear.py`, Eq. 8–9, then least squares in pixels:
-`nearest_cubic.py`) and is fitted jointly with all poses (`cubic_fit.py`; `adjustment.py` takes
-the steps, `linearise.py` has the residuals and their derivatives, Eq. 10, and
-`pose_refinement.py` photos that a step leads astray), held by a weak prior to the nearest lens of
-the radial reference's kind, decentred and tilted (`asymmetric.py`, and `RayPrior` in
+radial reference on a cone (`linear.py`, Eq. 8–9, then least squares in pixels: `nearest_cubic.py`)
+and is fitted jointly with all poses (`cubic_fit.py`; `adjustment.py` takes the steps, and
+`linearise.py` has the residuals and their derivatives, Eq. 10), held by a weak prior to the nearest
+lens of the radial reference's kind, decentred and tilted (`asymmetric.py`, and `RayPrior` in
 `lenses.py`). That fixes the gauge and keeps poles out where there are no corners. How symmetric
-that lens is and how firmly it holds P is chosen by photos that are left out (`prior_choice.py`),
-to first order (`left_out.py`). `core/lenses/cubic.py` checks for poles and folds over the whole
+that lens is and how firmly it holds P is chosen by photos that are left out (`prior_choice.py`), to
+first order (`left_out.py`). `core/lenses/cubic.py` checks for poles and folds over the whole
 trusted cone. Grossly wrong corners are dropped and listed, and at the end those that depart from
 their neighbours (`rejection.py`). Photos count by their own noise (`photo_noise.py`), and
 `held_out.py` says what the camera is worth on photos that it never saw.
 
 What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what
-corners say is (`NormalSums`): they add up, and what photos put in is taken out again where they
-are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it.
+corners say is (`NormalEquations`): they add up, and what photos put in is taken out again where
+they are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it.
 
 The target may be fitted in the same adjustment (`deformable_target.py`; as drawn it is one of
 which nothing is free): boards' shapes and places are shared unknowns like the lens, corners' own

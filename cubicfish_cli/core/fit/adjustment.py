@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -12,12 +12,12 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit import robust
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.linearise import State, huber_cost, runs_linearised
-from cubicfish_cli.core.fit.normal_equations import COLD_DAMPING, NormalEquations, NormalSums
-from cubicfish_cli.core.fit.pose_refinement import find_stray_poses, refine_poses
+from cubicfish_cli.core.fit.linearise import State, huber_cost, linearise
+from cubicfish_cli.core.fit.normal_equations import NormalEquations
 from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.rig_lens import body_of
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.types import BoolArray, FloatArray
 
 L = TypeVar("L", bound=FitLens)
 
@@ -28,10 +28,10 @@ _ROUNDING = 1e-13
 # Where a straight step leads up, and on from there the cost changes by less than this share, it is
 # the bottom as far as many photos tell: there is always one whose pose rocks between two places.
 _IMMATERIAL = 1e-8
-# What residuals say of their noise is less certain than this share.
-_SAME_LIMIT = 0.02
-# What an adjustment looks at of its pairs, beside their world points.
-_OF_PAIRS = ("image", "pixel", "weight")
+# Of the poses that went astray, at least.
+_FIRM = 1.0
+COLD_DAMPING = 1e-4
+"""First damping for a start that may be far from the optimum."""
 WARM_DAMPING = 1e-10
 """For a start at the optimum of nearly the same pairs."""
 
@@ -50,7 +50,6 @@ class Adjustment(Generic[L]):
         normal: the normal equations at the end.
         pairs: the pairs.
         huber_px: from where on the loss was linear.
-        sums: what the pairs put into ``normal``; None where lens, poses and world are a step ahead.
 
     """
 
@@ -63,7 +62,6 @@ class Adjustment(Generic[L]):
     normal: NormalEquations
     pairs: Observations
     huber_px: float
-    sums: NormalSums | None
 
     @property
     def errors(self) -> FloatArray:
@@ -97,7 +95,6 @@ class Adjustment(Generic[L]):
             world=self.world if world is None else world,
             relative_decrease=relative_decrease,
             damping=damping,
-            known=self,
         )
 
 
@@ -111,8 +108,6 @@ def adjust(
     max_iterations: int = _MAX_ITERATIONS,
     relative_decrease: float = _RELATIVE_DECREASE,
     damping: float = COLD_DAMPING,
-    trust_last: bool = False,
-    known: Adjustment[Any] | None = None,
 ) -> Adjustment[L]:
     """Minimise the Huber loss of the reprojection error over lens, poses and target.
 
@@ -125,12 +120,6 @@ def adjust(
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
         damping: of the first step; less near the optimum.
-        trust_last: near the optimum, also take the step that is too small to be worth looking at.
-            Lens, poses and target are then right to its square; what is said of residuals, cost
-            and equations is of the state before.
-        known: an adjustment that may have ended in this start, if perhaps under other priors: what
-            it knows of the pairs is not worked out again. Its ``huber_px`` stays where this one is
-            nearly the same.
 
     Returns:
         The best state found. A step that does not lower the cost is never taken.
@@ -140,15 +129,13 @@ def adjust(
 
     """
     state = State(lens, poses, DeformableTarget(nominal=pairs.world) if world is None else world)
-    if known is not None and abs(huber_px / known.huber_px - 1) < _SAME_LIMIT:
-        huber_px = known.huber_px
-    now = _known(known, state, pairs, huber_px) or _evaluated(state, pairs, huber_px)
+    now = _evaluated(state, pairs, huber_px)
     if now.normal is None:
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
-    normal, sums = now.normal, now.sums
+    normal = now.normal
     near, iterations = damping < COLD_DAMPING, 0
     pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
@@ -156,28 +143,26 @@ def adjust(
         gain = normal.expected_decrease(step) / max(now.cost, 1e-300)
         # Far from the optimum, or damped, a step says too little of what is left to gain.
         if near and gain < relative_decrease and damping < COLD_DAMPING:
-            if trust_last:
-                state, sums = state.moved(*step), None
             break
         iterations += 1
         candidate = state.moved(*step)
         new = _evaluated(candidate, pairs, huber_px)
-        stray = not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations
-        if stray:
+        least = relative_decrease
+        if not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations:
             iterations += 1
-            astray = find_stray_poses(candidate, new.residual, now.residual, pairs, huber_px)
-            if astray.size:
-                candidate = refine_poses(
-                    candidate, state.poses, astray, pairs, huber_px, pose_damping
-                )
+            least = max(relative_decrease, _IMMATERIAL)
+            astray = _astray(state, pairs, huber_px, now, new)
+            if astray.any():  # these alone are held firmly, and stop no others
+                pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
+                candidate = state.moved(*normal.solve(damping, pose_damping))
+                new = _evaluated(candidate, pairs, huber_px)
             elif new.normal is not None:
                 # A valley that bends: what went straight on is on its side, above its floor.
                 candidate = candidate.moved(*new.normal.solve(damping))
-            new = _evaluated(candidate, pairs, huber_px)
-        least = max(relative_decrease, _IMMATERIAL) if stray else relative_decrease
+                new = _evaluated(candidate, pairs, huber_px)
         if new.normal is not None and new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
-            state, now, normal, sums = candidate, new, new.normal, new.sums
+            state, now, normal = candidate, new, new.normal
             damping = max(damping / 10, 1e-12)
             pose_damping *= 0.1
             if decrease < least:
@@ -196,7 +181,6 @@ def adjust(
         normal=normal,
         pairs=pairs,
         huber_px=huber_px,
-        sums=sums,
     )
 
 
@@ -207,69 +191,41 @@ class _Evaluation:
     cost: float
     residual: FloatArray
     normal: NormalEquations | None = None
-    sums: NormalSums | None = None
 
 
 def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Evaluation:
     """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
-    lens, world = state.lens, state.world
-    sums = NormalSums(len(lens.parameters), len(world.parameters), len(state.poses), world)
-    residual, finite = np.empty_like(pairs.pixel), True
+    normal, world = NormalEquations.zeros(*state.size), state.world
+    residual, cost = np.empty_like(pairs.pixel), 0.0
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for photos, run, terms, root in runs_linearised(lens, state.poses, world, pairs, huber_px):
+        for run, terms in linearise(state, pairs, huber_px):
             residual[run] = terms.residual
-            finite = finite and bool(np.isfinite(terms.residual).all())
-            if finite:
-                sums.add(terms, root, photos, pairs.image[run], run)
-    if not finite:
-        return _Evaluation(np.inf, residual)
-    return _with_priors(state, pairs, huber_px, residual, sums)
+            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
+            cost += float(pairs.weight[run] @ huber_cost(length, huber_px))
+            if np.isfinite(cost):
+                normal.add(terms, world.corner[run])
+        prior = state.lens.prior()
+        offset = (world.offset_weight * world.offsets).reshape(-1)
+        cost += 0.5 * float(prior[-1, -1] + world.prior()[-1, -1] + offset @ offset)
+        if not np.isfinite(cost):
+            return _Evaluation(np.inf, residual)
+        return _Evaluation(cost, residual, normal.held(prior, world))
 
 
-def _known(
-    fit: Adjustment[Any] | None, state: State[Any], pairs: Observations, huber_px: float
-) -> _Evaluation | None:
-    """A state that another adjustment ended in; None where its sums are not those of this one."""
-    if fit is None or fit.sums is None or fit.poses is not state.poses:
-        return None
-    same = (
-        all(getattr(fit.pairs, name) is getattr(pairs, name) for name in _OF_PAIRS)
-        and type(fit.lens) is type(state.lens)
-        and np.array_equal(fit.lens.parameters, state.lens.parameters)
-        and fit.world.offsets.shape == state.world.offsets.shape
-        and fit.world.parameters.shape == state.world.parameters.shape
-        and np.array_equal(fit.world.points, state.world.points)
-    )
-    longest = np.hypot(fit.residual[:, 0], fit.residual[:, 1]).max()
-    if not same or (longest > min(huber_px, fit.huber_px) and huber_px != fit.huber_px):
-        return None
-    return _with_priors(state, pairs, huber_px, fit.residual, fit.sums)
+def _astray(
+    state: State[Any], pairs: Observations, huber_px: float, now: _Evaluation, new: _Evaluation
+) -> BoolArray:
+    """(M,) poses whose cost a step raised by far, where it lowers that of the others; else none.
 
-
-def _with_priors(
-    state: State[Any],
-    pairs: Observations,
-    huber_px: float,
-    residual: FloatArray,
-    sums: NormalSums,
-) -> _Evaluation:
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        priors = state.lens.prior(), state.world.prior()
-        cost = _cost(residual, pairs, huber_px, priors, state.world)
-    if not np.isfinite(cost):
-        return _Evaluation(np.inf, residual)
-    return _Evaluation(cost, residual, sums.equations(priors[0], state.world), sums)
-
-
-def _cost(
-    residual: FloatArray,
-    pairs: Observations,
-    huber_px: float,
-    priors: Sequence[FloatArray],
-    world: DeformableTarget,
-) -> float:
-    distance = np.hypot(residual[:, 0], residual[:, 1])
-    offset = (world.offset_weight * world.offsets).reshape(-1)
-    pulls = sum(float(prior[-1, -1]) for prior in priors) + offset @ offset
-    return float(pairs.weight @ huber_cost(distance, huber_px) + 0.5 * pulls)
+    Of many photos there is always one whose pose goes astray.
+    """
+    count = len(state.poses)
+    shot = body_of(state.lens, count).shot_of(pairs.image)
+    rise = np.zeros(count)
+    for sign, of in ((1, new), (-1, now)):
+        cost = huber_cost(np.hypot(of.residual[:, 0], of.residual[:, 1]), huber_px)
+        rise += sign * np.bincount(shot, pairs.weight * cost, count)
+    known = np.isfinite(rise)
+    risen = ~known | (rise > np.abs(rise[known]).sum() / count)
+    return risen & bool(rise[~risen].sum() < 0)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.fit.linearise import huber_weight
-from cubicfish_cli.core.lenses.sphere import all_around
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
+from cubicfish_cli.core.lenses.lift import lift_rotation
+from cubicfish_cli.core.lenses.sphere import all_around, cone_rays
+from cubicfish_cli.core.types import FloatArray
 
 _HUBER_PX = 1.0
 # A ray and the one whose pixel is nearest in the other lens say how the frames are turned; the
@@ -20,10 +22,7 @@ _START_ROUNDS = 4
 _START_SHARE = 0.8
 # Rounds of least squares: each takes the rays that are in both fields under the last rotation.
 _FIT_ROUNDS = 3
-_MOST_STEPS = 50
-# Radians: of the differences that stand for derivatives, of a step that hardly changes these, and
-# of the last step.
-_SIDE, _SAME_SLOPE, _SETTLED = 1e-5, 1e-5, 1e-9
+_FRAME_RAYS = 2000
 
 
 class ProjectingLens(Protocol):
@@ -60,50 +59,26 @@ def aligned_to_pixels(
     first: ProjectingLens, rays: FloatArray, wanted: FloatArray, *, near: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """:func:`aligned_difference`, of a second lens that sees the rays at pixels (N, 2)."""
+    from scipy.optimize import least_squares  # it takes long to load
+
     rotation = Rotation.identity() if near else _start(first, rays, wanted)
-
-    def difference(rotation: Rotation, index: IntArray) -> FloatArray:
-        return first.project(rotation.apply(rays[index])) - wanted[index]
-
-    everyone, common = np.arange(len(rays)), np.zeros(0, np.intp)
-    miss = difference(rotation, everyone)
+    common = np.zeros(0, np.intp)
     for _ in range(_FIT_ROUNDS):
+        miss = first.project(rotation.apply(rays)) - wanted
         before, common = common, np.flatnonzero(np.isfinite(miss).all(axis=1))
         if len(common) < 3 or np.array_equal(before, common):
             break
-        rotation = _small_turn(difference, rotation, common) * rotation
-        miss = difference(rotation, everyone)
-    return miss, rotation.as_matrix()
 
+        def difference(turn: FloatArray) -> FloatArray:
+            turned = (Rotation.from_rotvec(turn) * rotation).apply(rays[common])  # noqa: B023
+            # A ray that leaves the field as R changes pulls neither way.
+            return np.nan_to_num(first.project(turned) - wanted[common]).ravel()  # noqa: B023
 
-def _small_turn(
-    difference: Callable[[Rotation, IntArray], FloatArray],
-    rotation: Rotation,
-    common: IntArray,
-) -> Rotation:
-    """The turn on the left of ``rotation`` with the smallest Huber loss.
-
-    Gauss and Newton, with the loss's weights anew in each step.
-    """
-
-    def miss(turn: Rotation) -> FloatArray:
-        return difference(turn * rotation, common).ravel()
-
-    turn, slope = Rotation.identity(), np.empty((2 * len(common), 3))
-    step = np.full(3, np.inf)
-    for _ in range(_MOST_STEPS):
-        now = miss(turn)
-        if np.linalg.norm(step) > _SAME_SLOPE:
-            for axis, side in enumerate(_SIDE * np.eye(3)):
-                slope[:, axis] = (miss(Rotation.from_rotvec(side) * turn) - now) / _SIDE
-        # A ray that leaves the field as R changes pulls neither way.
-        seen = np.isfinite(now) & np.isfinite(slope).all(axis=1)
-        weight = huber_weight(np.abs(now[seen]), _HUBER_PX)[:, None] * slope[seen]
-        step = np.linalg.lstsq(slope[seen].T @ weight, -weight.T @ now[seen], rcond=None)[0]
-        turn = Rotation.from_rotvec(step) * turn
-        if np.linalg.norm(step) < _SETTLED:
-            break
-    return turn
+        found = least_squares(
+            difference, np.zeros(3), loss="huber", f_scale=_HUBER_PX, xtol=1e-12, ftol=1e-12
+        )
+        rotation = Rotation.from_rotvec(found.x) * rotation
+    return first.project(rotation.apply(rays)) - wanted, rotation.as_matrix()
 
 
 def _start(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotation:
@@ -127,3 +102,32 @@ def _start(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotat
         off = np.linalg.norm(rotation.apply(own) - matched, axis=1)
         near = off <= np.quantile(off, _START_SHARE)
     return rotation
+
+
+def in_references_frame(
+    camera: CubicCamera, poses: Poses, covered: float
+) -> tuple[CubicCamera, Poses]:
+    """The same camera and poses with the frame turned to where P is nearest to the reference.
+
+    Corners leave the frame's turn open (poses make up for it, P L(R) for the lens), and what P is
+    held to is not quite symmetric, so that the frames of the two lenses, which stand beside each
+    other in one file, differ by a little.
+
+    Args:
+        camera: P with its reference.
+        poses: camera_from_world of the photos.
+        covered: angle from the axis up to which there are corners, radians.
+
+    """
+    rays = cone_rays(covered, _FRAME_RAYS)
+    miss, rotation = aligned_difference(camera, camera.radial, rays, near=True)
+    if not np.isfinite(miss).any():
+        return camera, poses
+    P = camera.P @ lift_rotation(rotation)
+    turned = replace(camera, P=P / np.linalg.norm(P))
+    # The cone turns along, by far less than its margin to the farthest corner.
+    if not check_validity(turned.P, turned.max_angle_deg).valid:
+        return camera, poses
+    return turned, Poses(
+        rotation=rotation.T @ poses.rotation, translation=poses.translation @ rotation
+    )

@@ -15,7 +15,7 @@ from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.core.fit.fit_lens import gram
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.robust import noise_px, wide_px
-from cubicfish_cli.core.geometry import decentring, decentring_slope, mean_rotation
+from cubicfish_cli.core.geometry import decentring, decentring_slope
 from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
@@ -215,20 +215,6 @@ class _Onto:
         return by_values
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Bend:
-    """What a bent lens and the poses that go with it differ by from the radial lens and its own.
-
-    Attributes:
-        values: (13,) by what its values differ.
-        turn: (3, 3) the turn that all poses share.
-
-    """
-
-    values: FloatArray
-    turn: FloatArray
-
-
 def bend(
     camera: RadialCamera,
     terms: int,
@@ -236,7 +222,6 @@ def bend(
     pairs: Observations,
     residual: FloatArray,
     spread: float,
-    near: Bend | None = None,
 ) -> tuple[BentFit, Poses]:
     """The bent lens nearest to corners, anchored there, and the poses that go with it.
 
@@ -247,18 +232,11 @@ def bend(
         pairs: the corners.
         residual: (K, 2) of the radial lens, of those pairs that tell its errors, pixels.
         spread: expected asymmetry, see :class:`BentFit`.
-        near: the bend of much the same lens, which is this one's too: P's own nearest lens
-            follows from any that is near.
 
     """
     noise = max(noise_px(residual), 1e-3)
     lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
-    if near is not None:
-        lens = replace(lens, values=lens.values + near.values)
-        poses = Poses(
-            rotation=near.turn @ poses.rotation, translation=poses.translation @ near.turn.T
-        )
-    elif spread:
+    if spread:
         fit = adjust(
             lens,
             poses,
@@ -271,12 +249,3 @@ def bend(
     return replace(
         lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
     ), poses
-
-
-def bend_between(camera: RadialCamera, poses: Poses, bent: BentFit, bent_poses: Poses) -> Bend:
-    """By what a bent lens and its poses differ from a radial lens and its own."""
-    turns = bent_poses.rotation @ poses.rotation.transpose(0, 2, 1)
-    return Bend(
-        values=bent.values - BentFit.unbent(camera).values,
-        turn=mean_rotation(turns, np.ones(len(turns))),
-    )

@@ -13,13 +13,13 @@ from cubicfish_cli.core.assess.fit_record import Departure, DroppedCorner, FitRe
 from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.coverage_extent import coverage_extent, trusted_angle_deg
 from cubicfish_cli.core.fit.cubic_fit import CubicResult
 from cubicfish_cli.core.fit.deformation import departures
 from cubicfish_cli.core.fit.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.core.fit.findings import blind_angle, dropped_groups, field_cells
-from cubicfish_cli.core.fit.frame import in_references_frame
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.local_noise import within_noise
 from cubicfish_cli.core.fit.model_selection import RefineTarget, SelectedModel, select_model
@@ -49,7 +49,7 @@ from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one
 from cubicfish_cli.core.fit.uncertainty import uncertainty_grid
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import lift
-from cubicfish_cli.core.lenses.nearest import nearest_from_near
+from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.pupil import from_pupil
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
@@ -314,7 +314,7 @@ def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)
     held = terms_beyond(reference.terms)
-    found = nearest_from_near(reference.camera, rays, lens.far(rays), held=held)
+    found = nearest_lens([reference.camera], rays, lens.far(rays), held=held)
     sees = min(reference.covered, reference.camera.max_angle)
     return found if found.max_angle >= sees else reference.camera
 

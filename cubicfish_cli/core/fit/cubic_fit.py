@@ -27,7 +27,7 @@ from cubicfish_cli.core.fit.photo_noise import ALIKE
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference
 from cubicfish_cli.core.fit.robust import huber_px, noise_px, wide_px
-from cubicfish_cli.core.lenses.cubic import Validity, check_validity
+from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.types import FloatArray
 
 # Expected relative departure of P3Φ from that of the reference's cubic: so loose that where the
@@ -84,7 +84,6 @@ class CubicResult:
         fit: the adjustment.
         prior: how P was held to the reference.
         max_angle_deg: half-angle of the cone over which P may be trusted.
-        validity: the check for poles and folds over that cone.
         runners_up: priors that other photos would speak for; none where none was sought.
 
     """
@@ -92,7 +91,6 @@ class CubicResult:
     fit: Adjustment[CubicFit]
     prior: PriorChoice
     max_angle_deg: float
-    validity: Validity
     runners_up: tuple[RunnerUp, ...] = ()
 
     @property
@@ -122,7 +120,6 @@ def fit_cubic(
     *,
     world: DeformableTarget | None = None,
     start: CubicResult | None = None,
-    afresh: bool = False,
     relative_decrease: float = _LAST_DECREASE,
 ) -> CubicResult:
     """Fit P and all poses (Eq. 10) from a reference's lens and poses.
@@ -132,7 +129,6 @@ def fit_cubic(
         prior: how P is held to it.
         world: the target, where it is free; its points are those of the reference's pairs.
         start: a fit to the same photos from which to start, where there is one.
-        afresh: start from the reference all the same, with the loss of ``start``.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
 
     Raises:
@@ -141,8 +137,7 @@ def fit_cubic(
     """
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
     errors = reference.errors if start is None else start.errors
-    known = None if afresh else start
-    lens, poses = _first(reference, prior, known, world, max_angle_deg, errors)
+    lens, poses = _first(reference, prior, start, world, max_angle_deg, errors)
     while True:
         fit = adjust(
             lens,
@@ -152,7 +147,6 @@ def fit_cubic(
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
-            known=None if known is None else known.fit,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             fit = fit.again(
@@ -163,7 +157,7 @@ def fit_cubic(
             )
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:
-            return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg, validity=validity)
+            return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg)
         # A pole crept in: hold P closer to the reference, which has none.
         prior = replace(prior, weight=prior.weight * 10**0.5)
         lens, poses = _first(reference, prior, None, world, max_angle_deg, errors)

@@ -137,7 +137,7 @@ def held_out_error(
         return None
     pairs, cubic = fit.reference.pairs, fit.cubic.fit
     of_cubic, of_radial = np.full((2, len(pairs.image)), np.nan)
-    leave_one_out = LeaveOneOut(cubic, pairs, huber_px(cubic.errors), parts)
+    leave_one_out = LeaveOneOut(cubic, parts)
     for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
@@ -168,7 +168,6 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
         huber_px=wide_px(fit.reference.errors),
         relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
-        trust_last=True,
     )
     camera = CubicCamera(
         image_size=pairs.image_size,
@@ -207,7 +206,6 @@ def _trained(
         world=start.world.select(rows),
         relative_decrease=_FOLD_DECREASE,
         damping=WARM_DAMPING,
-        trust_last=True,
     )
 
 

@@ -45,13 +45,7 @@ class FixedLens:
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         if isinstance(self.camera, CubicCamera):
-            moved, by_point, _ = from_pupil_and_slopes(points, self.camera.pupil_travel)
-            length = np.linalg.norm(moved, axis=-1)
-            rays = moved / length[:, None]
-            pixel, slope = self.camera.pixel_and_slope(rays)
-            across = _through_unit_ray(slope.transpose(1, 2, 0), rays.T, length)
-            d_point = across.transpose(2, 0, 1)
-            d_point = d_point + d_point[:, :, 2:] * by_point[:, None, :]
+            pixel, d_point = self.camera.near_pixel_and_slope(points)
         elif isinstance(self.camera, RadialCamera):
             pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
         else:

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.normal_equations import Linearised, runs_of_photos
+from cubicfish_cli.core.fit.normal_equations import Linearised
 from cubicfish_cli.core.fit.poses import Poses, cross, cross_matrix
-from cubicfish_cli.core.fit.rig_lens import body_of
+from cubicfish_cli.core.fit.rig_lens import RigLens, body_of
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray
 
 L = TypeVar("L", bound=FitLens)
 
-_POSE = 6
+# Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
+# memory.
+_RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,12 @@ class State(Generic[L]):
             self.world.moved(shared[count:], corner),
         )
 
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """How many shared unknowns, poses and free corners."""
+        shared = len(self.lens.parameters) + len(self.world.parameters)
+        return shared, len(self.poses), len(self.world.offsets)
+
 
 def huber_weight(distance: FloatArray, scale: float) -> FloatArray:
     """IRLS weight of the Huber loss: 1 within ``scale``, then falling as 1/distance."""
@@ -49,45 +58,32 @@ def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
     return np.where(distance <= scale, 0.5 * np.square(distance), scale * (distance - 0.5 * scale))
 
 
-def runs_linearised(
-    lens: FitLens, poses: Poses, world: DeformableTarget, pairs: Observations, huber_px: float
-) -> Iterator[tuple[slice, slice, Linearised, FloatArray]]:
-    """All pairs in runs of whole photos: photos, pairs, derivatives, and roots of the weights.
+def linearise(
+    state: State[L], pairs: Observations, huber_px: float
+) -> Iterator[tuple[slice, Linearised]]:
+    """All pairs with their derivatives, in runs of one camera's: which pairs, and these.
 
-    The arguments are those of :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
+    ``pairs`` and ``huber_px`` are those of :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
     """
-    body = body_of(lens, len(poses))
-    views = body.views(poses)
-    unknowns = len(lens.parameters) + len(world.parameters) + _POSE
-    for photos, run in runs_of_photos(pairs.image, len(views), body.starts, unknowns):
-        if run.start < run.stop:
-            terms = linearised(body, poses, world, pairs, run, views)
-            length = np.hypot(terms.residual[:, 0], terms.residual[:, 1])
-            yield photos, run, terms, np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
+    body = body_of(state.lens, len(state.poses))
+    views, camera = body.views(state.poses), body.camera[pairs.image]
+    size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
+    cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
+    for first, stop in pairwise([*cuts.tolist(), len(camera)]):
+        run = slice(first, stop)
+        yield run, _linearised(body, views, state, pairs, run, huber_px)
 
 
-def linearised(
-    lens: FitLens,
-    poses: Poses,
-    world: DeformableTarget,
+def _linearised(
+    body: RigLens,
+    views: Poses,
+    state: State[L],
     pairs: Observations,
     run: slice,
-    views: Poses | None = None,
+    huber_px: float,
 ) -> Linearised:
-    """Residuals of a run of one camera's pairs and their derivatives by everything that is free.
-
-    Args:
-        lens: the lens, or those of a rig.
-        poses: one per photo, or per shot of a rig.
-        world: the target.
-        pairs: all pairs.
-        run: which of them.
-        views: of all photos, where they are known already.
-
-    """
-    body = body_of(lens, len(poses))
-    views = body.views(poses) if views is None else views
-    image = pairs.image[run]
+    """A run of one camera's pairs, by everything that is free."""
+    image, world = pairs.image[run], state.world
     # One coordinate of all points after the other is the quickest to work on.
     rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
     rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
@@ -98,21 +94,27 @@ def linearised(
     d_corner = np.zeros((len(image), 2, 3))
     if world.free:
         d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-    d_turn, d_shift = cross(rotated, by_point).transpose(2, 0, 1), d_point
+    d_pose = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
+    parts = [d_lens]
     if through.place is not None:
         turned, shift = through.place
         if through.free:
             # A turn of the camera on the body swings the whole way from the body's origin with it.
             arm = cross_matrix(views.translation[image] - shift)
-            d_lens = np.concatenate([d_lens, d_turn - d_shift @ arm, d_shift], axis=2)
-        d_turn, d_shift = d_turn @ turned, d_shift @ turned
+            parts += [d_pose[:, :, :3] - d_point @ arm, d_point]
+        d_pose = np.concatenate([d_pose[:, :, :3] @ turned, d_pose[:, :, 3:] @ turned], axis=2)
+    residual = pixel - pairs.pixel[run]
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
+    d_shared = np.concatenate([*parts, world.chain(d_corner, run)], axis=2)
+    weight = root[:, None, None]
     return Linearised(
-        residual=pixel - pairs.pixel[run],
-        d_lens=d_lens,
-        columns=through.columns,
-        d_board=world.chain(d_corner, run),
-        d_turn=d_turn,
-        d_shift=d_shift,
-        d_corner=d_corner,
+        residual=residual,
+        root=root,
+        miss=residual * root[:, None],
+        by_shared=d_shared * weight,
+        columns=np.r_[through.columns, body.columns[-1].stop : state.size[0]],
+        by_pose=d_pose * weight,
+        by_corner=d_corner * weight,
         pose=body.shot_of(image),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -62,9 +63,9 @@ class ModelFigures:
 
     model: str
     parameters: int
-    rms_px: float | None
-    held_out_rms_px: float | None
-    largest_angle_deg: float | None
+    rms_px: float | None = None
+    held_out_rms_px: float | None = None
+    largest_angle_deg: float | None = None
     seconds: float
 
     def as_record(self) -> dict[str, Any]:
@@ -120,7 +121,9 @@ def compare_models(
     folds = _folds(reference, prior) if hold_out else []
     known = calibration.held_out if pairs is calibration.pairs and folds else None
     rows = [
-        _figures(CUBIC, _CUBIC_PARAMETERS, _fit_cubic(prior), reference, () if known else folds),
+        _figures(
+            CUBIC, _CUBIC_PARAMETERS, partial(_fit_cubic, prior), reference, () if known else folds
+        ),
         _figures(RadialCamera.label, 4 + reference.terms, _fit_radial, reference, folds),
     ]
     if known is not None:  # one thing has one figure, and that of the fit is known
@@ -133,7 +136,9 @@ def compare_models(
     )
     for kind in COMPARED:
         start = FreeLens.of(kind.starts(reference.camera, reference.covered)[0])
-        rows.append(_figures(kind.label, len(start.parameters), _fit_model(kind), reference, folds))
+        rows.append(
+            _figures(kind.label, len(start.parameters), partial(_fit_model, kind), reference, folds)
+        )
     return rows
 
 
@@ -179,14 +184,8 @@ def _figures(
     try:
         lens, residual = fit(reference)
     except FitError:
-        return ModelFigures(
-            model=name,
-            parameters=parameters,
-            rms_px=None,
-            held_out_rms_px=None,
-            largest_angle_deg=None,
-            seconds=time.perf_counter() - begun,
-        )
+        seconds = time.perf_counter() - begun
+        return ModelFigures(model=name, parameters=parameters, seconds=seconds)
     seconds = time.perf_counter() - begun
     return ModelFigures(
         model=name,
@@ -217,12 +216,9 @@ def _adjusted(lens: F, poses: Poses, pairs: Observations, limit: float) -> Adjus
     return adjust(lens, poses, pairs, huber_px=limit).again(pairs)
 
 
-def _fit_cubic(prior: PriorChoice) -> _Fit:
-    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
-        result = fit_cubic(reference, prior)
-        return result.lens, result.residual
-
-    return fit
+def _fit_cubic(prior: PriorChoice, reference: RadialReference) -> tuple[FitLens, FloatArray]:
+    result = fit_cubic(reference, prior)
+    return result.lens, result.residual
 
 
 def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
@@ -230,21 +226,14 @@ def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
     return fit.lens, fit.residual
 
 
-def _fit_model(kind: type[Lens]) -> _Fit:
-    def fit(reference: RadialReference) -> tuple[FitLens, FloatArray]:
-        lens = FreeLens.of(near_reference(kind, reference))
-        seen = lens.project(reference.poses.apply(reference.pairs.image, reference.pairs.world))
-        with np.errstate(invalid="ignore"):
-            miss = np.nan_to_num(seen - reference.pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
-        fitted = _adjusted(
-            lens,
-            reference.poses,
-            reference.pairs,
-            max(wide_px(miss), wide_px(reference.residual)),
-        )
-        return fitted.lens, fitted.residual
-
-    return fit
+def _fit_model(kind: type[Lens], reference: RadialReference) -> tuple[FitLens, FloatArray]:
+    lens = FreeLens.of(near_reference(kind, reference))
+    poses, pairs = reference.poses, reference.pairs
+    seen = lens.project(poses.apply(pairs.image, pairs.world))
+    with np.errstate(invalid="ignore"):
+        miss = np.nan_to_num(seen - pairs.pixel, nan=1e6, posinf=1e6, neginf=-1e6)
+    fitted = _adjusted(lens, poses, pairs, max(wide_px(miss), wide_px(reference.residual)))
+    return fitted.lens, fitted.residual
 
 
 def near_reference(kind: type[L], reference: RadialReference) -> L:

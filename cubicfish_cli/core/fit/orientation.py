@@ -15,15 +15,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from cubicfish_cli.core.fit.adjustment import Adjustment
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
-from cubicfish_cli.core.fit.linearise import runs_linearised
-from cubicfish_cli.core.fit.normal_equations import summed_by_corner
+from cubicfish_cli.core.fit.linearise import State, linearise
+from cubicfish_cli.core.fit.normal_equations import summed_by
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, free_target
 from cubicfish_cli.core.fit.robust import huber_px, noise_px
@@ -74,7 +72,7 @@ def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, No
     for number, views in enumerate(turned):
         photos = np.flatnonzero(way == number)
         poses = poses.with_photos(photos, views[photos])
-    adjusted = replace(fit.cubic.fit, poses=poses, sums=None)
+    adjusted = replace(fit.cubic.fit, poses=poses)
     renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
     other = replace(fit, cubic=replace(fit.cubic, fit=adjusted))
     return [given, (other, replace(nominal, pairs=chosen(namings, way), renamed=renamed))]
@@ -133,68 +131,37 @@ class _Pulls:
     square: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """What n pairs put into the normal equations, all weighted by their roots."""
-
-    rows: FloatArray  # (n, 2, K + 1) by what is shared; the residual is last
-    pose: FloatArray  # (n, 2, 6)
-    corner: IntArray  # (n,) free corner of each pair; empty where there are none
-    by_corner: FloatArray  # (n, 2, 3)
-    place: IntArray  # (n,) the pose that each is seen from
-
-    @classmethod
-    def of(cls, fit: Adjustment[Any], pairs: Observations, huber_px: float) -> _Seen:
-        """Of all pairs of a fit."""
-        lens, count = len(fit.lens.parameters), len(pairs.image)
-        shared = lens + len(fit.world.parameters)
-        seen = cls(
-            rows=np.zeros((count, 2, shared + 1)),
-            pose=np.empty((count, 2, 6)),
-            corner=fit.world.corner,
-            by_corner=np.empty((count, 2, 3)),
-            place=np.empty(count, np.intp),
-        )
-        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, huber_px):
-            weight = root[:, None, None]
-            rows = seen.rows[run]
-            np.multiply(terms.d_lens, weight, out=rows[:, :, terms.columns])
-            np.multiply(terms.d_board, weight, out=rows[:, :, lens:shared])
-            np.multiply(terms.residual, root[:, None], out=rows[:, :, shared])
-            np.multiply(terms.d_turn, weight, out=seen.pose[run, :, :3])
-            np.multiply(terms.d_shift, weight, out=seen.pose[run, :, 3:])
-            np.multiply(terms.d_corner, weight, out=seen.by_corner[run])
-            seen.place[run] = terms.pose
-        return seen
-
-
 def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget) -> _Pulls:
-    moved = replace(fit.cubic.fit, poses=poses, world=world)
-    seen = _Seen.of(moved, pairs, huber_px(fit.cubic.residual))
-    photos, corners, shared = len(poses), len(world.offsets), seen.rows.shape[2] - 1
-    left, basis = seen.rows, np.zeros_like(seen.pose)
+    moved = State(fit.cubic.lens, poses, world)
+    seen = [terms for _, terms in linearise(moved, pairs, huber_px(fit.cubic.residual))]
+    left = np.concatenate([np.dstack([one.by_shared, one.miss]) for one in seen])
+    by_pose, by_corner = (
+        np.concatenate([getattr(one, name) for one in seen]) for name in ("by_pose", "by_corner")
+    )
+    shared, photos, corners = moved.size
+    basis = np.zeros_like(by_pose)
     of_shared, square = np.zeros((photos, shared)), np.zeros(photos)
-    bounds = np.searchsorted(seen.place, np.arange(photos + 1))
+    bounds = np.searchsorted(pairs.image, np.arange(photos + 1))
     for photo, (first, stop) in enumerate(pairwise(bounds)):
-        unit, _ = np.linalg.qr(seen.pose[first:stop].reshape(-1, 6))
+        unit, _ = np.linalg.qr(by_pose[first:stop].reshape(-1, 6))
         basis[first:stop, :, : unit.shape[1]] = unit.reshape(stop - first, 2, -1)
         flat = left[first:stop].reshape(-1, shared + 1)
         flat -= unit @ (unit.T @ flat)
         of_shared[photo] = flat[:, :-1].T @ flat[:, -1]
         square[photo] = flat[:, -1] @ flat[:, -1]
     # A photo sees each corner once, so no place comes twice.
-    of_corner, by_pose = np.zeros((photos, corners, 3)), np.zeros((photos, 6, corners, 3))
-    of_corner[seen.place, seen.corner] = np.einsum("nji,nj->ni", seen.by_corner, left[:, :, -1])
-    by_pose[seen.place, :, seen.corner] = np.einsum("njk,nji->nki", basis, seen.by_corner)
-    turned = by_pose.reshape(6 * photos, 3 * corners)
+    of_corner, of_pose = np.zeros((photos, corners, 3)), np.zeros((photos, 6, corners, 3))
+    of_corner[pairs.image, world.corner] = np.einsum("nji,nj->ni", by_corner, left[:, :, -1])
+    of_pose[pairs.image, :, world.corner] = np.einsum("njk,nji->nki", basis, by_corner)
+    turned = of_pose.reshape(6 * photos, 3 * corners)
     flat = left.reshape(-1, shared + 1)[:, :-1]
     hessian = np.zeros((shared + 3 * corners,) * 2)
     hessian[:shared, :shared] = flat.T @ flat
-    cross = summed_by_corner(seen.corner, corners, seen.by_corner, left[:, :, :-1])
+    cross = summed_by(world.corner, corners, by_corner, left[:, :, :-1])
     hessian[shared:, :shared] = cross.reshape(-1, shared)
     hessian[:shared, shared:] = hessian[shared:, :shared].T
     hessian[shared:, shared:] = -turned.T @ turned
-    own = summed_by_corner(seen.corner, corners, seen.by_corner, seen.by_corner)
+    own = summed_by(world.corner, corners, by_corner, by_corner)
     places = shared + np.arange(3 * corners).reshape(corners, 3)
     hessian[places[:, :, None], places[:, None, :]] += own
     gradient = np.concatenate([of_shared, of_corner.reshape(photos, -1)], axis=1)

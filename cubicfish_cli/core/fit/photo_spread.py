@@ -28,7 +28,6 @@ from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG
 from cubicfish_cli.core.fit.radial_reference import RadialReference
-from cubicfish_cli.core.fit.robust import huber_px
 from cubicfish_cli.core.fit.uncertainty import Uncertainty, camera_uncertainty
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
@@ -147,8 +146,7 @@ def photo_spread(
 
     """
     count = len(result.lens.parameters)
-    limit, clusters = huber_px(result.errors), _clusters(places, reference.pairs)
-    leave_one_out = LeaveOneOut(result.fit, reference.pairs, limit, clusters)
+    leave_one_out = LeaveOneOut(result.fit, _clusters(places, reference.pairs))
     prior = result.lens.ray_prior
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)

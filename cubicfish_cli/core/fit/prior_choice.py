@@ -23,7 +23,6 @@ from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.radial_reference import RadialReference
-from cubicfish_cli.core.fit.robust import huber_px
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 # From the most symmetric and the firmest on. An asymmetry of 0.01 is far more than any lens on sale
@@ -84,8 +83,10 @@ def choose_prior(
         )
     place = _place_of(prior)
     places = _EVERY_PLACE if everywhere or start is None else _around(place)
-    start = _confirmed(reference, _prior_at(place), world, start)
-    leave_one_out = LeaveOneOut(start.fit, reference.pairs, huber_px(start.errors), groups)
+    start = fit_cubic(
+        reference, _prior_at(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
+    )
+    leave_one_out = LeaveOneOut(start.fit, groups)
     squares = _squares(leave_one_out, start.lens, reference, places)
     chosen, runners_up = _likeliest(squares)
     # A prior that was made firmer stays so.
@@ -94,27 +95,6 @@ def choose_prior(
         reference, prior, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
     return replace(fitted, runners_up=runners_up)
-
-
-def _confirmed(
-    reference: RadialReference,
-    prior: PriorChoice,
-    world: DeformableTarget | None,
-    start: CubicResult | None,
-) -> CubicResult:
-    """The fit from a start that is known, or from the reference where that leads further down."""
-    fitted = fit_cubic(reference, prior, world=world, start=start, relative_decrease=_SCAN_DECREASE)
-    if start is None:
-        return fitted
-    fresh = fit_cubic(
-        reference,
-        prior,
-        world=fitted.fit.world,
-        start=fitted,
-        afresh=True,
-        relative_decrease=_SCAN_DECREASE,
-    )
-    return fresh if fresh.fit.cost < fitted.fit.cost else fitted
 
 
 def _prior_at(place: _Place) -> PriorChoice:

@@ -143,12 +143,16 @@ def _same_way(found: FloatArray, pixel: FloatArray) -> float:
     return 1.0 if np.sign(np.sum(found * pixel, axis=1)).sum() >= 0 else -1.0
 
 
+def _radial_solution(points: FloatArray, pixel: FloatArray) -> FloatArray:
+    """First two rows of (R | t) (2, K + 1), up to their scale, by so many coordinates of points."""
+    homogeneous = np.column_stack([points, np.ones(len(points))])
+    equations = np.column_stack([-pixel[:, 1:] * homogeneous, pixel[:, :1] * homogeneous])
+    solution = _null_vector(equations).reshape(2, -1)
+    return solution * _same_way(homogeneous @ solution.T, pixel)
+
+
 def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
-    homogeneous = np.column_stack([local, np.ones(len(local))])
-    solution = _null_vector(
-        np.column_stack([-pixel[:, 1:] * homogeneous, pixel[:, :1] * homogeneous])
-    ).reshape(2, 4)
-    solution *= _same_way(homogeneous @ solution.T, pixel)
+    solution = _radial_solution(local, pixel)
     left, size, right = np.linalg.svd(solution[:, :3], full_matrices=False)
     if size[1] < _NOTHING * size[0]:
         return []
@@ -158,11 +162,7 @@ def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
 
 
 def _on_a_plane(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
-    homogeneous = np.column_stack([local[:, :2], np.ones(len(local))])
-    solution = _null_vector(
-        np.column_stack([-pixel[:, 1:] * homogeneous, pixel[:, :1] * homogeneous])
-    ).reshape(2, 3)
-    solution *= _same_way(homogeneous @ solution.T, pixel)
+    solution = _radial_solution(local[:, :2], pixel)
     first, second = solution[:, 0], solution[:, 1]
     # The third row (a, b) makes both columns equally long and orthogonal:
     # a b = −first·second and a² − b² = |second|² − |first|².

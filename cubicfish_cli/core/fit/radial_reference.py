@@ -15,7 +15,7 @@ from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.asymmetric import Bend, BentFit, bend, bend_between
+from cubicfish_cli.core.fit.asymmetric import BentFit, bend
 from cubicfish_cli.core.fit.known_lens import fit_poses
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
 from cubicfish_cli.core.fit.poses import Poses
@@ -74,7 +74,6 @@ class RadialReference:
         unfit: why each photo that was left out was, by name.
         terms: how many coefficients of the radial profile are in use.
         focal_uncertainty: standard deviation of the focal length, as a share of it.
-        bends: what bent this lens before, by expected asymmetry: it is bent so again.
 
     """
 
@@ -85,7 +84,6 @@ class RadialReference:
     unfit: dict[str, Finding]
     terms: int
     focal_uncertainty: float
-    bends: dict[float, Bend] = field(default_factory=dict, repr=False)
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
     _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
 
@@ -111,12 +109,9 @@ class RadialReference:
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""
         if spread not in self._bent:
-            near = self.bends.get(spread)
-            bent, poses = self._bent[spread] = bend(
-                self.camera, self.terms, self.poses, self.pairs, self.errors, spread, near
+            self._bent[spread] = bend(
+                self.camera, self.terms, self.poses, self.pairs, self.errors, spread
             )
-            if near is None:
-                self.bends[spread] = bend_between(self.camera, self.poses, bent, poses)
         return self._bent[spread]
 
     @property
@@ -185,7 +180,7 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         fit = _adjusted(fit, own)
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
-    return _sound(fit, select_photos(pairs, used), unfit, {})
+    return _sound(fit, select_photos(pairs, used), unfit)
 
 
 def radial_near(
@@ -231,13 +226,12 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
         huber_px=wide_px(reference.errors),
         relative_decrease=_NEAR_DECREASE,
         damping=WARM_DAMPING,
-        trust_last=True,
     )
-    return _sound(fit, pairs, reference.unfit, dict(reference.bends))
+    return _sound(fit, pairs, reference.unfit)
 
 
 def _sound(
-    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding], bends: dict[float, Bend]
+    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding]
 ) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
@@ -249,7 +243,6 @@ def _sound(
         unfit=unfit,
         terms=terms,
         focal_uncertainty=_focal_uncertainty(fit),
-        bends=bends,
     )
 
 

@@ -120,5 +120,5 @@ def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
     pairs, world = fit.reference.pairs.select(~wrong), fit.cubic.fit.world.select(rows)
     reference = refit_radial(fit.reference, pairs, fit.reference.poses)
     residual = fit.cubic.residual[rows]
-    near = replace(fit.cubic.fit, residual=residual, world=world, pairs=pairs, sums=None)
+    near = replace(fit.cubic.fit, residual=residual, world=world, pairs=pairs)
     return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=near))

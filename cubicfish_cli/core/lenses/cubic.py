@@ -106,21 +106,29 @@ class CubicCamera(Brief):
         """
         points = np.asarray(points, float)
         pixel = self.project(points, near=near)
-        flat, by_point = points.reshape(-1, 3), None
-        if near:
-            flat, by_point, _ = from_pupil_and_slopes(flat, self.pupil_travel)
-        inside = np.flatnonzero(np.isfinite(pixel.reshape(-1, 2)[:, 0]))
-        slope = np.full((len(flat), 2, 3), np.nan)
-        rays = unit_rays(flat[inside])
-        length = np.sum(rays * flat[inside], axis=-1)
-        across = self.pixel_and_slope(rays)[1]
+        inside = np.isfinite(pixel[..., 0])
+        slope = np.full((*pixel.shape, 3), np.nan)
+        travel = self.pupil_travel if near else 0.0
+        slope[inside] = self._near_pixel_and_slope(points[inside], travel)[1]
+        return pixel, slope
+
+    def near_pixel_and_slope(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Pixel and d pixel / d point of points at hand, unchecked: (N, 3) -> (N, 2), (N, 2, 3)."""
+        return self._near_pixel_and_slope(points, self.pupil_travel)
+
+    def _near_pixel_and_slope(
+        self, points: FloatArray, travel: float
+    ) -> tuple[FloatArray, FloatArray]:
+        moved, by_point = points, np.zeros((1, 3))
+        if travel:
+            moved, by_point, _ = from_pupil_and_slopes(points, travel)
+        rays = unit_rays(moved)
+        length = np.sum(rays * moved, axis=-1)
+        pixel, across = self.pixel_and_slope(rays)
         # A point that moves along its ray keeps its pixel.
         across -= (across @ rays[:, :, None]) * rays[:, None, :]
         across /= length[:, None, None]
-        if by_point is not None:
-            across = across + across[:, :, 2:] * by_point[inside, None, :]
-        slope[inside] = across
-        return pixel, slope.reshape((*points.shape[:-1], 2, 3))
+        return pixel, across + across[:, :, 2:] * by_point[:, None, :]
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) -> unit rays (..., 3); NaN outside the valid field.

@@ -17,7 +17,6 @@ L = TypeVar("L", bound=Lens)
 
 # What a ray that a lens does not see counts for: a step to such a lens is turned down by its cost.
 _BLIND_PX = 1e4
-_NEAR_STEPS = 3
 _MOST_STEPS = 200
 
 
@@ -93,24 +92,6 @@ def nearest_lens(
     if not np.isfinite(found.parameters).all():
         raise FitError("no lens of this model is near the camera: choose another format")
     return found
-
-
-def nearest_from_near(
-    start: L, rays: FloatArray, pixel: FloatArray, *, held: Collection[str] = ()
-) -> L:
-    """:func:`nearest_lens` from a start so near that a few steps of Gauss and Newton find it.
-
-    SciPy's least squares take a tenth of a second to load. Where the steps lead no nearer, the
-    start is as near as any.
-    """
-    free = FreeLens.of(start, held)
-    for _ in range(_NEAR_STEPS):
-        seen, _, by_parameter = free.project_jacobian(rays)
-        slope = np.nan_to_num(by_parameter).reshape(2 * len(rays), -1)
-        miss = np.nan_to_num(seen - pixel).reshape(-1)
-        free = free.with_parameters(free.parameters - np.linalg.lstsq(slope, miss, rcond=None)[0])
-    found, before = (np.linalg.norm(one.pixels(rays) - pixel) for one in (free.lens, start))
-    return free.lens if found < before else start
 
 
 def nearest_accepted(

@@ -9,7 +9,6 @@ from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.core.lenses.pinhole import PinholeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.rational import RationalLens
 from cubicfish_cli.core.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.lenses.thin_prism import RadTanThinPrismLens
 from cubicfish_cli.core.lenses.unified import DoubleSphereLens, UnifiedLens
@@ -21,7 +20,6 @@ LENSES: tuple[type[Lens], ...] = (
     ScaramuzzaLens,
     UnifiedLens,
     DoubleSphereLens,
-    RationalLens,
     RadTanThinPrismLens,
     FThetaLens,
     SplinedLens,

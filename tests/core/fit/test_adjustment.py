@@ -54,86 +54,42 @@ def test_at_the_truth_residual_and_gradient_are_zero():
     lens = FreeLens.of(TRUTH)
     normal = normal_equations(lens, reference.poses, exact, 1.0)
     assert np.abs(reference.residual).max() < 1e-6
-    assert (
-        np.abs(normal.shared_gradient).max() < 1e-2 * np.sqrt(np.diag(normal.shared)).max() * 1e-3
-    )
-    assert np.abs(normal.pose_gradient).max() < 1e-5 * np.sqrt(normal.pose.max())
+    shared, pose, _ = normal.gradient
+    assert np.abs(shared).max() < 1e-2 * np.sqrt(np.diag(normal.shared)).max() * 1e-3
+    assert np.abs(pose).max() < 1e-5 * np.sqrt(normal.pose.max())
 
 
-def test_what_is_known_of_a_state_is_what_is_worked_out(cubic):
-    """Under another prior and another loss too, as long as no corner is far out."""
-    worst = np.hypot(*cubic.residual.T).max()
-    fit = adjust(cubic.lens, cubic.poses, cubic.fit.pairs, huber_px=1.1 * worst)
-    freer = replace(fit.lens, ray_prior=replace(fit.lens.ray_prior, weight=0.05))
-    state = State(freer, fit.poses, fit.world)
-    for limit in (fit.huber_px, 3 * fit.huber_px):
-        known = adjustment._known(fit, state, fit.pairs, limit)
-        anew = adjustment._evaluated(state, fit.pairs, limit)
-        assert known.cost == pytest.approx(anew.cost, rel=1e-12)
-        assert known.cost != pytest.approx(fit.cost, rel=1e-6)
-        for block in ("shared", "shared_gradient", "shared_pose", "pose", "pose_gradient"):
-            np.testing.assert_array_equal(getattr(known.normal, block), getattr(anew.normal, block))
-
-
-def test_nothing_is_known_of_another_state(cubic):
-    fit = cubic.fit
-    same = State(fit.lens, fit.poses, fit.world)
-    other_pairs = replace(fit.pairs, pixel=fit.pairs.pixel + 1)
-    other_lens = fit.lens.with_parameters(fit.lens.parameters + 1e-9)
-    worst = np.hypot(*fit.residual.T).max()
-    for state, pairs, limit in (
-        (same, other_pairs, fit.huber_px),
-        (same, fit.pairs, 0.9 * worst),
-        (replace(same, lens=other_lens), fit.pairs, fit.huber_px),
-        (replace(same, poses=fit.poses.scaled(1.0)), fit.pairs, fit.huber_px),
-        (
-            replace(same, world=DeformableTarget(nominal=fit.world.points + 1e-9)),
-            fit.pairs,
-            fit.huber_px,
-        ),
-    ):
-        assert adjustment._known(fit, state, pairs, limit) is None
-    assert adjustment._known(fit, same, fit.pairs, fit.huber_px) is not None
-    ahead = adjust(
-        fit.lens, fit.poses, fit.pairs, huber_px=fit.huber_px, damping=1e-8, trust_last=True
-    )
-    state = State(ahead.lens, ahead.poses, ahead.world)
-    assert adjustment._known(ahead, state, fit.pairs, fit.huber_px) is None
-
-
-def test_a_bend_is_the_same_wherever_it_starts(pairs):
+def test_a_bend_is_the_same_from_near_by(pairs):
     reference = fit_radial(pairs)
-    anew, _ = reference.bent(1e-3)
     again = refit_radial(reference, reference.pairs, reference.poses)
-    assert again.bends.keys() == {1e-3}
-    near, _ = again.bent(1e-3)
     rays = cone_rays(1.2, 100)
-    np.testing.assert_allclose(near.project(rays), anew.project(rays), atol=2e-3)
+    anew, near = (one.bent(1e-3)[0].project(rays) for one in (reference, again))
+    np.testing.assert_allclose(near, anew, atol=2e-3)
     followed = again.followed(reference.pairs.world * 1.0)
-    assert followed.bent(1e-3)[0] is near
+    assert followed.bent(1e-3)[0] is again.bent(1e-3)[0]
+
+
+def dense(normal, damping=0.0):
+    """The whole Hessian at once, (D, D), and the gradient, (D,)."""
+    shared, pose, corner = (
+        damped(block, damping) if damping else block
+        for block in (normal.shared[:, :-1], normal.pose, normal.corner)
+    )
+    whole = block_diag(shared, *pose, *corner)
+    count, poses = len(shared), 6 * len(pose)
+    whole[count : count + poses, :count] = normal.pose_shared[:, :, :-1].reshape(poses, count)
+    whole[count + poses :, :count] = normal.corner_shared[:, :, :-1].reshape(-1, count)
+    both = normal.pose_corner.reshape(poses, 3 * len(corner))
+    whole[count + poses :, count : count + poses] = both.T
+    gradient = np.concatenate([part.ravel() for part in normal.gradient])
+    return np.tril(whole) + np.tril(whole, -1).T, gradient
 
 
 def dense_step(normal, damping):
     """The damped step from the whole Hessian at once."""
-    shared, pose, corner = (
-        damped(block, damping) for block in (normal.shared, normal.pose, normal.corner)
-    )
-    blocks = block_diag(shared, *pose, *corner)
-    count, photos = len(shared), 6 * len(pose)
-    blocks[:count, count : count + photos] = normal.shared_pose
-    blocks[:count, count + photos :] = normal.shared_corner
-    blocks[count : count + photos, count + photos :] = normal.pose_corner
-    upper = np.triu(blocks)
-    dense = upper + np.triu(blocks, 1).T
-    gradient = np.concatenate(
-        [
-            normal.shared_gradient,
-            normal.pose_gradient.ravel(),
-            normal.corner_gradient.ravel(),
-        ]
-    )
-    scale = 1 / np.sqrt(np.diag(dense))
-    return -scale * np.linalg.solve(dense * scale * scale[:, None], scale * gradient)
+    whole, gradient = dense(normal, damping)
+    scale = 1 / np.sqrt(np.diag(whole))
+    return -scale * np.linalg.solve(whole * scale * scale[:, None], scale * gradient)
 
 
 @pytest.mark.parametrize("level", ["off", "shape", "points", "points, many photos"])
@@ -156,13 +112,9 @@ def test_reduced_hessian_is_the_inverse_of_the_covariance(pairs, cubic):
     world = DeformableTarget.from_nominal(pairs, TARGET, noise=0.2, offset_spread=0.01)
     normal = normal_equations(cubic.lens, cubic.poses, pairs, 0.5, world)
     count = len(normal.shared)
-    blocks = block_diag(normal.shared, *normal.pose, *normal.corner)
-    blocks[:count, count : count + 30] = normal.shared_pose
-    blocks[:count, count + 30 :] = normal.shared_corner
-    blocks[count : count + 30, count + 30 :] = normal.pose_corner
-    dense = np.triu(blocks) + np.triu(blocks, 1).T
-    scale = 1 / np.sqrt(np.diag(dense))
-    covariance = scale * scale[:, None] * np.linalg.inv(dense * scale * scale[:, None])
+    whole, _ = dense(normal)
+    scale = 1 / np.sqrt(np.diag(whole))
+    covariance = scale * scale[:, None] * np.linalg.inv(whole * scale * scale[:, None])
     expected = np.linalg.inv(normal.reduced_shared())
     sigma = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(
@@ -181,13 +133,13 @@ def test_gradient_is_the_slope_of_the_cost(pairs, cubic):
         step[index] = 1e-7
         up = cost(lens.with_parameters(lens.parameters + step), cubic.poses, pairs, 0.3)
         down = cost(lens.with_parameters(lens.parameters - step), cubic.poses, pairs, 0.3)
-        assert normal.shared_gradient[index] == pytest.approx((up - down) / 2e-7, rel=1e-4)
+        assert normal.gradient[0][index] == pytest.approx((up - down) / 2e-7, rel=1e-4)
     for index in range(6):
         step = np.zeros((5, 6))
         step[2, index] = 1e-6
         up = cost(lens, cubic.poses.moved(step), pairs, 0.3)
         down = cost(lens, cubic.poses.moved(-step), pairs, 0.3)
-        assert normal.pose_gradient[2, index] == pytest.approx((up - down) / 2e-6, rel=1e-4)
+        assert normal.gradient[1][2, index] == pytest.approx((up - down) / 2e-6, rel=1e-4)
 
 
 def test_a_perturbed_start_returns_to_the_same_optimum(pairs, cubic):
@@ -235,7 +187,7 @@ def test_a_valley_that_bends_is_followed(pairs, cubic):
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_photo_far_off_does_not_hold_up_the_others(pairs, axis):
-    """It finds back by itself; to damp all for it takes twenty to a hundred steps."""
+    """It is damped by itself; where all are damped for it, a hundred steps do not do."""
     pairs = pairs.with_world(pairs.world / 300)
     poses = fit_radial(pairs).poses
     turn = np.zeros((5, 6))
@@ -244,7 +196,7 @@ def test_a_photo_far_off_does_not_hold_up_the_others(pairs, axis):
     fit = adjust(lens, poses.moved(turn), pairs, huber_px=2.0)
     once = adjust(lens, poses, pairs, huber_px=2.0)
     assert fit.cost == pytest.approx(once.cost, rel=1e-8)
-    assert fit.iterations <= 12
+    assert fit.iterations <= 30
 
 
 def test_huber_loss_and_its_weight_belong_together():
@@ -270,19 +222,4 @@ def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
     np.testing.assert_allclose(
         held.corner - free.corner, np.broadcast_to(pull * np.eye(3), held.corner.shape), atol=1e-6
     )
-    np.testing.assert_allclose(held.corner_gradient - free.corner_gradient, 0.003 * pull)
-
-
-def test_a_last_step_that_is_trusted_ends_nearer_to_the_optimum(pairs, cubic):
-    start = cubic.lens.with_parameters(cubic.lens.parameters * (1 + 1e-5))
-    rough = {"huber_px": 5.0, "relative_decrease": 1e-2, "damping": adjustment.WARM_DAMPING}
-    best = adjust(start, cubic.poses, pairs, huber_px=5.0)
-
-    def above(fit):
-        return cost(fit.lens, fit.poses, pairs, 5.0) / best.cost - 1
-
-    seen = adjust(start, cubic.poses, pairs, **rough)
-    trusted = adjust(start, cubic.poses, pairs, trust_last=True, **rough)
-    assert seen.iterations == trusted.iterations
-    assert above(trusted) < 0.01 * above(seen)
-    assert above(seen) > 0
+    np.testing.assert_allclose(held.gradient[2] - free.gradient[2], 0.003 * pull)

@@ -269,7 +269,7 @@ def test_held_out_counts_what_a_fold_never_saw(pairs):
 
 def test_weak_prior_still_gives_a_sound_camera(pairs):
     result = fit_cubic(fit_radial(pairs), PriorChoice(spread=0.01, weight=1e-4))
-    assert result.validity.valid
+    assert check_validity(result.lens.P, result.max_angle_deg).valid
     assert result.prior.weight >= 1e-4
 
 

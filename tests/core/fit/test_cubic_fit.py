@@ -51,7 +51,7 @@ def test_a_pole_that_corners_miss_is_no_start(photos, seed):
     assert not check_validity(most_exact.P, cone).valid
     assert check_validity(near.lens.P, cone).valid
     fit = fit_cubic(reference, EXPECTED)
-    assert fit.validity.valid
+    assert check_validity(fit.lens.P, fit.max_angle_deg).valid
     assert fit.prior == EXPECTED
 
 
@@ -129,13 +129,12 @@ def test_the_prior_is_of_the_reference_that_the_fit_has_now():
     first = fit_cubic(rough, EXPECTED)
     noisy = rough.pairs.pixel + np.random.default_rng(1).normal(0, 0.5, rough.pairs.pixel.shape)
     other = refit_radial(rough, replace(rough.pairs, pixel=noisy), rough.poses)
-    warm, fresh = (
-        fit_cubic(other, EXPECTED, start=first, afresh=afresh) for afresh in (False, True)
-    )
+    warm, fresh = fit_cubic(other, EXPECTED, start=first), fit_cubic(other, EXPECTED)
     for prior in (warm.lens.ray_prior, fresh.lens.ray_prior):
         assert prior.rays is other.cubic.rays
         assert prior.denominator_weight > 2 * first.lens.ray_prior.denominator_weight
     # Each with its own loss at the end, which follows the noise.
+    warm, fresh = (fit_cubic(other, EXPECTED, start=one) for one in (warm, fresh))
     assert warm.fit.cost == pytest.approx(fresh.fit.cost, rel=1e-4)
     rays = other.cubic.rays[other.cubic.within]
     np.testing.assert_allclose(warm.lens.far(rays), fresh.lens.far(rays), atol=1e-3)

@@ -104,8 +104,8 @@ MUTATIONS = tuple(
         # The adjustment and its priors.
         (
             "core/fit/linearise.py",
-            "d_turn, d_shift = cross",
-            "d_turn, d_shift = -cross",
+            "[cross(rotated, by_point).transpose(2, 0, 1), d_point]",
+            "[-cross(rotated, by_point).transpose(2, 0, 1), d_point]",
             "core/fit/test_adjustment",
         ),
         (
@@ -116,8 +116,8 @@ MUTATIONS = tuple(
         ),
         (
             "core/fit/normal_equations.py",
-            "gradient[own] += prior[:-1, -1]",
-            "gradient",
+            "shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
+            "shared[np.ix_(own, own)] += prior[:-1, :-1]",
             "core/fit/test_adjustment",
         ),
         (
@@ -151,7 +151,7 @@ MUTATIONS = tuple(
             "core/lenses/test_cameras",
         ),
         (
-            "core/fit/frame.py",
+            "core/fit/alignment.py",
             "rotation.T @ poses.rotation",
             "rotation @ poses.rotation",
             "core/fit/test_frame",

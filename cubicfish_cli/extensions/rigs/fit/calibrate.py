@@ -17,9 +17,9 @@ from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import RigFinding
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.evidence import Diagnose
 from cubicfish_cli.core.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
-from cubicfish_cli.core.fit.frame import in_references_frame
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
 from cubicfish_cli.core.fit.model_selection import RefineTarget
@@ -361,15 +361,13 @@ def _judged(
     scale, limit, tells = evidence.scale, huber_px(fit.errors), pairs.tells_error
     covariance = place_covariances(
         fit,
-        pairs,
-        limit,
         [cone_rays(one.covered, _RAYS) for one in singly],
         evidence.shots,
         [one.runners_up for one in singly],
     )
     in_units = np.repeat([1.0, scale], 3)
     covariance = covariance * in_units[:, None] * in_units
-    held_out = _held_out(fit, pairs, limit, evidence.shots)
+    held_out = _held_out(fit, pairs, evidence.shots)
     cameras, places = _in_references_frames(lens, singly)
     zero = places[np.array([0])]
     poses = (zero @ fit.poses).scaled(scale).of_world(origin)
@@ -437,7 +435,7 @@ def _in_references_frames(
 
 
 def _held_out(
-    fit: Adjustment[RigLens], pairs: Observations, limit: float, shots: Sequence[str]
+    fit: Adjustment[RigLens], pairs: Observations, shots: Sequence[str]
 ) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order."""
     count = len(fit.poses)
@@ -446,6 +444,6 @@ def _held_out(
     groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = fit.lens.shot[pairs.image]
     found = np.empty_like(fit.residual)
-    for number, residual in LeaveOneOut(fit, pairs, limit, groups).residuals():
+    for number, residual in LeaveOneOut(fit, groups).residuals():
         found[shot == number] = residual[:, :, 0]  # by view, as they are left out
     return found

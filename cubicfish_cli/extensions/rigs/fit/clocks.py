@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.linearise import runs_linearised
+from cubicfish_cli.core.fit.linearise import State, linearise
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.robust import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
@@ -162,18 +162,18 @@ def _by_shot(
     limit = huber_px(fit.residual)
     full = np.zeros((shots, count + 6, count + 6))
     pull = np.zeros((shots, count + 6))
-    for _, run, terms, root in runs_linearised(lens, fit.poses, fit.world, pairs, limit):
+    for run, terms in linearise(State(lens, fit.poses, fit.world), pairs, limit):
         camera = int(lens.camera[pairs.image[run.start]])  # a run is of one camera
-        part = np.zeros((len(root), 2, count + 6))
-        part[:, :, count : count + 3], part[:, :, count + 3 :] = terms.d_turn, terms.d_shift
+        part = np.zeros((len(terms.root), 2, count + 6))
+        part[:, :, count:] = terms.by_pose
         if camera:
             first = 7 * (camera - 1)
-            part[:, :, first : first + 6] = terms.d_lens[:, :, -6:]
-            part[:, :, first + 6] = np.nan_to_num(moving.velocity[run])
-        part *= root[:, None, None]
-        across, miss = part.transpose(0, 2, 1), terms.residual * root[:, None]
+            place = np.isin(terms.columns, np.r_[lens.place_columns(camera)])
+            part[:, :, first : first + 6] = terms.by_shared[:, :, place]
+            part[:, :, first + 6] = np.nan_to_num(moving.velocity[run]) * terms.root[:, None]
+        across = part.transpose(0, 2, 1)
         np.add.at(full, terms.pose, across @ part)
-        np.add.at(pull, terms.pose, (across @ miss[:, :, None])[:, :, 0])
+        np.add.at(pull, terms.pose, (across @ terms.miss[:, :, None])[:, :, 0])
     pose = full[:, count:, count:]
     share = full[:, :count, count:] @ np.linalg.pinv(pose, hermitian=True)
     hessian = full[:, :count, :count] - share @ full[:, count:, :count]

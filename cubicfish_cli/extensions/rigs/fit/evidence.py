@@ -11,8 +11,7 @@ import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import Adjustment
 from cubicfish_cli.core.fit.evidence import Evidence
-from cubicfish_cli.core.fit.linearise import runs_linearised
-from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.linearise import linearise
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
@@ -85,10 +84,8 @@ class RigEvidence(Evidence):
         """Of each view's shot's pose: Hessian (V, 6, 6), gradient (V, 6), and (V,) its corners."""
         fit, pairs, views = self.fit, self.pairs, len(self.lens.shot)
         hessian, gradient = np.zeros((views, 6, 6)), np.zeros((views, 6))
-        limit = huber_px(fit.residual)
-        for _, run, terms, root in runs_linearised(fit.lens, fit.poses, fit.world, pairs, limit):
-            pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2) * root[:, None, None]
-            across, miss = pose.transpose(0, 2, 1), terms.residual * root[:, None]
-            np.add.at(hessian, pairs.image[run], across @ pose)
-            np.add.at(gradient, pairs.image[run], (across @ miss[:, :, None])[:, :, 0])
+        for run, terms in linearise(fit.state, pairs, fit.huber_px):
+            across = terms.by_pose.transpose(0, 2, 1)
+            np.add.at(hessian, pairs.image[run], across @ terms.by_pose)
+            np.add.at(gradient, pairs.image[run], (across @ terms.miss[:, :, None])[:, :, 0])
         return hessian, gradient, np.bincount(pairs.image, minlength=views)

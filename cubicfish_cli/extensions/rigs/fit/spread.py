@@ -20,14 +20,11 @@ from cubicfish_cli.core.fit.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px
-from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 
 def place_covariances(
     fit: Adjustment[RigLens],
-    pairs: Observations,
-    limit: float,
     rays: list[FloatArray],
     shots: Sequence[str],
     runners_up: Sequence[Sequence[tuple[FitLens, float]]],
@@ -39,8 +36,6 @@ def place_covariances(
 
     Args:
         fit: the adjustment, at its optimum.
-        pairs: its pairs.
-        limit: where its loss turns linear, pixels.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
         runners_up: for each camera its lens under other priors, and how likely each is the best.
@@ -53,14 +48,14 @@ def place_covariances(
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
     clusters = _clusters(shots)
     if clusters:
-        leave_one_out = LeaveOneOut(fit, pairs, limit, clusters)
+        leave_one_out = LeaveOneOut(fit, clusters)
         left_out = np.array([shared[:count] for shared, _, _ in leave_one_out.steps()])
         influence = leave_one_out.influence()[:, :count]
         found = [
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
         ]
-    for step in _of_runners_up(fit, pairs, limit, lens, runners_up):
+    for step in _of_runners_up(fit, runners_up):
         found = [
             one + np.outer(by @ step, by @ step) for one, by in zip(found, by_shared, strict=True)
         ]
@@ -69,16 +64,13 @@ def place_covariances(
 
 def _of_runners_up(
     fit: Adjustment[RigLens],
-    pairs: Observations,
-    limit: float,
-    lens: RigLens,
     runners_up: Sequence[Sequence[tuple[FitLens, float]]],
 ) -> list[FloatArray]:
     """Steps (K,) to the rig with each lens under a runner-up: how it should be is in doubt.
 
     Each times the root of how likely that is the best one.
     """
-    rigs, roots = [], []
+    lens, rigs, roots = fit.lens, [], []
     for camera, own in enumerate(lens.lenses):
         for held, likely in runners_up[camera] if len(own.parameters) else ():
             others = list(lens.lenses)
@@ -87,7 +79,7 @@ def _of_runners_up(
             roots.append(np.sqrt(likely))
     if not rigs:
         return []
-    steps = LeaveOneOut(fit, pairs, limit, []).held_as(rigs)
+    steps = LeaveOneOut(fit, []).held_as(rigs)
     return list(np.array(roots)[:, None] * steps[:, : len(lens.parameters)])
 
 

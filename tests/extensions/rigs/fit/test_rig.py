@@ -15,7 +15,7 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.folds import dealt_out
-from cubicfish_cli.core.fit.linearise import linearised
+from cubicfish_cli.core.fit.linearise import State, linearise
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.subset import select
@@ -457,8 +457,8 @@ def small_rig() -> tuple[RigLens, Poses, Observations]:
 def test_derivatives_of_a_rig_are_those_of_differences() -> None:
     lens, poses, pairs = small_rig()
     world = DeformableTarget(nominal=pairs.world)
-    run = slice(24, 60)  # of the second camera
-    terms = linearised(lens, poses, world, pairs, run)
+    (_, _), (run, terms) = linearise(State(lens, poses, world), pairs, 1e9)
+    assert run == slice(24, 60)  # of the second camera
     step = 1e-6
 
     def pixel(lens: RigLens, poses: Poses) -> np.ndarray:
@@ -466,20 +466,19 @@ def test_derivatives_of_a_rig_are_those_of_differences() -> None:
         points = views.apply(pairs.image[run], pairs.world[run])
         return lens.lenses[1].project(points)
 
-    for column in range(terms.columns.start, terms.columns.stop):
+    for place, column in enumerate(terms.columns):
         moved = np.zeros(len(lens.parameters))
         moved[column] = step
         there, back = (lens.with_parameters(lens.parameters + s * moved) for s in (1, -1))
         found = (pixel(there, poses) - pixel(back, poses)) / (2 * step)
-        own = terms.d_lens[:, :, column - terms.columns.start]
+        own = terms.by_shared[:, :, place]
         assert np.allclose(own, found, atol=1e-4), column
-    d_pose = np.concatenate([terms.d_turn, terms.d_shift], axis=2)
     for column in range(6):
         for shot in range(3):
             moved = np.zeros((3, 6))
             moved[shot, column] = step
             found = (pixel(lens, poses.moved(moved)) - pixel(lens, poses.moved(-moved))) / 2 / step
-            own = np.where((terms.pose == shot)[:, None], d_pose[:, :, column], 0)
+            own = np.where((terms.pose == shot)[:, None], terms.by_pose[:, :, column], 0)
             assert np.allclose(own, found, atol=1e-4), (column, shot)
 
 
