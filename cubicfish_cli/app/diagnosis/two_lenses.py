@@ -21,6 +21,7 @@ from cubicfish_cli.app.diagnosis.photo_lenses import (
     mean_of,
     noticed_px,
 )
+from cubicfish_cli.app.diagnosis.two_groups import best_cut
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, UncertaintyGrid
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.errors import FitError
@@ -30,7 +31,6 @@ from cubicfish_cli.core.fit.evidence import FitEvidence
 from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import rms_px
-from cubicfish_cli.core.fit.two_groups import best_cut
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 # Two lenses make a wrong camera where it is off for most photos by so many times what is stated of

@@ -1,4 +1,4 @@
-"""What of a refined target no print or wall explains."""
+"""By how much a refined target departs from its drawing, and what of that nothing explains."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from cubicfish_cli.core.assess.fit_record import Departure
 from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.target import Target
@@ -32,21 +33,24 @@ _INSTEAD = (
 )
 
 
-def with_doubts(
-    departures: Sequence[Departure], drawn: Target, findings: Sequence[Finding]
+def departures(
+    drawn: Target, refined: Target, findings: Sequence[Finding]
 ) -> tuple[Departure, ...]:
-    """Departures from a drawing with what is to be doubted of them.
+    """By how much each board departs from its drawing, with what is to be doubted of it.
 
     Args:
-        departures: a board each.
         drawn: the drawing.
+        refined: the target as fitted; boards that are as drawn are left out.
         findings: what is likely wrong; where that explains departures, none is doubted.
 
     """
-    if any(finding.code in _INSTEAD for finding in findings):
-        return tuple(departures)
-    boards = {board.name: board for board in drawn.boards}
-    return tuple(_with_doubts(one, boards[one.board], drawn.units) for one in departures)
+    explained = any(finding.code in _INSTEAD for finding in findings)
+    found = []
+    for before, after in zip(drawn.boards, refined.boards, strict=True):
+        if after is not before:
+            own = _departure(before, after)
+            found.append(own if explained else _with_doubts(own, before, drawn.units))
+    return tuple(found)
 
 
 def _with_doubts(of: Departure, board: Board, units: str) -> Departure:
@@ -77,3 +81,32 @@ def _half_diagonal(board: Board) -> float:
     if board.points is not None:
         return float(np.linalg.norm(np.ptp(board.points, axis=0))) / 2
     return float(np.hypot(*board.normalised(np.zeros(2))[1]))
+
+
+def _departure(drawn: Board, refined: Board) -> Departure:
+    shape = refined.shape
+    if shape is None:
+        shape = BoardShape(
+            bend=np.zeros(2),
+            twist=0.0,
+            stretch=np.zeros(2),
+            offsets=np.zeros((refined.rows, refined.columns, 3)),
+        )
+    turn = 0.0
+    if drawn.points is not None and refined.points is not None:
+        middle, moved = drawn.points.mean(axis=0), refined.points.mean(axis=0)
+    else:
+        half = drawn.normalised(np.zeros(2))[1]
+        middle, moved = (board.origin + half @ board.axes[:2] for board in (drawn, refined))
+        cosine = (np.trace(refined.axes @ drawn.axes.T) - 1) / 2
+        turn = float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1))))
+    length = np.linalg.norm(shape.offsets, axis=2)
+    return Departure(
+        board=drawn.name,
+        bend=(float(shape.bend[0]), float(shape.bend[1])),
+        twist=float(shape.twist),
+        stretch=(float(shape.stretch[0]), float(shape.stretch[1])),
+        shift=float(np.linalg.norm(moved - middle)),
+        turn_deg=turn,
+        offset_rms=float(np.sqrt(np.mean(length[length > 0] ** 2))) if length.any() else 0.0,
+    )

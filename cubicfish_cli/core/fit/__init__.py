@@ -27,8 +27,8 @@ by which held-out photos gain. Before corners are fitted one by one, `orientatio
 way round photos show a target that looks the same after a turn (`placement.py`), and a rig's
 cameras are made to agree (`fit/names.py`). `uncertainty.py` carries the corners' noise through
 the normal equations to pixels, `photo_spread.py` adds what photos' shared errors do,
-`findings.py` notes what is odd, and `deformation.py` measures by how much a fitted target departs
-from its drawing: what of that is doubted `core/assess/doubts.py` decides.
+`findings.py` notes what is odd, and `assess/doubts.py` measures by how much a fitted target departs
+from its drawing, and doubts what no print or wall explains.
 
 The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
 there is none; `evidence.py`) to a function that its caller gives it, and takes findings back.

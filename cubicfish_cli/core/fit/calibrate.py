@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.doubts import with_doubts
+from cubicfish_cli.core.assess.doubts import departures
 from cubicfish_cli.core.assess.fit_record import Departure, DroppedCorner, FitRecord
 from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
@@ -17,9 +17,9 @@ from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.coverage_extent import coverage_extent, trusted_angle_deg
 from cubicfish_cli.core.fit.cubic_fit import CubicResult
-from cubicfish_cli.core.fit.deformation import departures
 from cubicfish_cli.core.fit.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.core.fit.findings import blind_angle, dropped_groups, field_cells
+from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.local_noise import within_noise
 from cubicfish_cli.core.fit.model_selection import RefineTarget, SelectedModel, select_model
@@ -42,7 +42,6 @@ from cubicfish_cli.core.fit.rejection import (
     without_gross,
     without_noisy,
 )
-from cubicfish_cli.core.fit.repeats import repeated_groups
 from cubicfish_cli.core.fit.stages import Progress, Stages
 from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
 from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one, world_scale
@@ -237,7 +236,7 @@ def _assessed(
         )
     departed: tuple[Departure, ...] = ()
     if target is not None and refined is not None:
-        departed = with_doubts(departures(target, refined), target, findings)
+        departed = departures(target, refined, findings)
     errors = error_statistics(cubic.errors, len(used.pixel))
     tried: dict[str, float] = {level: error.rms_px for level, error in held_out.items() if error}
     left_out = held_out.get(fit.level)

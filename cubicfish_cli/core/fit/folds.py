@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference
-from cubicfish_cli.core.fit.repeats import repeated_groups
 from cubicfish_cli.core.frame_names import film_and_time
+from cubicfish_cli.core.geometry import outermost
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import IntArray
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 FOLDS = 5
 MIN_PHOTOS = 3
@@ -69,3 +70,63 @@ def dealt(group: IntArray, images: Sequence[str], parts: int) -> IntArray:
         rank = np.argsort(np.argsort(first[some]))
         part[some] = rank * parts // len(rank) if in_blocks else (rank + np.sum(of_film)) % parts
     return part[group]
+
+
+# Photos in which the target lies within this share of the longer side of the same place are one:
+# less than hands and tripods that are moved on purpose ever keep.
+SAME_SHARE = 0.002
+# All photos within this share of it are from nearly the same place.
+NEAR_SHARE = 0.05
+
+
+def repeated_groups(
+    poses: Poses, pairs: Observations, focal: float, share: float = SAME_SHARE
+) -> IntArray:
+    """(photos,) which photos are one: numbers from 0, in the order in which they first appear.
+
+    Where it is not certain which corners a photo shows, its pose may be some squares off: it is
+    compared with all others by where its corners lie in the picture.
+
+    Args:
+        poses: camera_from_world of each of ``pairs.images``.
+        pairs: pairs of the photos.
+        focal: pixels per radian.
+        share: of the longer side, by which the target may lie elsewhere.
+
+    """
+    count = len(poses)
+    seen = _in_pixels(poses, pairs.world, focal)
+    tolerance = share * max(pairs.image_size) * np.sqrt(seen.shape[1] / 3)
+    group = np.full(count, -1, np.intp)
+    tree = KDTree(seen)
+    unsure = np.unique(pairs.image[~pairs.certain])
+    outlines = _outlines(pairs, count) if len(unsure) else np.empty((count, 8, 2))
+    for photo in range(count):
+        if group[photo] >= 0:
+            continue
+        near = np.array(tree.query_ball_point(seen[photo], tolerance), np.intp)
+        if len(unsure):
+            apart = np.median(np.linalg.norm(outlines - outlines[photo], axis=2), axis=1)
+            by_place = np.flatnonzero(apart < share * max(pairs.image_size))
+            if photo in unsure:
+                near = by_place
+            else:
+                near = np.union1d(np.setdiff1d(near, unsure), np.intersect1d(by_place, unsure))
+        group[near[group[near] < 0]] = group.max() + 1
+    return group
+
+
+def _outlines(pairs: Observations, count: int) -> FloatArray:
+    """(photos, 8, 2) the outermost corners of each photo, pixels."""
+    return np.array([outermost(pairs.pixel[pairs.image == photo]) for photo in range(count)])
+
+
+def _in_pixels(poses: Poses, world: FloatArray, focal: float) -> FloatArray:
+    """(photos, 3 K) directions to the target's middle and to the ends of its axes, in pixels."""
+    middle = world.mean(axis=0)
+    _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)
+    reach = (extent / np.sqrt(len(world)))[:, None] * axes
+    points = middle + np.vstack([np.zeros((1, 3)), reach, -reach])
+    camera = points @ poses.rotation.transpose(0, 2, 1) + poses.translation[:, None, :]
+    distance = np.linalg.norm(camera, axis=2, keepdims=True)
+    return (focal * camera / distance).reshape(len(poses), -1)

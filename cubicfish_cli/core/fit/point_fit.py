@@ -279,32 +279,24 @@ def _without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
 
 
 def _refined(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: float) -> FloatArray:
-    """Levenberg–Marquardt on Eq. 10, in the basis of ``values``; the mean of P3Φ stays 1."""
+    """Levenberg–Marquardt on Eq. 10, in the basis of ``values``; the scale of P stays about 1."""
     from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
 
     rank = values.shape[1]
-    # Directions in which C3 may move without changing the mean denominator.
-    free = np.linalg.svd(values.mean(axis=0)[None, :])[2][1:].T
-
-    def unpack(parameters: FloatArray) -> FloatArray:
-        moved = start[2] + free @ parameters[2 * rank :]
-        return np.stack([parameters[:rank], parameters[rank : 2 * rank], moved])
 
     def residual(parameters: FloatArray) -> FloatArray:
-        miss = ratio(unpack(parameters), values) - pixel
+        miss = ratio(parameters.reshape(3, rank), values) - pixel
         return np.nan_to_num(scale * miss.reshape(-1), nan=np.inf, posinf=np.inf, neginf=np.inf)
 
     def slope(parameters: FloatArray) -> FloatArray:
-        coefficients = unpack(parameters)
+        coefficients = parameters.reshape(3, rank)
         share = scale * values / (values @ coefficients[2])[:, None]
-        seen = ratio(coefficients, values)
-        jacobian = np.zeros((len(values), 2, 3 * rank - 1))
-        jacobian[:, 0, :rank] = share
-        jacobian[:, 1, rank : 2 * rank] = share
-        jacobian[:, :, 2 * rank :] = -seen[:, :, None] * (share @ free)[:, None, :]
+        jacobian = np.zeros((len(values), 2, 3 * rank))
+        jacobian[:, 0, :rank] = jacobian[:, 1, rank : 2 * rank] = share
+        jacobian[:, :, 2 * rank :] = -ratio(coefficients, values)[:, :, None] * share[:, None, :]
         return jacobian.reshape(2 * len(values), -1)
 
-    first = np.concatenate([start[0], start[1], np.zeros(rank - 1)])
+    first = start.ravel()
     limit = huber_px(residual(first).reshape(-1, 2))
     fit = least_squares(
         residual,
@@ -315,7 +307,7 @@ def _refined(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: fl
         x_scale="jac",
         max_nfev=_MAX_STEPS,
     )
-    return unpack(fit.x)
+    return np.asarray(fit.x.reshape(3, rank))
 
 
 def ratio(P: FloatArray, values: FloatArray) -> FloatArray:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import fdtrc
 
+from cubicfish_cli.app.diagnosis.two_groups import best_cut
 from cubicfish_cli.core.fit.robust import noise_px
-from cubicfish_cli.core.fit.two_groups import best_cut
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.evidence import Moved, RigEvidence
 
