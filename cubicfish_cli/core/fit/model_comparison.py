@@ -18,6 +18,7 @@ from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.folds import folds_of
 from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, cone_angle
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.prior_choice import choose_prior
 from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
@@ -108,17 +109,12 @@ def compare_models(
 
     """
     pairs = calibration.pairs
-    prior: PriorChoice | None = calibration.prior
     if drawn is not None and calibration.refined != "off":
-        world = drawn.world_points(pairs.board, pairs.column, pairs.row)
-        pairs, prior = pairs.with_world(world), None
-    reference = _reference(calibration, pairs)
-    # The choice of how P is held is part of the cubic's time.
-    begun = time.perf_counter()
-    chosen = choose_prior(reference, folds_of(reference)).prior
-    choosing = time.perf_counter() - begun
-    prior = chosen if prior is None else prior
-    folds = _folds(reference, prior) if hold_out else []
+        pairs = pairs.with_world(drawn.world_points(pairs.board, pairs.column, pairs.row))
+    reference, prior = _reference(calibration, pairs), calibration.prior
+    if pairs is not calibration.pairs:
+        prior = choose_prior(reference, folds_of(reference)).prior
+    folds = _folds(reference) if hold_out else []
     known = calibration.held_out if pairs is calibration.pairs and folds else None
     rows = [
         _figures(
@@ -131,7 +127,6 @@ def compare_models(
     camera = calibration.camera
     rows[0] = replace(
         rows[0],
-        seconds=rows[0].seconds + choosing,
         largest_angle_deg=float(min(rows[0].largest_angle_deg or np.inf, camera.max_angle_deg)),
     )
     for kind in COMPARED:
@@ -146,26 +141,21 @@ def _reference(calibration: Calibration, pairs: Observations) -> RadialReference
     """The reference of the corners that were used, adjusted to just these."""
     scale = world_scale(pairs)
     pairs = pairs.with_world(pairs.world / scale)
-    poses = Poses(
-        rotation=calibration.poses.rotation, translation=calibration.poses.translation / scale
-    )
+    poses = calibration.poses.scaled(1 / scale)
     camera = calibration.camera.radial
     terms = int(np.flatnonzero(np.append(1.0, camera.k)).max())
     return radial_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
 
 
-def _folds(reference: RadialReference, prior: PriorChoice) -> list[_Fold]:
+def _folds(reference: RadialReference) -> list[_Fold]:
     """The same folds as :func:`cubicfish_cli.core.fit.held_out.held_out_error`."""
     pairs = reference.pairs
     photos = np.arange(len(pairs.images))
     folds = []
     for test in folds_of(reference):
         train = np.setdiff1d(photos, test)
-        try:
-            fitted = refit_radial(reference, select_photos(pairs, train), reference.poses[train])
-            cone = np.deg2rad(fit_cubic(fitted, prior).max_angle_deg)
-        except FitError:
-            return []
+        fitted = refit_radial(reference, select_photos(pairs, train), reference.poses[train])
+        cone = cone_angle(fitted.camera, fitted.covered, MARGIN_DEG)
         left_out, poses = select_photos(pairs, test), reference.poses[test]
         inside = angle_from_axis(poses.apply(left_out.image, left_out.world)) <= cone
         counted, kept = select(left_out, inside)
@@ -181,19 +171,17 @@ def _figures(
     folds: Sequence[_Fold],
 ) -> ModelFigures:
     begun = time.perf_counter()
+    figures = ModelFigures(model=name, parameters=parameters, seconds=0.0)
     try:
         lens, residual = fit(reference)
     except FitError:
-        seconds = time.perf_counter() - begun
-        return ModelFigures(model=name, parameters=parameters, seconds=seconds)
-    seconds = time.perf_counter() - begun
-    return ModelFigures(
-        model=name,
-        parameters=parameters,
+        return replace(figures, seconds=time.perf_counter() - begun)
+    return replace(
+        figures,
+        seconds=time.perf_counter() - begun,
         rms_px=rms_px(residual),
         held_out_rms_px=_held_out(fit, folds),
         largest_angle_deg=usable_angle_deg(lambda rays: lens.project_jacobian(rays)[:2]),
-        seconds=seconds,
     )
 
 
