@@ -18,9 +18,8 @@ from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES, alike
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.evidence import FailedFit
-from cubicfish_cli.core.fit.local_noise import neighbours
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.robust import neighbours, noise_px
 from cubicfish_cli.core.fit.subset import flatness
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

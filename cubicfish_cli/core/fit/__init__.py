@@ -12,7 +12,7 @@ lens of the radial reference's kind, decentred and tilted (`asymmetric.py`, and 
 that lens is and how firmly it holds P is chosen by photos that are left out (`prior_choice.py`), to
 first order (`left_out.py`). `core/lenses/cubic.py` checks for poles and folds over the whole
 trusted cone. Grossly wrong corners are dropped and listed, and at the end those that depart from
-their neighbours (`rejection.py`). Photos count by their own noise (`photo_noise.py`), and
+their neighbours (`rejection.py`). Photos count by their own noise (`robust.py`), and
 `held_out.py` says what the camera is worth on photos that it never saw.
 
 What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what

@@ -21,7 +21,6 @@ from cubicfish_cli.core.fit.evidence import Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.core.fit.findings import blind_angle, dropped_groups, field_cells
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.local_noise import within_noise
 from cubicfish_cli.core.fit.model_selection import RefineTarget, SelectedModel, select_model
 from cubicfish_cli.core.fit.photo_spread import photo_spread
 from cubicfish_cli.core.fit.radial_reference import (
@@ -42,6 +41,7 @@ from cubicfish_cli.core.fit.rejection import (
     without_gross,
     without_noisy,
 )
+from cubicfish_cli.core.fit.robust import within_noise
 from cubicfish_cli.core.fit.stages import Progress, Stages
 from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
 from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one, world_scale

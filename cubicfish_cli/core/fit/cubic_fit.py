@@ -23,10 +23,9 @@ from cubicfish_cli.core.fit.nearest_cubic import (
     cone_angle,
     refined_cubic,
 )
-from cubicfish_cli.core.fit.photo_noise import ALIKE
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference
-from cubicfish_cli.core.fit.robust import huber_px, noise_px, wide_px
+from cubicfish_cli.core.fit.robust import ALIKE, huber_px, noise_px, wide_px
 from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.types import FloatArray
 

@@ -19,6 +19,11 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 
 FOLDS = 5
 MIN_PHOTOS = 3
+# Photos in which the target lies within this share of the longer side of the same place are one:
+# less than hands and tripods that are moved on purpose ever keep.
+SAME_SHARE = 0.002
+# All photos within this share of it are from nearly the same place.
+NEAR_SHARE = 0.05
 
 
 def folds_of(reference: RadialReference) -> list[IntArray]:
@@ -70,13 +75,6 @@ def dealt(group: IntArray, images: Sequence[str], parts: int) -> IntArray:
         rank = np.argsort(np.argsort(first[some]))
         part[some] = rank * parts // len(rank) if in_blocks else (rank + np.sum(of_film)) % parts
     return part[group]
-
-
-# Photos in which the target lies within this share of the longer side of the same place are one:
-# less than hands and tripods that are moved on purpose ever keep.
-SAME_SHARE = 0.002
-# All photos within this share of it are from nearly the same place.
-NEAR_SHARE = 0.05
 
 
 def repeated_groups(

@@ -9,11 +9,10 @@ import numpy as np
 from cubicfish_cli.core.assess.fit_record import DroppedCorner
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic
 from cubicfish_cli.core.fit.findings import noisy_photos
-from cubicfish_cli.core.fit.local_noise import around
 from cubicfish_cli.core.fit.prior_choice import EXPECTED
 from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.core.fit.refinement import TargetFit
-from cubicfish_cli.core.fit.robust import gross_px, noise_by_photo, stray_px, tail_px
+from cubicfish_cli.core.fit.robust import around, gross_px, noise_by_photo, stray_px, tail_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray

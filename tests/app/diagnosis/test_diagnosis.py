@@ -49,8 +49,8 @@ from cubicfish_cli.core.fit import radial_reference
 from cubicfish_cli.core.fit.evidence import FailedFit
 from cubicfish_cli.core.fit.folds import NEAR_SHARE, repeated_groups
 from cubicfish_cli.core.fit.lenses import FixedLens
-from cubicfish_cli.core.fit.local_noise import local_noise_px, neighbours
 from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.robust import local_noise_px, neighbours
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
 from cubicfish_cli.core.geometry import similarity
 from cubicfish_cli.core.lenses.radial import RadialCamera

@@ -23,7 +23,6 @@ from cubicfish_cli.core.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
 from cubicfish_cli.core.fit.model_selection import RefineTarget
-from cubicfish_cli.core.fit.photo_noise import weighed
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import (
     FIRST_SPREAD,
@@ -34,7 +33,7 @@ from cubicfish_cli.core.fit.refinement import (
     free_target,
 )
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.fit.robust import huber_px, noise_px, weighed
 from cubicfish_cli.core.fit.stages import Progress
 from cubicfish_cli.core.fit.statistics import (
     error_statistics,
