@@ -51,6 +51,22 @@ class CameraFiles:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Output:
+    """What is made of a calibration while it is at hand, and written beside camera.yaml.
+
+    Attributes:
+        file: its name.
+        content: ``module:name`` of the function (fit, its pairs, the photos' files) -> content.
+        needs: libraries without which there is none.
+
+    """
+
+    file: str
+    content: str
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Extension:
     """What an extension adds.
 
@@ -58,12 +74,14 @@ class Extension:
         commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named;
             ``target print`` is one of the group ``target``.
         formats: in which other tools keep cameras.
+        outputs: what ``--report`` adds to a calibration: kind -> what it is.
         words: a file of its sentences, as words/catalogue.toml has them.
 
     """
 
     commands: Mapping[str, str] = field(default_factory=dict)
     formats: Sequence[CameraFiles] = ()
+    outputs: Mapping[str, Output] = field(default_factory=dict)
     words: Path | None = None
 
 
@@ -122,3 +140,8 @@ def written_formats() -> dict[str, str]:
 def read_formats() -> dict[str, str]:
     """Format that is read -> what is read."""
     return {one.read: one.reads for one in camera_formats() if one.read is not None}
+
+
+def outputs() -> dict[str, Output]:
+    """What extensions make of a calibration, by kind."""
+    return {kind: made for one in extensions() for kind, made in one.outputs.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,8 @@ from cubicfish_cli.app.asked import (
     paths_of,
     tables_among,
 )
+from cubicfish_cli.app.extensions import Output, load_place, outputs
+from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
@@ -65,7 +67,6 @@ from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 from cubicfish_cli.extensions.films import MOST
 from cubicfish_cli.extensions.films.command import with_frames
-from cubicfish_cli.extensions.report.command import report_option, say_if_no_page
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
@@ -84,14 +85,13 @@ NAMES = {
     "camera": "camera.yaml",
     "map": "undistort_map.npz",
     "target": "target.refined.yaml",
-    "report": "report.html",
     "corners": "corners.csv",
     "drawn": "target.yaml",
 }
 """Of its files by what they hold; the camera is the first to go and the last to be there."""
 
 # Made by a calibration only, and true of its camera only. A corners.csv may be the user's own.
-_ITS_OWN = ("map", "target", "report")
+_ITS_OWN = ("map", "target")
 
 
 @record
@@ -163,7 +163,7 @@ class CalibrateOptions:
     compare: bool = option(
         "--compare", "Also fit other lens models to the same corners, and print one table."
     )
-    report: bool = report_option
+    report: bool = options.report_option
 
     def __post_init__(self) -> None:
         title = self.title
@@ -278,11 +278,14 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     from cubicfish_cli.core.fit.calibration import Calibration
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
-    goals = {kind: folder / name for kind, name in NAMES.items()}
+    more = outputs()
+    names = {**NAMES, **{kind: one.file for kind, one in more.items()}}
+    goals = {kind: folder / name for kind, name in names.items()}
     # Corners that were read from this very file need not be written again.
     with_corners = bool(paths) and not _is_among(read, goals["corners"])
-    with_page = asked.report and not extra.missing(extra.REPORT)
-    kinds = {"report": with_page, "corners": with_corners, "drawn": source.needs_file}
+    kinds = {"corners": with_corners, "drawn": source.needs_file}
+    for kind, one in more.items():
+        kinds[kind] = asked.report and not extra.missing(one.needs)
     own = [kind for kind, wanted in kinds.items() if wanted]
     kinds_refused = ("camera", "map", "target", *own)
     refuse_existing(*(goals[kind] for kind in kinds_refused), overwrite=run.overwrite)
@@ -310,11 +313,12 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     if contents.get("map") is None and asked.lift == "ray":
         width, height = fitted.camera.image_size
         run.listener.tell(Event.NO_MAP, width=width, height=height)
-    if with_page:
-        contents["report"] = _page(fitted, loaded, run)
+    for kind, one in more.items():
+        if kinds[kind]:
+            contents[kind] = _output(one, fitted, loaded, run)
     run.listener.progress("Writing")
     files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
-    others = [goals[kind] for kind in _ITS_OWN if kind not in files]
+    others = [goals[kind] for kind in (*_ITS_OWN, *more) if kind not in files]
     obsolete = [path for path in others if path.is_file() and not _is_among(read, path)]
     write_files(
         {path: contents[kind] or "" for kind, path in files.items()},
@@ -405,8 +409,10 @@ def _fit(
     return fitted, {"hold_out": hold_out, "refine_target": refine_target}
 
 
-def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> str | None:
-    """The page about it.
+def _output(
+    wanted: Output, fitted: Calibration | PointCalibration, loaded: Inputs, run: Run
+) -> Content | None:
+    """What an extension makes of it, such as a page.
 
     A camera that was hard to come by is not lost because a page about it cannot be made: then
     there is none, and that is told.
@@ -415,16 +421,14 @@ def _page(fitted: Calibration | PointCalibration, loaded: Inputs, run: Run) -> s
     run.listener.progress("Making the report")
     try:
         with extra.quiet():
-            from cubicfish_cli.app.calibration_facts import facts_of_fit
-            from cubicfish_cli.extensions.report.page import report_html
-
-        page = report_html(facts_of_fit(fitted, loaded.pairs, loaded.photos))
+            make = load_place(wanted.content)
+        content: Content = make(fitted, loaded.pairs, loaded.photos)
     except Exception as problem:  # matplotlib may be broken in ways of its own
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
         run.listener.tell(Event.NO_PAGE, problem=what)
         return None
     run.listener.tell(Event.PAGE_TOOK, seconds=perf_counter() - start)
-    return page
+    return content
 
 
 @as_command(
@@ -462,8 +466,20 @@ def command(given: CalibrateOptions, how: How) -> None:
             _print_points(made, fitted)
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
-    say_if_no_page(made.files, wanted=given.report)
+    _say_if_no_page(made.files, wanted=given.report)
     hold_gate(fitted.fit.rms_px, how.max_rms)
+
+
+def _say_if_no_page(files: Mapping[str, Path], *, wanted: bool) -> None:
+    """Say how to get a page where there is none, and that an old one is old."""
+    if "report" in files:
+        return
+    old = files["camera"].with_name(PAGE)
+    if old.exists():
+        say(f"note: {old} is of an earlier calibration")
+    if wanted and extra.missing(extra.REPORT):
+        report = f"cubicfish report {old.parent}"
+        say(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
 def _say_findings(calibration: Calibration) -> None:

@@ -312,10 +312,11 @@ def test_the_templates_go_along_with_the_package() -> None:
     covered = {path for pattern in data for path in package.glob(pattern)}
     templates = {
         path
-        for path in (package / "extensions" / "report" / "templates").iterdir()
-        if path.is_file()
+        for folder in (package / "app" / "pages", package / "extensions")
+        for path in folder.rglob("*.*")
+        if path.suffix in (".html", ".css")
     }
-    assert len(templates) == 3
+    assert len(templates) == 4
     assert templates <= covered
 
 

@@ -42,7 +42,7 @@ def run_without(folder: Path, *args: object) -> subprocess.CompletedProcess[str]
 
 
 # What still leans on another extension, and goes with it.
-NOT_YET = {"films", "report"}
+NOT_YET = {"films"}
 
 
 @pytest.mark.slow

@@ -16,17 +16,8 @@ PACKAGE = Path(cubicfish_cli.__file__).parent
 NOT_YET: dict[str, set[str]] = {
     "app/inputs.py": {"extensions.films.frames", "extensions.films.recordings"},
     "app/undistortion/video.py": {"extensions.films.decoding", "extensions.films.source"},
-    "commands/calibrate.py": {
-        "extensions.films",
-        "extensions.films.command",
-        "extensions.report.command",
-        "extensions.report.page",
-    },
-    "extensions/rigs/calibrate.py": {
-        "extensions.films",
-        "extensions.films.scan",
-        "extensions.report.command",
-    },
+    "commands/calibrate.py": {"extensions.films", "extensions.films.command"},
+    "extensions/rigs/calibrate.py": {"extensions.films", "extensions.films.scan"},
     "extensions/rigs/films.py": {
         "extensions.films.choose",
         "extensions.films.frame_search",
@@ -42,12 +33,6 @@ NOT_YET: dict[str, set[str]] = {
         "extensions.films.scan",
         "extensions.films.source",
     },
-    "extensions/rigs/page.py": {
-        "extensions.report.figures",
-        "extensions.report.page",
-        "extensions.report.scene",
-    },
-    "extensions/rigs/report.py": {"extensions.report.command", "extensions.report.report_files"},
 }
 
 # Parts that do not even load numpy, so that `--help` answers at once.

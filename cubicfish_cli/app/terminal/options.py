@@ -472,6 +472,13 @@ def say_if_in_mm(name: str, length: str | None) -> None:
         say(f"note: {name} {length} has no unit and is taken as millimetres")
 
 
+report_option = option(
+    "--report/--no-report",
+    "Also write report.html, one page about the calibration (takes a second or two; needs "
+    "the extra 'report').",
+    default=True,
+)
+
 target_options = bundle(
     _choice,
     target_option,

@@ -1,8 +1,7 @@
-"""``cubicfish report``, and the pages that fits write beside their files."""
+"""``cubicfish report``: a page about a calibration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from cubicfish_cli.app.terminal import options
@@ -10,8 +9,6 @@ from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import keep_fonts, running
 from cubicfish_cli.app.terminal.terminal import print_json, result, say
-
-PAGE = "report.html"
 
 
 @record
@@ -66,24 +63,3 @@ def command(given: Asked) -> None:
         return
     print_verdict(made.verdict)
     result(f"\nwrote {made.page}")
-
-
-report_option = option(
-    "--report/--no-report",
-    "Also write report.html, one page about the calibration (takes a second or two; needs "
-    "the extra 'report').",
-    default=True,
-)
-
-
-def say_if_no_page(outputs: Mapping[str, Path], *, wanted: bool) -> None:
-    """Say how to get a page where there is none, and that an old one is old."""
-    from cubicfish_cli.app.drawing import INSTALL, REPORT, missing
-
-    if "report" in outputs:
-        return
-    old = outputs["camera"].with_name(PAGE)
-    if old.exists():
-        say(f"note: {old} is of an earlier calibration")
-    if wanted and missing(REPORT):
-        say(f"No {PAGE} was written: {INSTALL}, then 'cubicfish report {old.parent}', makes it.")

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import math
-from base64 import b64encode
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +11,25 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
-from cubicfish_cli.app.drawing import drawing, lay_out
+from cubicfish_cli.app.drawing import drawing
+from cubicfish_cli.app.pages.figures import (
+    BLUE,
+    BOARD_COLOURS,
+    GREEN,
+    INK,
+    MOST_DOTS,
+    ORANGE,
+    PURPLE,
+    RED,
+    STYLE,
+    Drawn,
+    Key,
+    dots,
+    finished,
+    new_figure,
+    some,
+    thinned,
+)
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import inside_polygon
@@ -24,24 +38,6 @@ from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.core.units import round_down, round_up
 
-INK, MUTED = "#1d2329", "#57606a"
-BLUE, ORANGE, GREEN, PURPLE, RED = "#0072b2", "#d98200", "#00805d", "#b5609b", "#c84e00"
-BOARD_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED)
-STYLE: dict[Any, Any] = {
-    # The same drawing has the same ids in every run.
-    "svg.hashsalt": "cubicfish",
-    "svg.fonttype": "none",
-    "font.size": 10,
-    "savefig.dpi": 150,
-    "axes.edgecolor": MUTED,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#dfe3e8",
-    "axes.axisbelow": True,
-}
-WIDTH = 5.0
-"""Of every figure, inches."""
-MOST_DOTS = 4000
 _MOST_STROKES = 1500
 _FINE_CELLS = 12
 _STEP_DEG = 5.0
@@ -51,55 +47,6 @@ _ARROW_SHARE = 0.04
 _HEAVY_TAIL = 0.001
 # Steps of angle whose RMS is this many times the typical one are called a worse rim.
 _WORSE_RIM = 3.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Key:
-    """An entry of a legend: a mark of a kind (``dot``, ``line``, ``dash``, ``area``), its words.
-
-    Legends are the page's: names that a user chose never enter a drawing.
-    """
-
-    kind: str
-    colour: str
-    text: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drawn:
-    """A figure for the page.
-
-    Attributes:
-        name: short, for ids.
-        title: what it is.
-        label: what it shows, for those who cannot see it.
-        image: the drawing, as a data URI.
-        caption: what it tells.
-        keys: its legend.
-
-    """
-
-    name: str
-    title: str
-    label: str
-    image: str
-    caption: str
-    keys: tuple[Key, ...] = ()
-
-
-def new_figure(height: float = 3.3) -> Figure:
-    """An empty figure of the common width; heights are in inches."""
-    return Figure(figsize=(WIDTH, height), layout="constrained")
-
-
-def finished(figure: Figure, **more: Any) -> Drawn:
-    """A figure that is finished; ``more`` as above."""
-    lay_out(figure)
-    data = io.BytesIO()
-    undated = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    figure.savefig(data, format="svg", metadata=undated)
-    image = "data:image/svg+xml;base64," + b64encode(data.getvalue()).decode()
-    return Drawn(image=image, **more)
 
 
 def all_figures(facts: Facts) -> dict[str, Drawn]:
@@ -119,25 +66,6 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
     with drawing(STYLE):
         drawn = [make() for make in makers]
     return {figure.name: figure for figure in drawn if figure is not None}
-
-
-def some(count: int, most: int) -> IntArray:
-    """At most ``most`` of so many indices, evenly from first to last."""
-    if count <= most:
-        return np.arange(count)
-    return np.unique(np.linspace(0, count - 1, most).round().astype(np.intp))
-
-
-def thinned(count: int, most: int, what: str) -> str:
-    """What a caption says where not everything is drawn."""
-    return f" {most:,} of {count:,} {what} are drawn." if count > most else ""
-
-
-def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.0) -> None:
-    """Discs at (N, 2), as one picture: thousands of them would make a large file."""
-    axes.scatter(
-        at[:, 0], at[:, 1], s=size**2, color=colour, alpha=alpha, linewidths=0, rasterized=True
-    )
 
 
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:

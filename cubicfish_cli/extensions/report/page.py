@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 
-from cubicfish_cli.app.calibration_facts import Facts, matched
+from cubicfish_cli.app.calibration_facts import Facts, facts_of_fit, matched
+from cubicfish_cli.app.pages.template import day_of, made_of, template
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord, origin_of
 from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
@@ -21,14 +20,24 @@ from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
 from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.calibration import Calibration
+    from cubicfish_cli.core.fit.point_fit import PointCalibration
+    from cubicfish_cli.core.observations import Observations
+
 _MOST_DROPPED = 200
 _MOST_ROWS = 5000
-_LONGEST_TEXT = 1000
-_IMAGES = ("data:image/jpeg;base64,", "data:image/svg+xml;base64,")
 _POINT_ABSENT = (
     "A point-lift camera has no rays: errors by angle, the lens's profile, uncertainty, coverage "
     "and an undistorted example do not exist for it."
 )
+
+
+def page_of_fit(
+    fitted: Calibration | PointCalibration, pairs: Observations, photos: Sequence[Path]
+) -> str:
+    """The page about a fit that is still at hand; see :func:`facts_of_fit`."""
+    return report_html(facts_of_fit(fitted, pairs, photos))
 
 
 def report_html(facts: Facts) -> str:
@@ -43,7 +52,7 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
-    return template(_TEMPLATES / "report.html").render(
+    return template(Path(__file__).with_name("report.html")).render(
         facts=facts,
         known=facts.known.facts,
         lens=[(name.capitalize(), words) for name, words in facts.known.facts.lens],
@@ -69,51 +78,6 @@ def report_html(facts: Facts) -> str:
         day=day_of(facts.known.made_by),
         absent=absent,
     )
-
-
-def day_of(made_by: Mapping[str, Any]) -> str | None:
-    """When it was made, for people."""
-    date = origin_of(made_by).date
-    return date.replace("T", " ").replace("+00:00", " UTC") if date else None
-
-
-_TEMPLATES = Path(__file__).with_name("templates")
-
-
-@cache
-def template(page: Path) -> Any:
-    """One of the package's pages, which have style and figures in common."""
-    environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_printable,
-    )
-    environment.filters["px"] = _px
-    environment.filters["count"] = _count
-    environment.globals["style"] = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
-    texts = [one.read_text(encoding="utf-8") for one in (_TEMPLATES / "parts.html", page)]
-    return environment.from_string("".join(texts))
-
-
-def _printable(value: Any) -> Any:
-    """Text from outside on one line, letters only: what nobody vouches for is in every name."""
-    if not isinstance(value, str) or hasattr(value, "__html__"):  # the package's own markup
-        return value
-    if value.startswith(_IMAGES):
-        return value
-    if len(value) > _LONGEST_TEXT:
-        value = value[: _LONGEST_TEXT - 1] + "…"
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in value)
-
-
-def _px(value: float | None, places: int = 3) -> str:
-    return "–" if value is None or math.isnan(value) else f"{value:.{places}f}"
-
-
-def _count(value: float) -> str:
-    return f"{value:,.0f}"
 
 
 def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
@@ -177,22 +141,6 @@ def _notes(fit: FitRecord) -> list[str]:
 
 def _least_off(corner: DroppedCorner) -> float:
     return -float(np.nan_to_num(corner.error_px))
-
-
-def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
-    """How the calibration was made, as text."""
-    origin = origin_of(made_by)
-    return {
-        "version": origin.version,
-        "date": origin.date,
-        "command": origin.command,
-        "options": [
-            (name, "yes" if value is True else "no" if value is False else str(value))
-            for name, value in origin.options.items()
-        ],
-        "target": origin.target and (origin.target.file, origin.target.sha256),
-        "inputs": [(one.file, one.sha256) for one in origin.inputs],
-    }
 
 
 def _without_corners(facts: Facts) -> list[str]:

@@ -3,41 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.calibration_facts import facts_of_files
-from cubicfish_cli.core.assess.verdict import Verdict
-from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles, refuse_without_extra
 from cubicfish_cli.core.files import refuse_existing, write_text
-
-PAGE = "report.html"
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportFiles:
-    """What became of :func:`report_files`.
-
-    Attributes:
-        page: the page.
-        model: the file that it is about.
-        verdict: what the camera or the rig is worth.
-        absent: what is not on the page, a line each.
-
-    """
-
-    page: Path
-    model: Path
-    verdict: Verdict
-    absent: Sequence[str] = ()
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish report --json`` prints."""
-        named = {"report": str(self.page), "model": str(self.model)}
-        return {**named, "verdict": self.verdict.as_record(), "absent": self.absent}
 
 
 def report_files(
@@ -73,15 +45,3 @@ def report_files(
     facts = facts_of_files(model, target=path_or_none(target), photos=list(map(Path, photos)))
     write_text(path, report_html(facts), overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
-
-
-def refuse_without_extra() -> None:
-    """Refuse to make a page where the extra ``report`` is not installed.
-
-    Raises:
-        CubicfishError: it is not.
-
-    """
-    lacking = extra.missing(extra.REPORT)
-    if lacking:
-        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {extra.INSTALL}")

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from cubicfish_cli.app.calibration_facts import Facts
 from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.core.fit.poses import rotation_from_vector
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.report.figures import (
+from cubicfish_cli.app.pages.figures import (
     BLUE,
     BOARD_COLOURS,
     INK,
@@ -20,14 +15,17 @@ from cubicfish_cli.extensions.report.figures import (
     STYLE,
     Drawn,
     Key,
+    draw_cameras,
     finished,
     new_figure,
+    show_evenly,
     some,
+    upright,
 )
+from cubicfish_cli.core.fit.poses import rotation_from_vector
 
 # Size of a drawn camera, as a share of all that is drawn.
 _CAMERA = 0.06
-_HALF_FIELD = 0.6
 _VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above", 89.9, -90))
 
 
@@ -81,43 +79,3 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
                 ),
             )
     return drawn
-
-
-def upright(ahead: FloatArray, up: FloatArray) -> FloatArray:
-    """(3, 3) the rows right, ahead and up for who looks ahead, as nearly as it can be."""
-    trials = [(a, b) for b in (up, *np.eye(3)[::-1]) for a in (ahead, *np.eye(3))]
-    for one, other in trials:
-        across = np.cross(one, other)
-        lengths = float(np.linalg.norm(one) * np.linalg.norm(other))
-        if np.linalg.norm(across) > max(0.1 * lengths, 1e-9):
-            break
-    top, right = other / np.linalg.norm(other), across / np.linalg.norm(across)
-    return np.stack([right, np.cross(top, right), top])
-
-
-def draw_cameras(
-    axes: Axes3D, centre: FloatArray, rotation: FloatArray, size: float, colours: Sequence[str]
-) -> None:
-    """Draw small pyramids at (N, 3) that open the way cameras look, rotations (N, 3, 3)."""
-    a, b = size * _HALF_FIELD, 0.75 * size * _HALF_FIELD
-    base = np.array([[-a, -b, size], [a, -b, size], [a, b, size], [-a, b, size]])
-    tip = np.zeros(3)
-    path = np.array([tip, base[0], base[1], tip, base[1], base[2], tip, base[2], base[3], tip,
-                     base[3], base[0]])  # fmt: skip
-    strokes = np.einsum("nji,kj->nki", rotation, path) + centre[:, None]
-    axes.add_collection3d(Line3DCollection(list(strokes), colors=list(colours), linewidths=0.8))
-
-
-def show_evenly(axes: Axes3D, points: FloatArray, elevation: float, azimuth: float) -> None:
-    """Show all points (N, 3), at one scale along all axes, seen from somewhere."""
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    half = 0.55 * float(np.ptp(points, axis=0).max() or 1.0)
-    axes.set(
-        **{f"{name}lim": (at - half, at + half) for name, at in zip("xyz", middle, strict=True)}
-    )
-    axes.set_box_aspect((1, 1, 1), zoom=1.1)
-    axes.set_proj_type("ortho")
-    axes.view_init(elev=elevation, azim=azimuth)
-    axes.tick_params(labelsize=7)
-    if elevation > 80:
-        axes.set_zticks([])

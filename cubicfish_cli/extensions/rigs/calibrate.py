@@ -17,6 +17,7 @@ from cubicfish_cli.app.asked import (
     made_by_record,
     paths_of,
 )
+from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate, mark_of, print_verdict
 from cubicfish_cli.app.terminal.options import (
@@ -34,7 +35,6 @@ from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
 from cubicfish_cli.extensions.films import MOST
-from cubicfish_cli.extensions.report.command import PAGE, report_option
 from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
@@ -115,7 +115,7 @@ class RigOptions:
     refine_target: RefineTarget = options.refine_target_option(
         "Fit the target too, as 'cubicfish calibrate' does."
     )
-    report: bool = report_option
+    report: bool = options.report_option
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

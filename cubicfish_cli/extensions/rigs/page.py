@@ -10,12 +10,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.core.assess.records import recorded_mappings, recorded_number
-from cubicfish_cli.core.assess.verdict import WORDS
-from cubicfish_cli.core.codes import Severity
-from cubicfish_cli.core.finding import of_record
-from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.extensions.report.figures import (
+from cubicfish_cli.app.pages.figures import (
     BOARD_COLOURS,
     INK,
     MUTED,
@@ -24,11 +19,18 @@ from cubicfish_cli.extensions.report.figures import (
     Drawn,
     Key,
     dots,
+    draw_cameras,
     finished,
     new_figure,
+    show_evenly,
+    upright,
 )
-from cubicfish_cli.extensions.report.page import day_of, made_of, template
-from cubicfish_cli.extensions.report.scene import draw_cameras, show_evenly, upright
+from cubicfish_cli.app.pages.template import day_of, made_of, template
+from cubicfish_cli.core.assess.records import recorded_mappings, recorded_number
+from cubicfish_cli.core.assess.verdict import WORDS
+from cubicfish_cli.core.codes import Severity
+from cubicfish_cli.core.finding import of_record
+from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera
 from cubicfish_cli.extensions.rigs.verdict import rig_verdict
 

@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath
+from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import record
 from cubicfish_cli.app.terminal.progress import keep_fonts, running
 from cubicfish_cli.app.terminal.terminal import print_json, result
 from cubicfish_cli.core.files import refuse_existing, write_text
-from cubicfish_cli.extensions.report.command import PAGE
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 
 if TYPE_CHECKING:
+    from cubicfish_cli.app.pages.report_files import ReportFiles
     from cubicfish_cli.core.assess.verdict import Verdict
-    from cubicfish_cli.extensions.report.report_files import ReportFiles
 
 
 @record
@@ -64,7 +64,7 @@ def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RU
             exists and may not be replaced.
 
     """
-    from cubicfish_cli.extensions.report.report_files import ReportFiles, refuse_without_extra
+    from cubicfish_cli.app.pages.report_files import ReportFiles, refuse_without_extra
     from cubicfish_cli.extensions.rigs.rig_yaml import rig_file
 
     refuse_without_extra()

@@ -22,6 +22,7 @@ pytest.importorskip("jinja2")
 import matplotlib as mpl
 
 from cubicfish_cli.app.calibration_facts import Facts, gather, matched
+from cubicfish_cli.app.pages.figures import upright
 from cubicfish_cli.core.assess.fit_record import fit_record
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.statistics import rms_px
@@ -30,7 +31,6 @@ from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, load_target
 from cubicfish_cli.extensions.report.page import report_html
-from cubicfish_cli.extensions.report.scene import upright
 
 TARGET = load_target(SAMPLE / "target.yaml")
 PHOTOS = sorted((SAMPLE / "photos").iterdir())

@@ -1,0 +1,1 @@
+"""HTML pages: what those about a camera and about a rig have in common."""

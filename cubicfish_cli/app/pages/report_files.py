@@ -1,0 +1,49 @@
+"""A page's file, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.core.assess.verdict import Verdict
+from cubicfish_cli.core.errors import CubicfishError
+
+PAGE = "report.html"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportFiles:
+    """What became of a report.
+
+    Attributes:
+        page: the page.
+        model: the file that it is about.
+        verdict: what the camera or the rig is worth.
+        absent: what is not on the page, a line each.
+
+    """
+
+    page: Path
+    model: Path
+    verdict: Verdict
+    absent: Sequence[str] = ()
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish report --json`` prints."""
+        named = {"report": str(self.page), "model": str(self.model)}
+        return {**named, "verdict": self.verdict.as_record(), "absent": self.absent}
+
+
+def refuse_without_extra() -> None:
+    """Refuse to make a page where the extra ``report`` is not installed.
+
+    Raises:
+        CubicfishError: it is not.
+
+    """
+    lacking = extra.missing(extra.REPORT)
+    if lacking:
+        raise CubicfishError(f"a report needs {' and '.join(lacking)}: {extra.INSTALL}")

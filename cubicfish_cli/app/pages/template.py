@@ -1,0 +1,75 @@
+"""The template that pages are filled into, and how what they are about was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+
+from cubicfish_cli.core.assess.fit_record import origin_of
+
+_LONGEST_TEXT = 1000
+_IMAGES = ("data:image/jpeg;base64,", "data:image/svg+xml;base64,")
+_HERE = Path(__file__).parent
+
+
+@cache
+def template(page: Path) -> Any:
+    """One of the package's pages, which have style and figures in common."""
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_printable,
+    )
+    environment.filters["px"] = _px
+    environment.filters["count"] = _count
+    environment.globals["style"] = (_HERE / "page.css").read_text(encoding="utf-8")
+    texts = [one.read_text(encoding="utf-8") for one in (_HERE / "parts.html", page)]
+    return environment.from_string("".join(texts))
+
+
+def _printable(value: Any) -> Any:
+    """Text from outside on one line, letters only: what nobody vouches for is in every name."""
+    if not isinstance(value, str) or hasattr(value, "__html__"):  # the package's own markup
+        return value
+    if value.startswith(_IMAGES):
+        return value
+    if len(value) > _LONGEST_TEXT:
+        value = value[: _LONGEST_TEXT - 1] + "…"
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in value)
+
+
+def _px(value: float | None, places: int = 3) -> str:
+    return "–" if value is None or math.isnan(value) else f"{value:.{places}f}"
+
+
+def _count(value: float) -> str:
+    return f"{value:,.0f}"
+
+
+def day_of(made_by: Mapping[str, Any]) -> str | None:
+    """When it was made, for people."""
+    date = origin_of(made_by).date
+    return date.replace("T", " ").replace("+00:00", " UTC") if date else None
+
+
+def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
+    """How the calibration was made, as text."""
+    origin = origin_of(made_by)
+    return {
+        "version": origin.version,
+        "date": origin.date,
+        "command": origin.command,
+        "options": [
+            (name, "yes" if value is True else "no" if value is False else str(value))
+            for name, value in origin.options.items()
+        ],
+        "target": origin.target and (origin.target.file, origin.target.sha256),
+        "inputs": [(one.file, one.sha256) for one in origin.inputs],
+    }
