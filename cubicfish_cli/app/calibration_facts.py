@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""
-_HINTS = {"--target": "; 'cubicfish report --target FILE' names it"}
 # Errors that are worked out again and differ by more than this share are of other corners.
 _SAME_RMS = 0.02
 _SAME_RMS_PX = 1e-3
@@ -85,20 +84,6 @@ class ErrorFacts:
         return np.hypot(self.residual[:, 0], self.residual[:, 1])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lack:
-    """Why there are no corners with their errors.
-
-    Attributes:
-        why: in words.
-        name_it: the options of commands that name what is missing.
-
-    """
-
-    why: str
-    name_it: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Facts:
     """What is known of a calibration.
@@ -122,7 +107,7 @@ class Facts:
     told: Mapping[str, str]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
-    lack: Lack | None
+    lack: str | None
     target: Target | None
     files: Mapping[str, Path]
     digests: Mapping[str, str]
@@ -163,7 +148,7 @@ def gather(
     target: Target | None,
     files: Mapping[str, Path],
     digests: Mapping[str, str] | None = None,
-    lack: Lack | None = None,
+    lack: str | None = None,
     absent: Sequence[str] = (),
 ) -> Facts:
     """Put together what is known.
@@ -181,21 +166,20 @@ def gather(
     """
     camera, fit = known.camera, known.fit
     told = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
-    lines = [f"Corners and errors: {lack.why}{_HINTS.get(lack.name_it, '')}."] if lack else []
-    lines += absent
+    lines = [*absent]
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
         if target is not None and fit.renamed_images:
             pairs = best_named(pairs, target, partial(_squared, camera, fit))
-        errors, problem = _errors(camera, fit, pairs)
-        if problem:
-            lines.append(f"Corners and errors: {problem}.")
-            lack = Lack(why=problem, name_it="--corners and --target")
+        errors, lack = _errors(camera, fit, pairs)
         pixels = tuple(
             (pairs.images[pairs.image[index]], pairs.pixel[index])
             for index in np.flatnonzero(_among(pairs, fit))
         )
+    if lack is not None:
+        hint = "'cubicfish report --target FILE' names another target"
+        lines.insert(0, f"Corners and errors: {lack}; {hint}.")
     if fit.per_image and not files:
         lines.append(_NO_PHOTOS)
     return Facts(
@@ -395,25 +379,21 @@ def _pairs(
     return None if target is None else load_corners(table, target, image_size=size).by_photo()
 
 
-def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> Lack:
+def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:
     """What is missing of the corners, or of what they are of."""
     has_corners = (folder / _CORNERS).is_file()
-    has_table = has_corners or origin.inputs
-    if target is None and has_table and (origin.target is not None or has_corners):
+    if target is None and (has_corners or (origin.inputs and origin.target is not None)):
         if refined:
-            why = f"the target was fitted too, and {_REFINED} is not beside the camera"
-        elif origin.target is not None:
+            return f"the target was fitted too, and {_REFINED} is not beside the camera"
+        if origin.target is not None:
             name = quoted(origin.target.file)
-            why = f"the target is not where it was, or has changed ({name})"
-        else:
-            why = f"the target is not on record, and no {_TARGET} is beside the camera"
-        return Lack(why=why, name_it="--target")
-    why = f"there is no {_CORNERS} beside the camera, and "
+            return f"the target is not where it was, or has changed ({name})"
+        return f"the target is not on record, and no {_TARGET} is beside the camera"
     if origin.inputs:
-        why += "the table that it was calibrated from is not where it was, or has changed"
+        source = "the table that it was calibrated from is not where it was, or has changed"
     else:
-        why += "what it was calibrated from is not on record"
-    return Lack(why=why, name_it="--corners")
+        source = "what it was calibrated from is not on record"
+    return f"there is no {_CORNERS} beside the camera, and {source}"
 
 
 def _beside(folder: Path, name: str) -> Path | None:

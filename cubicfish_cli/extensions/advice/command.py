@@ -24,11 +24,6 @@ if TYPE_CHECKING:
 _MOST_PARTS = 4
 _PICTURES = (".svg", ".png", ".pdf")
 # What to name, and how, where corners are lacking.
-_WHAT = {
-    "--corners": "the corners with --corners, and the target with --target",
-    "--target": "the target with --target",
-    "--corners and --target": "those of the fit with --corners and --target",
-}
 
 
 @record
@@ -137,10 +132,9 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
         )
     if facts.errors is None:
-        why, name_it = "the corners are not at hand", "--corners"
-        if facts.lack is not None:
-            why, name_it = facts.lack.why, facts.lack.name_it
-        raise CubicfishError(f"{path}: {why}: name {_WHAT[name_it]}")
+        raise CubicfishError(
+            f"{path}: {facts.lack}: name the corners with --corners, and the target with --target"
+        )
     run.listener.progress("Looking for photos that would help")
     advice = advise(
         facts.camera,

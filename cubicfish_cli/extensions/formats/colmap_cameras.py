@@ -71,9 +71,6 @@ MODELS = {
     "RADIAL": _model(3, PinholeLens, "f cx cy k1 k2"),
     "OPENCV": _model(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
     "OPENCV_FISHEYE": _model(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
-    "FULL_OPENCV": _model(6, PinholeLens, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
-    "SIMPLE_RADIAL_FISHEYE": _model(8, RadialCamera, "f cx cy k1"),
-    "RADIAL_FISHEYE": _model(9, RadialCamera, "f cx cy k1 k2"),
     "RAD_TAN_THIN_PRISM_FISHEYE": _model(
         11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
@@ -89,7 +86,7 @@ WRITTEN_AS: Mapping[type[Lens], str] = {
 
 _RADIAL = {"k": 4}
 _PRISM = {"k": 6, "t": 2, "s": 4}
-_PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_PINHOLE = ("k1", "k2", "p1", "p2")
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:

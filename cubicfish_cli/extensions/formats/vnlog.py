@@ -17,7 +17,7 @@ are squared after that, so that the corner's weight here is w².
 
 The file says neither the size of the photos nor which corner of the board comes first. mrgingham
 numbers from the top left as the photo shows it, in each photo anew: a board that is alone in its
-target may be turned from photo to photo, but must not look mirrored.
+target may be turned from photo to photo. A calibration names a board that is seen from behind.
 """
 
 from __future__ import annotations
@@ -51,9 +51,6 @@ _OPTIONAL = ("level", "weight")
 _MAX_LEVEL = 12
 # A dash, or a number below 0; what only looks like one is refused as no number.
 _ABSENT = re.compile(r"-(?:[0-9.]+(?:[eE][-+]?[0-9]+)?)?").fullmatch
-# A camera sees boards from the front. Grids that run the wrong way round are refused when so many
-# of their cells do: single ones may lie across the rim of a fisheye's picture.
-_MIRRORED_SHARE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,11 +197,6 @@ def _read_file(path: Path, board: Board, size: tuple[int, int], only: str | None
     if bad is not None:
         table.refuse(*bad)
     image, number = image[found], number[found].astype(np.intp)
-    if _is_mirrored(board, image, number, pixel):
-        raise CorrespondenceError(
-            f"{path}: board {quoted(board.name)} is seen from behind if its corners are numbered "
-            "row by row from corner (0, 0): its axes in the target must be those of the detector"
-        )
     rows, declared = count[wanted].sum(), (empty & wanted).sum()
     return _File(
         images=tuple(name for name, chosen in zip(images, wanted, strict=True) if chosen),
@@ -295,24 +287,3 @@ def _rows_where(table: Table, keep: BoolArray) -> Table:
         columns={name: [column[i] for i in index] for name, column in table.columns.items()},
         lines=[table.lines[i] for i in index],
     )
-
-
-def _is_mirrored(board: Board, image: IntArray, number: IntArray, pixel: FloatArray) -> bool:
-    """Whether a board's grids run the wrong way round in the photos, as if seen from behind."""
-    if board.points is not None:
-        return False
-    row, column = np.divmod(number, board.columns)
-    # One more column and row than there are, so that a neighbour never wraps around.
-    stride = board.columns + 1
-    key = (image * (board.rows + 1) + row) * stride + column
-    right, below = (_find(key, key + step) for step in (1, stride))
-    cell = np.flatnonzero((right >= 0) & (below >= 0))
-    along, down = pixel[right[cell]] - pixel[cell], pixel[below[cell]] - pixel[cell]
-    area = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
-    return bool(cell.size and (area < 0).mean() > _MIRRORED_SHARE)
-
-
-def _find(keys: IntArray, wanted: IntArray) -> IntArray:
-    """Where each wanted key stands among sorted keys; -1 where it is not."""
-    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[place] == wanted, place, -1)

@@ -128,13 +128,6 @@ def test_photos_of_one_camera_are_chosen(tmp_path: Path) -> None:
     assert every.empty == ("empty_ab", "empty_cd")
 
 
-def test_grids_that_run_the_wrong_way_round_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.vnl"
-    path.write_text(whole("a", order=-1))
-    with pytest.raises(CorrespondenceError, match="'floor' is seen from behind if"):
-        read_vnlogs([path], THREE, image_size=SIZE, board="floor")
-
-
 def test_what_is_read_is_accepted_as_corners_csv(tmp_path: Path) -> None:
     true = truth(FLAT)
     path = tmp_path / "corners.vnl"
