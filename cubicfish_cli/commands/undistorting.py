@@ -45,7 +45,7 @@ from cubicfish_cli.commands.views import (
 )
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.codes import Code, Event, Severity
-from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
+from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.io.calibrated import Calibrated
@@ -488,7 +488,12 @@ def _write_video(
     overwrite: bool,
     slots: object,
 ) -> None:
-    """A video, which tells by itself how far it is."""
+    """A video, which tells by itself how far it is.
+
+    Raises:
+        PhotoError: the video is shorter than it announces; what there is of it is written.
+
+    """
     output = job.outputs[""]
     done = undistort_video(
         job.source,
@@ -501,3 +506,8 @@ def _write_video(
     )
     if done.turned_deg:
         listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
+    if done.missing:
+        raise PhotoError(
+            f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} frames "
+            f"and has {done.frames:,}, which {shown(output)} holds: copy it again if you can"
+        )

@@ -204,10 +204,30 @@ def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path:
     film = write_film(tmp_path / "cut.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
     data = film.read_bytes()
     film.write_bytes(data[: len(data) * 6 // 10])
-    said = run("frames", film, "-o", tmp_path / "p", "-j", 1)
+    said = run("frames", film, "-o", tmp_path / "p", "-j", 1, code=1)
     (line,) = [line for line in said.stderr.splitlines() if line.startswith("warning:")]
     assert "cut.avi" in line
     assert 4 <= len(rows(tmp_path / "p")) < 16
+
+
+@pytest.mark.parametrize("name", ["whole.mkv", "cut.mkv"])
+def test_a_film_that_ends_before_its_announced_end_is_told(
+    run: Run, calibrated: Path, tmp_path: Path, name: str
+) -> None:
+    film, code = tmp_path / name, int(name == "cut.mkv")
+    sharp = [cv2.resize(photo, (960, 720)) for photo in photos()[:4] for _ in range(4)]
+    write_film(film, sharp, codec="mjpeg", pix_fmt="yuvj420p")
+    data = film.read_bytes()
+    film.write_bytes(data[: len(data) * 6 // 10] if code else data)
+    said = run("frames", film, "-o", tmp_path / "p", "-j", 1, code=code).stderr
+    assert rows(tmp_path / "p")
+    assert ("of the 16 frames of" in said) == bool(code)
+    flat = tmp_path / "flat.mkv"
+    said = run("undistort", film, flat, "-m", calibrated, code=code).stderr
+    assert ("it announces 16 frames and has" in said) == bool(code)
+    with av.open(str(flat)) as container:
+        written = sum(1 for _ in container.decode(video=0))
+    assert (6 <= written <= 11) if code else written == 16
 
 
 def test_frames_that_cannot_be_decoded_are_told_and_passed_over(
@@ -222,7 +242,7 @@ def test_frames_that_cannot_be_decoded_are_told_and_passed_over(
         begin, end = packet.pos + packet.size // 2, packet.pos + packet.size
         data[begin:end] = bytes(end - begin)
     film.write_bytes(data)
-    said = run("frames", film, "-o", tmp_path / "p", "-t", target, "-j", 1, "--json")
+    said = run("frames", film, "-o", tmp_path / "p", "-t", target, "-j", 1, "--json", code=1)
     (record,) = json.loads(said.stdout)["films"]
     assert record["missing"] == 5
     assert said.stderr.count("bad.avi is damaged or cut short: 15 of its 20 frames") == 1

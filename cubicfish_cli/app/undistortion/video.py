@@ -26,7 +26,14 @@ from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, V
 from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 from cubicfish_cli.extensions.films.decoding import decode, is_frame
-from cubicfish_cli.extensions.films.source import frame_count, library, opened
+from cubicfish_cli.extensions.films.recordings import is_recording
+from cubicfish_cli.extensions.films.source import (
+    announced_seconds,
+    frame_count,
+    library,
+    missing_frames,
+    opened,
+)
 
 if TYPE_CHECKING:
     import av
@@ -67,11 +74,13 @@ class VideoResult:
 
     Attributes:
         frames: how many were written.
+        missing: how many more the source announces; 0 for a few, which is common.
         turned_deg: how far players were told to turn the source; the result does not say so.
 
     """
 
     frames: int
+    missing: int
     turned_deg: int
 
 
@@ -149,18 +158,22 @@ def _pipeline(
         for item in items:
             yield remapper(item) if is_frame(item) else item
 
-    frames = 0
+    begin, end, frames = int(stream.start_time or 0), 0.0, 0
     progress(0, total)
     with closing(_ahead(decoded())) as ready, closing(_ahead(remapped(ready))) as flat:
         for item in flat:
             writer.write(item)
             if is_frame(item):
                 frames += 1
+                end = end if item.pts is None else float((item.pts - begin) * stream.time_base)
                 progress(frames, max(total, frames) if total else 0)
         if not frames:
             raise PhotoError(f"{shown(source)} holds no frames: copy it again")
         writer.finish()
-    return VideoResult(frames=frames, turned_deg=turned)
+    counted, rate = int(stream.frames), float(stream.average_rate or 0)
+    seconds = 0.0 if is_recording(source) else announced_seconds(stream)
+    missing = missing_frames(counted, seconds, rate, frames, end)
+    return VideoResult(frames=frames, missing=missing, turned_deg=turned)
 
 
 def _ahead(items: Iterator[Any]) -> Generator[Any]:

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos
+from cubicfish_cli.app.photos import shown
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, result
 from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.extensions.films import MOST
 
 if TYPE_CHECKING:
@@ -181,9 +183,20 @@ def command(given: FramesOptions, how: How) -> None:
     They are sharp, still, and each shows something that the others do not: corners in another
     part of the picture, or a board from another side.
     """
-    target, chosen = given.target, how.do(choose_frames, given)
-    if how.print(chosen):
-        return
+    chosen = how.do(choose_frames, given)
+    if not how.print(chosen):
+        _print(chosen, given)
+    for film in chosen.films:
+        if film["missing"]:
+            raise PhotoError(
+                f"{film['missing']:,} of the {film['frames'] + film['missing']:,} frames of "
+                f"{shown(Path(film['film']))} are missing, and what is written was chosen of the "
+                "rest: copy the film again if you can"
+            )
+
+
+def _print(chosen: ChosenFrames, given: FramesOptions) -> None:
+    target = given.target
     result(
         f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
         f"in {chosen.looked_at}"

@@ -20,10 +20,8 @@ from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.extensions.films.decoding import frames
 from cubicfish_cli.extensions.films.frame_files import brightness, write_frame
 from cubicfish_cli.extensions.films.measure import motion, sharpness, small_picture
-from cubicfish_cli.extensions.films.source import Film, opened
+from cubicfish_cli.extensions.films.source import Film, missing_frames, opened
 
-# A film lacks frames where it has less than this share of those that it announces.
-_WHOLE = 0.95
 # One frame is kept of so many, or where they come more slowly than the film says, of those in so
 # many times the time that they should take.
 _SLOWER = 1.5
@@ -61,8 +59,9 @@ class Measured:
     @property
     def missing(self) -> int:
         """How many frames the film announces, or has, that could not be decoded."""
-        announced = self.film.frames if self.film.counted else 0
-        short = announced - len(self) if len(self) < _WHOLE * announced else 0
+        film, end = self.film, self.time[-1] - self.time[0] if len(self) else 0.0
+        announced = film.frames if film.counted else 0
+        short = missing_frames(announced, film.seconds, film.rate, len(self), end)
         return max(short, self.lost)
 
 

@@ -6,6 +6,7 @@ turn the film is not followed, since the lens does not turn with it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ _ONLY = {
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
     "protocol_whitelist": "file",
 }
+# A film lacks frames where it has less than this share of those that it announces.
+_WHOLE = 0.95
 
 
 def library() -> Any:
@@ -100,6 +103,37 @@ def frame_count(container: Any, stream: Any) -> int:
     return int((container.duration or 0) * stream.average_rate / 1_000_000)
 
 
+def announced_seconds(stream: Any) -> float:
+    """How long it is from a stream's first picture to its end, as its header says.
+
+    0 where it does not say, as in files whose length is told by their last packets.
+    """
+    hours, minutes, seconds = (*str(stream.metadata.get("DURATION", "")).split(":"), "", "")[:3]
+    try:
+        length = 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+        length -= float((stream.start_time or 0) * stream.time_base)
+    except ValueError:
+        return 0.0
+    return length if 0 < length < math.inf else 0.0
+
+
+def missing_frames(announced: int, seconds: float, rate: float, found: int, end: float) -> int:
+    """How many frames a film announces beyond those that it has; 0 for a few, which is common.
+
+    Args:
+        announced: how many it counts; 0 where it does not.
+        seconds: how long it says that it lasts; 0 where it does not.
+        rate: frames per second.
+        found: how many there are.
+        end: when the last one was taken, seconds after the first.
+
+    """
+    if announced:
+        return announced - found if found < _WHOLE * announced else 0
+    end += 1 / rate if rate else 0
+    return max(1, round((seconds - end) * rate)) if end < _WHOLE * seconds else 0
+
+
 @dataclass(frozen=True, kw_only=True)
 class Film:
     """A film on disk.
@@ -111,6 +145,7 @@ class Film:
         frames: how many it claims to have; 0 where it does not say.
         rate: frames per second, in the mean; 0 where it does not say.
         counted: whether that is a count, not worked out from a length and a rate.
+        seconds: how long its header says that it lasts; 0 where it does not say.
         stamp: its size and time of change: other ones mean another film.
 
     """
@@ -121,6 +156,7 @@ class Film:
     frames: int
     rate: float
     counted: bool
+    seconds: float = 0.0
     stamp: tuple[int, int]
 
 
@@ -171,6 +207,7 @@ def _film(path: Path, label: str) -> Film:
             frames=frame_count(container, stream),
             rate=float(getattr(stream, "average_rate", None) or 0),
             counted=bool(stream.frames),
+            seconds=0.0 if is_recording(path) else announced_seconds(stream),
             stamp=(status.st_size, status.st_mtime_ns),
         )
 
