@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -414,7 +415,7 @@ def _recorded(record: FileRecord | None, folder: Path) -> Path | None:
 
 def _place(path: Path, folder: Path) -> Path | None:
     """Where a recorded path leads: from here, or from the folder that holds the calibration's."""
-    for place in (path, folder.resolve().parent / path):
+    for place in (path, Path(realpath(folder)).parent / path):
         try:
             if place.is_file():
                 return place

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,7 @@ def parse_table(
         raise error(f"{name} holds more than {MAX_VALUES:,} values: is it the right file?")
     comment = ""
     if text.startswith("#"):
-        comment, _, text = text.partition("\n")
+        comment, text = (*re.split("\r\n?|\n", text, maxsplit=1), "")[:2]
     offset = 1 if comment else 0
     rows, lines = _rows(name, text, offset, error)
     wanted = ",".join(required)
@@ -113,6 +114,10 @@ def parse_table(
         )
     header = [column.strip() for column in rows[0]]
     where = f"{name}, line {lines[0]}"
+    other = next((one for one in ";\t" if len(header) == 1 and one in header[0]), None)
+    if other is not None:
+        kind = "semicolons" if other == ";" else "tabs"
+        raise error(f"{where}: {kind} separate its values: save it as CSV with commas between them")
     for column in required:
         if column not in header:
             raise error(f"{where}: the header must be {wanted}: {quoted(column)} is missing")

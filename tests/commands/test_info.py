@@ -2,8 +2,10 @@
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -83,6 +85,24 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
         assert whole is not None
         assert whole.cut_off >= cut
         assert bool(whole.cut_off) == bool(cut)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda record: record.update(image_size=[480, 360]), "reaches beyond the photo"),
+        (lambda record: record.update(image_size=[1920, 1440]), "the grid of fit.uncertainty"),
+        (lambda record: record["fit"]["uncertainty"].update(focal_px=[-0.1, 0.1]), "below 0"),
+        (lambda record: record["fit"]["uncertainty"]["sigma_px"][0].append(-1), "below 0"),
+    ],
+)
+def test_figures_that_contradict_each_other_are_refused(
+    run: Run, calibrated: Path, tmp_path: Path, change: Callable[[Any], None], says: str
+) -> None:
+    record = yaml.safe_load((calibrated / "camera.yaml").read_text())
+    change(record)
+    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(record))
+    assert says in run("info", tmp_path, code=1).stderr
 
 
 def test_a_file_without_a_fit_says_what_it_knows(

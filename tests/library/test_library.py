@@ -219,6 +219,11 @@ def test_arrays_give_the_camera_that_named_corners_give(
     assert compare(calibration.camera, fitted.camera).statistics.max_px < 1e-6
 
 
+def test_a_size_far_beyond_the_corners_is_refused(corners: Observations, target: Target) -> None:
+    with pytest.raises(FitError, match="correct the image size"):
+        calibrate(replace(corners, image_size=(9600, 7200)), target)
+
+
 @pytest.mark.slow
 def test_pairs_have_a_held_out_error_whatever_is_asked_of_their_target(
     corners: Observations, target: Target

@@ -90,6 +90,7 @@ COMMANDS = {
     "project": ("project", "-m", CAMERA, "F.csv"),
     "export": ("export", "--to", "opencv", "-m", "F.yaml"),
     "import": ("import", "F.yaml"),
+    "frames": ("frames", "F.mp4", "-o", "photos"),
     "import-mrcal": ("import", "F.yaml", "--from", "mrcal"),
     "simulate": ("simulate", "--target", TARGET, "-m", "F.yaml"),
     "simulate-poses": ("simulate", "--target", TARGET, "-m", CAMERA, "--poses", "F.csv"),
@@ -232,7 +233,12 @@ def test_tables_of_other_habits_are_refused_by_their_line(run, here, change, say
 
 
 @pytest.mark.parametrize(
-    "change", [lambda text: b"\xef\xbb\xbf" + text, lambda text: text.replace(b"\n", b"\r\n")]
+    "change",
+    [
+        lambda text: b"\xef\xbb\xbf" + text,
+        lambda text: text.replace(b"\n", b"\r\n"),
+        lambda text: text.replace(b"\n", b"\r"),
+    ],
 )
 def test_tables_of_other_systems_are_read(run, here, quick_fit, change):
     (here / "corners.csv").write_bytes(change(CORNERS.read_bytes().replace(b"\r", b"")))

@@ -107,6 +107,7 @@ def calibrate(
 
     """
     _refuse_too_little(pairs)
+    _refuse_another_size(pairs)
     if refine_target == "auto" and not pairs.certain.any():
         refine_target = "off"  # corners that may be others say nothing about the target
     # What the user chose freely, the world's origin and the unit of weights, must not matter.
@@ -281,6 +282,18 @@ def _assessed(
         renamed=nominal.renamed,
         notes=notes,
     )
+
+
+def _refuse_another_size(pairs: Observations) -> None:
+    """Refuse photos whose corners all lie in the upper left quarter of the size that is said."""
+    size, farthest = np.array(pairs.image_size), pairs.pixel.max(axis=0)
+    if len(pairs.images) > 1 and bool((farthest < size / 2).all()):
+        raise FitError(
+            "all corners lie within the {:.0f}x{:.0f} pixels at the upper left of photos of "
+            "{}x{}: correct the image size, or take photos with the target everywhere".format(
+                *np.ceil(farthest), *pairs.image_size
+            )
+        )
 
 
 def _refuse_too_little(pairs: Observations) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
         point = _point_camera(path, record, image_size, P, frame)
         return PointCameraFile(camera=point, fit=fit, made_by=made_by)
     camera = _ray_camera(path, record, image_size, P)
+    _refuse_contradictions(path, record, camera, fit)
     return CameraFile(camera=camera, fit=fit, made_by=made_by)
 
 
@@ -200,6 +202,34 @@ def _ray_camera(
             "calibrate again"
         )
     return camera
+
+
+def _refuse_contradictions(
+    path: Path, record: dict[str, Any], camera: CubicCamera, fit: FitRecord
+) -> None:
+    """Refuse figures that another program, or a hand, has changed without the others."""
+    width, height = camera.image_size
+    sigma = fit.uncertainty
+    if "valid" in record:
+        outline = _rows(path, record, "valid", 2)
+        if len(outline) and bool((outline.max(axis=0) > [width, height]).any()):
+            raise CameraFileError(
+                f"{path}: the outline of 'valid' reaches beyond the photo of image_size: the file "
+                "was changed by hand, calibrate again"
+            )
+    grid = [(sigma.x, width), (sigma.y, height)]
+    if any(side and abs(side[-1] - (size - 1)) > 1 for side, size in grid):
+        raise CameraFileError(
+            f"{path}: image_size is not that of the grid of fit.uncertainty: the file was changed "
+            "by hand, calibrate again"
+        )
+    figures = [sigma.noise_px, sigma.median_px, sigma.p95_px, sigma.max_px]
+    figures += [*sigma.focal_px, *sigma.principal_point_px, *chain.from_iterable(sigma.sigma_px)]
+    if any(one < 0 for one in figures):
+        raise CameraFileError(
+            f"{path}: a standard deviation of fit.uncertainty is below 0: the file was changed by "
+            "hand, calibrate again"
+        )
 
 
 def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:

@@ -161,7 +161,7 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
 
 def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
     """The image size from the file's first line, from the caller, or from both if they agree."""
-    match = re.fullmatch(r"cubicfish (\w+) ([0-9]+)\s*,\s*image_size\s+(\S+)", table.comment)
+    match = re.fullmatch(r"cubicfish\s+(\w+)\s+([^\s,]+)\s*(?:,\s*(.*))?", table.comment)
     if match is None:
         if given is None:
             raise CorrespondenceError(
@@ -178,8 +178,13 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
             f"{table.name}, line 1: version {quoted(match[2])[1:-1]} of this format is not known "
             "here: use a newer cubicfish"
         )
+    size = re.fullmatch(r"image_size\s+(\S+)", match[3] or "")
+    if size is None:
+        raise CorrespondenceError(
+            f"{table.name}, line 1: 'image_size WxH', and nothing else, belongs behind the version"
+        )
     try:
-        stated = parse_size(match[3])
+        stated = parse_size(size[1])
     except CorrespondenceError as error:
         raise CorrespondenceError(f"{table.name}, line 1: {error}") from error
     if given is not None and stated != given:

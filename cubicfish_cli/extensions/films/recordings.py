@@ -7,6 +7,7 @@ come as PyAV has them, so that what reads films reads these too.
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -20,6 +21,11 @@ import numpy.typing as npt
 from cubicfish_cli.app.photos import MAX_PIXELS, shown
 from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
+# What bytes that are not what they seem make Python raise.
+_OF_BYTES = (
+    *(OSError, EOFError, ValueError, KeyError, IndexError, OverflowError, MemoryError),
+    *(struct.error, RuntimeError),
+)
 Picture = npt.NDArray[Any]
 
 SUFFIXES = (".bag", ".mcap", ".db3")
@@ -226,4 +232,4 @@ def _damage() -> tuple[type[Exception], ...]:
     from rosbags.rosbag2 import ReaderError as Of2
     from rosbags.serde import SerdeError
 
-    return AnyReaderError, Of1, Of2, SerdeError, OSError, ValueError, KeyError, IndexError
+    return AnyReaderError, Of1, Of2, SerdeError, *_OF_BYTES

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os.path import realpath
 from pathlib import Path
 from typing import Any
 
@@ -169,7 +170,7 @@ def open_films(paths: Sequence[Path]) -> list[Film]:
         OutputError: the extra ``video`` is not installed.
 
     """
-    distinct = {path.resolve(): path for path in reversed(paths)}
+    distinct = {realpath(path): path for path in reversed(paths)}
     labels: list[str] = []
     films = []
     for path in reversed(distinct.values()):

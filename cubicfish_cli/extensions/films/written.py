@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from os.path import realpath
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +155,7 @@ def photos_of_table(path: Path) -> list[str]:
 def depends_on(films: Sequence[Film], most: int, target_sha256: str | None) -> dict[str, Any]:
     """What a choice depends on: the films as they are now, how many may be chosen, the target."""
     return {
-        "films": [[str(film.path.resolve()), *film.stamp] for film in films],
+        "films": [[realpath(film.path), *film.stamp] for film in films],
         "most": most,
         "target": target_sha256,
         "version": __version__,

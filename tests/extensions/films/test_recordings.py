@@ -180,6 +180,18 @@ def test_what_is_no_recording_is_refused_in_one_line(
     assert path.name in str(refused.value)
 
 
+@pytest.mark.parametrize("length", [2**40, 2**63 - 1, 2**64 - 1])
+def test_a_record_of_any_length_is_refused_in_one_line(length: int, tmp_path: Path) -> None:
+    with Bag(tmp_path, "mcap") as bag:
+        bag.raw("/cam", 1, GREY, "mono8")
+    path = next(bag.path.glob("*.mcap"))
+    data = bytearray(path.read_bytes())
+    data[9:17] = length.to_bytes(8, "little")  # behind the magic bytes and the first kind
+    path.write_bytes(data)
+    with pytest.raises(PhotoError, match="copy it again"):
+        Recording(path)
+
+
 def test_a_name_says_what_is_a_recording(tmp_path: Path) -> None:
     assert is_recording(Path("a/run.bag:/cam0/image_raw"))
     assert file_and_topic(Path("a/run.mcap:/cam0")) == (Path("a/run.mcap"), "/cam0")
