@@ -26,7 +26,6 @@ from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, V
 from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 from cubicfish_cli.extensions.films.decoding import decode, is_frame
-from cubicfish_cli.extensions.films.recordings import is_recording
 from cubicfish_cli.extensions.films.source import (
     announced_seconds,
     frame_count,
@@ -171,8 +170,7 @@ def _pipeline(
             raise PhotoError(f"{shown(source)} holds no frames: copy it again")
         writer.finish()
     counted, rate = int(stream.frames), float(stream.average_rate or 0)
-    seconds = 0.0 if is_recording(source) else announced_seconds(stream)
-    missing = missing_frames(counted, seconds, rate, frames, end)
+    missing = missing_frames(counted, announced_seconds(stream), rate, frames, end)
     return VideoResult(frames=frames, missing=missing, turned_deg=turned)
 
 
