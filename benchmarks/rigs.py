@@ -25,14 +25,15 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration, RigCamera, calibrate_rig
-from cubicfish_cli.extensions.rigs.fit.shots import shots_by_name
+from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
+from cubicfish_cli.extensions.rigs.rig import Rig
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
 
@@ -141,14 +142,12 @@ def simulated(setup: Setup, seed: int) -> tuple[list[Observations], RigTruth, li
     return [one.with_target(setup.target) for one in corners], truth, lenses
 
 
-def fitted(pairs: list[Observations], target: Target, **options: object) -> RigCalibration:
-    names = [f"camera{number}" for number in range(len(pairs))]
-    shots = shots_by_name(names, [one.images for one in pairs])
-    cameras = [RigCamera(name=name, pairs=one) for name, one in zip(names, pairs, strict=True)]
-    return calibrate_rig(cameras, shots, target=target, **options)  # type: ignore[arg-type]
+def fitted(pairs: list[Observations], target: Target, **options: object) -> Rig:
+    cameras = {f"camera{number}": one for number, one in enumerate(pairs)}
+    return calibrate_rig(cameras, target, **options)  # type: ignore[arg-type]
 
 
-def place_errors(rig: RigCalibration, truth: RigTruth) -> list[np.ndarray]:
+def place_errors(rig: Rig, truth: RigTruth) -> list[np.ndarray]:
     """(6,) of each camera but the first: turn in radians, shift in the target's unit."""
     turns = []
     for one, true in zip(rig.cameras, truth.cameras, strict=True):
@@ -190,8 +189,8 @@ def measure(name: str, seeds: range) -> None:
         f"{name:<12} {len(seeds) - failed}/{len(seeds)} converged; turn "
         f"{np.median(turns):.4f}° (max {max(turns):.4f}), shift {np.median(shifts):.3f} mm "
         f"(max {max(shifts):.3f}); error/sigma turn {np.sqrt(np.mean(ratio[:, :3] ** 2)):.2f}, "
-        f"shift {np.sqrt(np.mean(ratio[:, 3:] ** 2)):.2f}; RMS {rig.errors.rms_px:.3f} px, "
-        f"held out {rig.held_out_rms_px:.3f}; {np.mean(seconds):.0f} s CPU",
+        f"shift {np.sqrt(np.mean(ratio[:, 3:] ** 2)):.2f}; RMS {rig.fit.rms_px:.3f} px, "
+        f"held out {rig.fit.held_out_rms_px:.3f}; {np.mean(seconds):.0f} s CPU",
         flush=True,
     )
 
@@ -203,14 +202,15 @@ def on_ring(cameras: int, shots: int, field_deg: float) -> Setup:
     return Setup(ring(yaws), fields, corner_target(), (250, 900), CORNER_MIDDLE, shots)
 
 
-class Stages:
+class Stages(Listener):
     """CPU seconds of each camera alone, on average, and of what comes after."""
 
     def __init__(self) -> None:
         self.began: list[tuple[str, float]] = []
 
-    def __call__(self, what: str, _: float) -> None:
-        self.began.append((what, time.process_time()))
+    def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
+        if now:
+            self.began.append((now, time.process_time()))
 
     def __str__(self) -> str:
         ends = [*(at for _, at in self.began[1:]), time.process_time()]
@@ -227,7 +227,7 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
             pairs, truth, _ = simulated(setup, 0)
             stages = Stages()
             began, wall = time.process_time(), time.perf_counter()
-            rig = fitted(pairs, setup.target, progress=stages)
+            rig = fitted(pairs, setup.target, listener=stages)
             spent, wall = time.process_time() - began, time.perf_counter() - wall
             errors = np.array(place_errors(rig, truth))
             sigma = np.sqrt([np.diagonal(one.covariance) for one in rig.cameras[1:]])
@@ -239,8 +239,8 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
                 f"{np.rad2deg(np.median(np.linalg.norm(errors[:, :3], axis=1))):.5f}°, shift "
                 f"{np.median(np.linalg.norm(errors[:, 3:], axis=1)):.4f} mm; error/sigma "
                 f"{np.sqrt(np.mean(ratio[:, :3] ** 2)):.2f}, "
-                f"{np.sqrt(np.mean(ratio[:, 3:] ** 2)):.2f}; RMS {rig.errors.rms_px:.4f} px, held "
-                f"out {rig.held_out_rms_px:.4f}",
+                f"{np.sqrt(np.mean(ratio[:, 3:] ** 2)):.2f}; RMS {rig.fit.rms_px:.4f} px, held "
+                f"out {rig.fit.held_out_rms_px:.4f}",
                 flush=True,
             )
 

@@ -24,9 +24,8 @@ from cubicfish_cli import Observations as Observations
 from cubicfish_cli import PlaneOptions as PlaneOptions
 from cubicfish_cli import PrintOptions as PrintOptions
 from cubicfish_cli import RectifiedPair as RectifiedPair
-from cubicfish_cli import RigCalibration as RigCalibration
+from cubicfish_cli import Rig as Rig
 from cubicfish_cli import RigEvaluateOptions as RigEvaluateOptions
-from cubicfish_cli import RigFile as RigFile
 from cubicfish_cli import RigOptions as RigOptions
 from cubicfish_cli import Run as Run
 from cubicfish_cli import ShotOptions as ShotOptions

@@ -157,7 +157,9 @@ def rig(folder: Path) -> None:
     save_target(folder / "box.yaml", setup.target)
     for name, own in zip(names, corners, strict=True):
         save_corners(folder / f"{name}.csv", own)
-    cubicfish("rig", *(f"{name}.csv" for name in names), "-t", "box.yaml", folder=folder)
+    cubicfish(
+        "rig", "calibrate", *(f"{name}.csv" for name in names), "-t", "box.yaml", folder=folder
+    )
     photos = []
     for name, lens, place in zip(names, lenses, truth.camera_from_rig, strict=True):
         pose = combined(place, truth.rig_from_world[0])
@@ -168,7 +170,7 @@ def rig(folder: Path) -> None:
         cv2.imwrite(str(folder / name / "shot_001.png"), photo)
         photos.append(cv2.resize(photo, (302, 302 * photo.shape[0] // photo.shape[1])))
     shot = [f"{name}/shot_001.png" for name in names]
-    cubicfish("undistort", *shot, "all.png", "-m", "rig", "--distance", 800, folder=folder)
+    cubicfish("rig", "undistort", *shot, "all.png", "--distance", 800, folder=folder)
     height = min(len(photo) for photo in photos)
     row = beside(*(cv2.cvtColor(photo[:height], cv2.COLOR_GRAY2BGR) for photo in photos))
     all_round = scaled(cv2.imread(str(folder / "all.png")), row.shape[1])

@@ -26,6 +26,7 @@ from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.codes import Code, Event, Severity
 from cubicfish_cli.core.errors import DetectionError, OutputError, PhotoError
+from cubicfish_cli.core.files import refuse_outside
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.target import Target
@@ -381,6 +382,7 @@ def drawings(folder: Path, photos: Sequence[Photo]) -> dict[str, Path]:
         paths = [folder / f"{name}.png" for name in names]
         # File systems may not tell a from A.
         apart = names is full or len({name.casefold() for name in names}) == len(names)
+        refuse_outside(folder, paths)
         if apart and taken.isdisjoint(map(os.path.realpath, paths)):
             return dict(zip(full, paths, strict=True))
     raise OutputError(f"drawings in {folder} would replace photos: choose another folder")

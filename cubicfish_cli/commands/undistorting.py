@@ -46,7 +46,7 @@ from cubicfish_cli.commands.views import (
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.codes import Code, Event, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError, ViewError
-from cubicfish_cli.core.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_any_camera, load_camera
@@ -361,6 +361,8 @@ def plan_pictures(
         outputs = {part: part_name(path, part) for part in asked.parts}
         refuse_itself(list(outputs.values()), list(photos.values()))
         jobs.append(Job(name=name, photos=photos, outputs=outputs))
+    if to_folder:
+        refuse_outside(output, (path for job in jobs for path in job.outputs.values()))
     asked.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
     return Plan(kind=kind, output=output, jobs=jobs)
 

@@ -152,7 +152,6 @@ class Event(StrEnum):
     CHOSEN_ASKED = "chosen_asked"
     CHOSEN_ENOUGH = "chosen_enough"
     CLOCK = "clock"
-    CLOCK_IN_ALL = "clock_in_all"
     LOOKING = "looking"
     LOOKED_AGAIN = "looked_again"
     NOT_CERTAIN = "not_certain"

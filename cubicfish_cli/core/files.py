@@ -56,6 +56,21 @@ def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> No
         _refuse_existing(path, overwrite=overwrite, can_skip=can_skip)
 
 
+def refuse_outside(folder: Path, paths: Iterable[Path]) -> None:
+    """Raise :class:`OutputError` when one of ``paths`` leads out of the folder that was named.
+
+    A folder is named by the user, the files in it may be called after what stands in somebody
+    else's file.
+    """
+    for path in paths:
+        if not path.is_relative_to(folder) or ".." in path.relative_to(folder).parts:
+            raise OutputError(
+                f"is outside of {folder}, where results go, and is not written: check the names "
+                "in the files that are read",
+                about=str(path),
+            )
+
+
 def _refuse_existing(path: Path, *, overwrite: bool, can_skip: bool) -> None:
     if os.path.isdir(path):
         raise OutputError("is a folder: give the name of a file", about=str(path))
@@ -117,7 +132,11 @@ def whole_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
 
 @contextmanager
 def whole_files(
-    paths: Sequence[Path], *, overwrite: bool, obsolete: Sequence[Path] = ()
+    paths: Sequence[Path],
+    *,
+    overwrite: bool,
+    obsolete: Sequence[Path] = (),
+    folder: Path | None = None,
 ) -> Iterator[tuple[Path, ...]]:
     """Yield one temporary name for each path; all become final when the block succeeds.
 
@@ -131,12 +150,15 @@ def whole_files(
         paths: the files.
         overwrite: whether they may be replaced.
         obsolete: files of earlier results that go when the new ones are there, if there are any.
+        folder: where all of them must be, or below it, if they are called after what was read.
 
     Raises:
-        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+        OutputError: a file exists and ``overwrite`` is false, cannot be written, or is elsewhere.
 
     """
     paths = [Path(path) for path in paths]
+    if folder is not None:
+        refuse_outside(folder, (*paths, *obsolete))
     for path in paths:
         refuse_existing(path, overwrite=overwrite)
     for folder in {path.parent for path in paths}:
@@ -297,7 +319,11 @@ def write_text(path: Path, text: str, *, overwrite: bool) -> None:
 
 
 def write_files(
-    files: Mapping[Path, Content], *, overwrite: bool, obsolete: Sequence[Path] = ()
+    files: Mapping[Path, Content],
+    *,
+    overwrite: bool,
+    obsolete: Sequence[Path] = (),
+    folder: Path | None = None,
 ) -> list[Path]:
     """Write files, all or none, as :func:`whole_files` does.
 
@@ -305,16 +331,19 @@ def write_files(
         files: path -> its text, its bytes, or what writes it to the name that it is called with.
         overwrite: whether they may be replaced.
         obsolete: files of earlier results that go when the new ones are there.
+        folder: where all of them must be, or below it, if they are called after what was read.
 
     Returns:
         The paths.
 
     Raises:
-        OutputError: a file exists and ``overwrite`` is false, or cannot be written.
+        OutputError: a file exists and ``overwrite`` is false, cannot be written, or is elsewhere.
 
     """
     if files:
-        with whole_files(list(files), overwrite=overwrite, obsolete=obsolete) as temporaries:
+        with whole_files(
+            list(files), overwrite=overwrite, obsolete=obsolete, folder=folder
+        ) as temporaries:
             for temporary, content in zip(temporaries, files.values(), strict=True):
                 if isinstance(content, str):
                     temporary.write_text(content, encoding="utf-8", newline="\n")

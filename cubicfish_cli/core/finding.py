@@ -125,7 +125,7 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
     images, boards = (_names(record.get(key)) for key in ("images", "boards"))
     figures = record.get("figures")
     remedy = _known(Remedy, record.get("remedy")) or Remedy.CHECK
-    return Finding(
+    found = Finding(
         code=_known(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
         severity=severity,
         images=images,
@@ -134,6 +134,10 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
         figures=figures if isinstance(figures, Mapping) else {},
         recorded=Saying(what, evidence, do, remedy),
     )
+    if "cameras" not in record:
+        return found
+    cameras, shots = (_names(record.get(key)) for key in ("cameras", "shots"))
+    return RigFinding(**vars(found), cameras=cameras, shots=shots)
 
 
 def _names(value: object) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import pytest
 
 from cubicfish_cli.core import files
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError
+from cubicfish_cli.core.files import write_files
 
 
 def names(folder: Path) -> list[str]:
@@ -154,6 +155,24 @@ def test_several_files_are_refused_before_the_work_when_one_name_is_taken(tmp_pa
     ):
         pytest.fail("the block must not start")
     assert names(tmp_path) == ["b.txt"]
+
+
+@pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "a/../../evil", "a/../b", "../out/a"])
+def test_files_that_lead_out_of_the_folder_are_not_written(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "out"
+    with pytest.raises(OutputError, match="is outside of") as refused:
+        write_files({folder / "a": "a", folder / name: "b"}, overwrite=True, folder=folder)
+    assert "\n" not in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    with pytest.raises(OutputError, match="is outside of"):
+        write_files({folder / "a": "a"}, overwrite=True, obsolete=[mine], folder=folder)
+    assert mine.read_text() == "mine"
+    # The folder itself may be anywhere, as the user says.
+    write_files(
+        {tmp_path / "x" / ".." / "y" / "a": "a"}, overwrite=True, folder=tmp_path / "x/../y"
+    )
 
 
 def test_sha256_is_of_the_bytes(tmp_path: Path) -> None:

@@ -84,11 +84,15 @@ def test_nothing_else_needs_an_extension(
 
 
 def test_a_rig_is_no_camera_and_the_command_says_what_is(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "rig.yaml").write_text("cubicfish_rig: 1\n")
-    for path in (tmp_path, tmp_path / "rig.yaml"):
-        said = run("info", path, code=1).stderr
-        assert "camera" in said
-        assert said.count("\n") == 1
+    path = tmp_path / "rig.yaml"
+    for text in ("cubicfish_rig: 1\n", "units: mm\ncameras: []\ncubicfish_rig: 1\n"):
+        path.write_text(text)
+        for given in (tmp_path, path):
+            for line in (["info", given], ["export", given, "--to", "opencv"]):
+                said = run(*line, code=1).stderr
+                assert "camera" in said
+                assert said.count("\n") == 1
+        assert "rig.yaml is of a rig" in said
 
 
 @pytest.fixture

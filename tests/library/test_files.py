@@ -314,7 +314,7 @@ def test_what_rigs_are_and_how_far_apart_is_what_the_commands_say(
     rig = made_rig(calibrated, tmp_path / "rig", 2)
     made = info_rig_files(rig.parent)
     assert same_records(as_json(made), json.loads(run_cli("rig", "info", rig, "--json").stdout))
-    assert [one["name"] for one in made.rig["cameras"]] == ["left", "right"]
+    assert [one.name for one in made.rig.cameras] == ["left", "right"]
     said = json.loads(run_cli("rig", "compare", rig, rig, "--json").stdout)
     found = compare_rig_files(rig.parent, rig)
     assert same_records(as_json(found), said)

@@ -1,5 +1,6 @@
 """Files and names that mean harm, through the commands themselves."""
 
+import ast
 import json
 import os
 import shutil
@@ -10,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+import cubicfish_cli
 from cubicfish_cli.app.undistortion.images import write_picture
 from cubicfish_cli.core import reading
 
@@ -207,6 +210,69 @@ def test_names_of_photos_in_tables_lead_nowhere(run, here, with_report, quick_fi
     written = {path.relative_to(here).parts[0] for path in here.rglob("*") if path.is_file()}
     assert written == {"corners.csv", "made", "again.html"}
     assert not Path("/tmp/escaped").exists()
+
+
+ELSEWHERE = ("../escaped", "/tmp/escaped", "a/../../escaped", "..", "two\nlines")
+
+
+def hostile_rig(calibrated, folder, name):
+    """A rig whose second camera is called so, its keys in another order than they are written."""
+    cameras = []
+    for number, called in enumerate(("left", name)):
+        (folder / f"camera{number}").mkdir(parents=True)
+        shutil.copy(calibrated / "camera.yaml", folder / f"camera{number}")
+        place = {"translation": [-100 * number, 0, 0], "rotation": np.eye(3).tolist()}
+        own = f"camera{number}/camera.yaml"
+        cameras.append({"camera_from_rig": place, "camera": own, "name": called})
+    record = {"units": "mm", "cameras": cameras, "cubicfish_rig": 1}
+    (folder / "rig.yaml").write_text(yaml.safe_dump(record, sort_keys=False))
+
+
+WRITERS = {
+    "rig export": ["rig", "export", "rig", "--to", "mrcal", "-o", "out"],
+    "rig export ros": ["rig", "export", "rig", "--to", "ros", "-o", "out"],
+    "rig map": ["rig", "map", "out/m.npz", "-m", "rig"],
+    "rig undistort": ["rig", "undistort", "photos", "out", "-m", "rig"],
+    "rig calibrate": ["rig", "calibrate", CORNERS, CORNERS, "-t", TARGET, "-o", "out", "--names"],
+    "simulate": ["simulate", "--target", TARGET, "--poses", "poses.csv", "-o", "out"],
+}
+"""What writes several files into a folder, called after names that stand in files."""
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+@pytest.mark.parametrize("writer", WRITERS)
+def test_nothing_is_written_outside_of_the_folder(run, calibrated, photo, here, writer, name):
+    hostile_rig(calibrated, here / "rig", name)
+    (here / "photos" / "left").mkdir(parents=True)
+    shutil.copy(photo, here / "photos" / "left")
+    poses = f'image,rx,ry,rz,tx,ty,tz\n"{name}",0,0,0,0,0,500\n'
+    (here / "poses.csv").write_text(poses)
+    line = [*WRITERS[writer], *([f"left,{name}"] if writer == "rig calibrate" else [])]
+    before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+    done = run(*line, code=2 if writer == "rig calibrate" else 1)
+    assert done.stderr.splitlines()[-1].startswith("Error: ")
+    assert "Traceback" not in done.stderr
+    after = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+    assert {path: text for path, text in after.items() if here / "out" not in path.parents} == {
+        path: text for path, text in before.items() if here / "out" not in path.parents
+    }
+    assert not Path("/tmp/escaped").exists()
+
+
+def test_what_writes_into_folders_says_which():
+    """Each module that writes several files says which folder they must be in."""
+    by_users = {"calibrate.py", "map.py", "map_files.py"}  # no name is out of a file
+    by_plan = {"batch.py"}  # writes what undistort has planned, and refused where it leads out
+    for path in Path(cubicfish_cli.__file__).parent.rglob("*.py"):
+        if path.name in {"files.py", *by_users, *by_plan} or path.parent.name == "advice":
+            continue
+        text = path.read_text(encoding="utf-8")
+        for call in ast.walk(ast.parse(text)):
+            if not isinstance(call, ast.Call) or "refuse_outside(" in text:
+                continue
+            if getattr(call.func, "id", "") in ("write_files", "whole_files"):
+                several = not isinstance(call.args[0], ast.Dict) or len(call.args[0].keys) > 1
+                assert not several or "folder" in {word.arg for word in call.keywords}, path
 
 
 @pytest.mark.parametrize(

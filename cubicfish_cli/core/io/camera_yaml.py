@@ -119,6 +119,10 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
             raise CameraFileError(
                 f"{path} is a calibration target, not a camera: {_NO_CAMERA} wrote"
             )
+        keys = map(str, record if isinstance(record, dict) else ())
+        other = next((key for key in keys if key.startswith("cubicfish_")), "").partition("_")[2]
+        if other:  # of several cameras on one body, or of two turned into rows
+            raise CameraFileError(f"{path} is of a {other}, not of one camera: {_NO_CAMERA} wrote")
         raise none
     refuse_version(path, record["cubicfish"], FORMAT_VERSION)
     refuse_unknown(path, record, _KEYS)

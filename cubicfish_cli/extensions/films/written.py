@@ -99,7 +99,8 @@ def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwri
     paths = [folder / name for name in (TABLE, SHEET, *(frame.photo.name for frame in frames))]
     old = [folder / name for name in photos_of_table(paths[0])] if overwrite else []
     obsolete = [path for path in old if path not in paths]
-    with whole_files(paths, overwrite=overwrite, obsolete=obsolete) as (table, page, *pictures):
+    written = whole_files(paths, overwrite=overwrite, obsolete=obsolete, folder=folder)
+    with written as (table, page, *pictures):
         _write_table(table, of, chosen)
         for picture, frame in zip(pictures, frames, strict=True):
             shutil.copyfile(frame.photo.path, picture)

@@ -195,7 +195,8 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     outputs = {name: Path(asked.folder) / NAMES[name] for name in contents}
     refuse_existing(*outputs.values(), overwrite=run.overwrite)
     run.listener.progress(f"Drawing {len(pages)} page{'s' * (len(pages) != 1)}")
-    write_files({path: contents[name] for name, path in outputs.items()}, overwrite=run.overwrite)
+    files = {path: contents[name] for name, path in outputs.items()}
+    write_files(files, overwrite=run.overwrite, folder=Path(asked.folder))
     return PrintedFiles(files=outputs, pages=pages, paper=on)
 
 

@@ -19,7 +19,7 @@ from cubicfish_cli.app.asked import (
 )
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import hold_gate, mark_of, print_verdict
+from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
 from cubicfish_cli.app.terminal.options import (
     FILE,
     IntRange,
@@ -39,12 +39,11 @@ from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.assess.verdict import Verdict
     from cubicfish_cli.core.fit.model_selection import RefineTarget
-    from cubicfish_cli.core.io.camera_yaml import CameraFile
+    from cubicfish_cli.core.io.calibrated import Calibrated
     from cubicfish_cli.core.target import Target
     from cubicfish_cli.extensions.rigs.films import RigFrames
-    from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
+    from cubicfish_cli.extensions.rigs.rig import Rig
 
 
 @record
@@ -84,7 +83,7 @@ class RigOptions:
     names: Sequence[str] | str | None = option(
         "--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]"
     )
-    lenses: Mapping[str, CameraFile | StrPath] | Sequence[Path] = option(
+    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path] = option(
         "--lens NAME=FILE",
         "A camera that is calibrated already: its name and its file or folder. Its lens stays as "
         "it is. Once for each such camera.",
@@ -124,23 +123,19 @@ class RigFiles:
 
     Attributes:
         rig: the rig.
-        record: the same as plain data, as rig.yaml has it.
-        verdict: what it is worth.
         files: what was written, rig.yaml first.
 
     """
 
-    rig: RigCalibration
-    record: dict[str, Any]
-    verdict: Verdict
+    rig: Rig
     files: list[Path]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig calibrate --json`` prints."""
         return {
-            **self.record,
+            **self.rig.as_record(),
             "model": str(self.files[0]),
-            "verdict": self.verdict.as_record(),
+            "verdict": self.rig.verdict.as_record(),
         }
 
 
@@ -157,10 +152,10 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     from cubicfish_cli.app.inputs import films_among
     from cubicfish_cli.extensions.films.scan import room_for_frames
     from cubicfish_cli.extensions.rigs.films import rig_frames
+    from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
     from cubicfish_cli.extensions.rigs.report import write_rig_page
-    from cubicfish_cli.extensions.rigs.rigs import calibrate_rig, rig_record, save_rig
-    from cubicfish_cli.extensions.rigs.verdict import rig_verdict
+    from cubicfish_cli.extensions.rigs.rig import save_rig
 
     source = TargetSource.of(asked.target)
     cameras, names = asked.cameras, asked.names
@@ -227,62 +222,56 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     made_by = made_by_record(run.command, held, first.target_file, files)
     listener.progress("Writing")
     written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
-    if frames is not None:
-        frames.tell_clocks({one.name: one.late_s for one in rig.cameras}, listener)
-    record = rig_record(rig)
     for page in pages:
         write_rig_page(written[0], page, run)
-    return RigFiles(rig=rig, record=record, verdict=rig_verdict(record), files=[*written, *pages])
+    return RigFiles(rig=rig, files=[*written, *pages])
 
 
 def _load_known(
-    lenses: Mapping[str, CameraFile | StrPath] | Sequence[Path], called: Sequence[str]
-) -> dict[str, CameraFile]:
+    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
+) -> dict[str, Calibrated]:
     """Cameras that are calibrated already, by name."""
-    from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
+    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.io.camera_yaml import load_camera
 
-    if not isinstance(lenses, Mapping):
-        lenses = dict(map(_parse_lens, lenses))
-    known = {}
+    if not isinstance(lenses, Mapping):  # left=left_calibration
+        lenses = {name: path for name, _, path in (str(one).partition("=") for one in lenses)}
+    known: dict[str, Calibrated] = {}
     for name, one in lenses.items():
         if name not in called:
-            given = quoted(f"{name}={one}" if isinstance(one, Path) else name)
+            given = quoted(name if isinstance(one, Calibrated) else f"{name}={one}")
             raise UsageError(
                 f"--lens {given} names no camera: write NAME=FILE with one of {', '.join(called)}"
             )
-        known[name] = one if isinstance(one, CameraFile) else load_camera(in_folder(Path(one)))
+        known[name] = one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
     return known
 
 
 def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | str | None) -> list[str]:
     """What the cameras are called."""
     from cubicfish_cli.extensions.rigs.inputs import named_by
+    from cubicfish_cli.extensions.rigs.rig import refuse_name
 
-    if given is not None:
-        separate = given.split(",") if isinstance(given, str) else given
-        names = [name.strip() for name in separate]
-        if len(names) != len(inputs):
-            raise UsageError(f"--names has {len(names)} names for {len(inputs)} cameras")
-    else:
-        names = []
-        for path in inputs:
-            own = path.absolute()
-            own = own.parent if own.name in ("corners.csv", "camera.yaml") else own
-            names.append(named_by(own))
+    given = given.split(",") if isinstance(given, str) else given
+    names = list(map(named_by, inputs)) if given is None else [name.strip() for name in given]
+    if len(names) != len(inputs):
+        raise UsageError(f"--names has {len(names)} names for {len(inputs)} cameras")
     if len(set(names)) < len(names) or not all(names):
         raise UsageError(
             f"the cameras would be called {', '.join(names)}: give each a name of its own with "
             "--names"
         )
+    for name in names:
+        refuse_name(name, "camera", UsageError)
     return names
 
 
 def _match_shots(asked: RigOptions, frames: RigFrames | None) -> tuple[dict[str, Any], str]:
     """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
-    from cubicfish_cli.extensions.rigs.rigs import TOLERANCE, load_shots
+    from cubicfish_cli.extensions.rigs.fit.shots import load_shots
 
     shots, tolerance = asked.shots, asked.tolerance
-    wanted: dict[str, Any] = {"tolerance": TOLERANCE if tolerance is None else tolerance}
+    wanted: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if frames is not None:
         return {**wanted, "shots": frames.shots}, "films"
     if shots is None:
@@ -292,12 +281,6 @@ def _match_shots(asked: RigOptions, frames: RigFrames | None) -> tuple[dict[str,
     if rows is not None and tolerance is not None:
         raise UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
     return {**wanted, "shots": "time" if rows is None else rows, "times": times}, str(shots)
-
-
-def _parse_lens(text: Path) -> tuple[str, Path | str]:
-    """``left=left_calibration`` -> its parts."""
-    name, separator, path = str(text).partition("=")
-    return (name, Path(path)) if separator else (str(text), "")
 
 
 @as_rig_command(
@@ -320,13 +303,11 @@ def command(given: RigOptions, how: How) -> None:
     """
     made = how.do(calibrate_rig_files, given)
     printed = how.print(made)
-    for finding in made.rig.findings:
+    for finding in made.rig.fit.findings:
         say(f"{mark_of(finding)}: {finding.line}")
     if not printed:
         apart()
-        print_rig(made.record)
-        result()
-        print_verdict(made.verdict)
+        print_rig(made.rig)
         result()
         print_wrote(made.files)
-    hold_gate(made.rig.errors.rms_px, how.max_rms)
+    hold_gate(made.rig.fit.rms_px, how.max_rms)

@@ -109,8 +109,8 @@ def compare_rig_files(first: StrPath, second: StrPath) -> ComparedRigFiles:
         FitError: the rigs have fewer than two cameras in common, or other units.
 
     """
-    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
-    from cubicfish_cli.extensions.rigs.rigs import compare_rigs
+    from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
+    from cubicfish_cli.extensions.rigs.rig import load_rig
 
     rig = load_rig(first)
     return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(second)))

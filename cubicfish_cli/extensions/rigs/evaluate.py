@@ -55,13 +55,13 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
         CubicfishError: an input cannot be used, or no shot can be placed.
 
     """
+    from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs, named_by
-    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
-    from cubicfish_cli.extensions.rigs.rigs import evaluate_rig
+    from cubicfish_cli.extensions.rigs.rig import load_rig
 
     known, inputs = load_rig(asked.rig), paths_of(asked.cameras)
     names = [one.name for one in known.cameras]
-    own = [named_by(one.absolute()) for one in inputs]
+    own = list(map(named_by, inputs))
     if not set(own) <= set(names):
         if len(inputs) != len(names):
             raise UsageError(
@@ -97,12 +97,12 @@ def command(given: RigEvaluateOptions, how: How) -> None:
     """
     evaluation = how.do(evaluate_rig_files, given)
     for one in evaluation.cameras:
-        if one.outside:
-            say(f"camera {one.name}: {count(one.outside, 'corner')} not counted: beyond its field.")
+        if one.outside_field:
+            corners = count(one.outside_field, "corner")
+            say(f"camera {one.name}: {corners} not counted: beyond its field.")
         say_unplaced(one.unplaced, f"camera {one.name}: ")
-    found = evaluation.as_record()
     if how.as_json:
-        print_json({"model": str(given.rig), **found})
+        print_json({"model": str(given.rig), **evaluation.as_record()})
     else:
         print_evaluation(evaluation)
-    hold_gate(found["rms_px"], how.max_rms)
+    hold_gate(evaluation.rms_px, how.max_rms)

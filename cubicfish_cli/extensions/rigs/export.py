@@ -116,7 +116,7 @@ def export_rig_files(
         without_matrix,
     )
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
-    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
+    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
     path = rig_file(rig)
     known = load_rig(path)
@@ -133,13 +133,13 @@ def export_rig_files(
     made = []
     for one in chosen:
         try:
-            own = export_camera(one.file, to, max_error=max_error, max_angle_deg=max_angle_deg)
+            own = export_camera(one, to, max_error=max_error, max_angle_deg=max_angle_deg)
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
     text = holds_rigs[1](lens_rig(known, made))
     texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
-    written = write_files(texts, overwrite=run.overwrite)
+    written = write_files(texts, overwrite=run.overwrite, folder=goal)
     lines, warnings = [], []
     for one, lens in made:
         lines.append(f"{one.name}: {lens.note[1]}")

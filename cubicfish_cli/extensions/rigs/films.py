@@ -44,7 +44,6 @@ class RigFrames:
         late: of each camera and picture's name, seconds after the shot's moment.
         beside: of each camera and picture's name, the film's frames before and after it, and
             seconds to them.
-        ahead: of each camera, by how much its clock was found to be ahead of the first's, seconds.
 
     """
 
@@ -52,21 +51,6 @@ class RigFrames:
     shots: list[tuple[str, str, str]]
     late: Mapping[str, Mapping[str, float]]
     beside: Mapping[str, Mapping[str, tuple[_Beside, _Beside]]]
-    ahead: Mapping[str, float]
-
-    def tell_clocks(self, late: Mapping[str, float | None], listener: Listener) -> None:
-        """Tell how far clocks differ in all, by when films move and by the fit.
-
-        Args:
-            late: of each camera, by how much it was found to be later still, seconds.
-            listener: who is told.
-
-        """
-        first = next(iter(self.ahead))
-        for name, ahead in self.ahead.items():
-            total = ahead - (late.get(name) or 0.0)
-            if total:
-                _tell_clock(listener, Event.CLOCK_IN_ALL, name, first, total)
 
     def moving(self, camera: str, pairs: Observations, listener: Listener) -> Moving:
         """How the corners of a camera's pictures move."""
@@ -111,86 +95,53 @@ def rig_frames(
         CubicfishError: a film cannot be used, films share no time, or show no board.
 
     """
-    table = folder / "shots.csv"
-    refuse_existing(table, overwrite=run.overwrite)
-    measured = []
-    for path in films.values():
+    refuse_existing(folder / "shots.csv", overwrite=run.overwrite)
+    measured = {}
+    for name, path in films.items():
         (film,) = open_films([path])
-        progress = run.listener.counting(f"Reading {film.path.name}")
-        measured.append(scan(film, progress))
-        tell_of_film(measured[-1], run.listener)
-    names = list(films)
-    told, ahead = _clocks(names, measured, run.listener)
-    apart = [one + other for one, other in zip(told, ahead, strict=True)]
-    found = _moments(names, measured, apart, _LOOKED_AT * most, tolerance)
-    run.listener.tell(Event.MOMENTS, moments=len(found.time))
-    taken = {
-        name: _taken(one, found, column, room / name, run.listener)
-        for column, (name, one) in enumerate(zip(names, measured, strict=True))
-    }
-    chosen = _chosen(names, measured, found, taken, targets, most, run)
-    written = _written(names, measured, found, taken, chosen, folder, overwrite=run.overwrite)
-    return replace(written, ahead=dict(zip(names, ahead, strict=True)))
-
-
-def _clocks(
-    names: Sequence[str], measured: Sequence[Measured], listener: Listener
-) -> tuple[list[float], list[float]]:
-    """By how much each film's own time is ahead of the first's, seconds: as told, and as found."""
-    begins = [begins_at(one.film) for one in measured]
-    # What clocks say themselves, where they say it.
-    told = [begins[0] - begin for begin in begins]
-    ahead = [0.0]
-    for name, one, known in zip(names[1:], measured[1:], told[1:], strict=True):
-        first = [time + known for time in measured[0].time]
-        differs = film_offset((first, one.time), (measured[0].motion, one.motion))
-        if differs:
-            _tell_clock(listener, Event.CLOCK, name, names[0], differs)
-        ahead.append(differs)
-    return told, ahead
-
-
-def _tell_clock(listener: Listener, event: Event, name: str, first: str, ahead_s: float) -> None:
-    by_ms = 1e3 * abs(ahead_s)
-    listener.tell(event, name=name, first=first, by_ms=by_ms, ahead=ahead_s > 0)
-
-
-def _moments(
-    names: Sequence[str],
-    measured: Sequence[Measured],
-    ahead: Sequence[float],
-    most: int,
-    tolerance: float | None,
-) -> Moments:
-
-    found = moments(measured, ahead, most, tolerance)
+        measured[name] = scan(film, run.listener.counting(f"Reading {film.path.name}"))
+        tell_of_film(measured[name], run.listener)
+    apart = _ahead(measured, run.listener)
+    found = moments(list(measured.values()), apart, _LOOKED_AT * most, tolerance)
     if not len(found.time):
         raise PhotoError(
-            f"the films of {' and '.join(names)} have no frame at the same time: check that they "
+            f"the films of {' and '.join(films)} have no frame at the same time: check that they "
             "were taken together, or say a larger --tolerance"
         )
+    run.listener.tell(Event.MOMENTS, moments=len(found.time))
+    taken = {}
+    for column, (name, one) in enumerate(measured.items()):
+        frames = {
+            index + step
+            for index in found.frame[:, column].tolist()
+            for step in (-1, 0, 1)
+            if index >= 0 and 0 <= index + step < len(one)
+        }
+        taken[name] = {index: room / name / f"{index}.png" for index in sorted(frames)}
+        take_out(
+            one.film, taken[name], run.listener.counting(f"Taking frames of {one.film.path.name}")
+        )
+    chosen = _choose(measured, found, taken, targets, most, run)
+    return _write(measured, found, taken, chosen, folder, overwrite=run.overwrite)
+
+
+def _ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
+    """By how much each film's own time is ahead of the first's, seconds, told and found."""
+    (first_name, first), *others = measured.items()
+    begin, found = begins_at(first.film), [0.0]
+    for name, one in others:
+        told = begin - begins_at(one.film)  # what clocks say themselves, where they say it
+        times = ([time + told for time in first.time], one.time)
+        differs = film_offset(times, (first.motion, one.motion))
+        if differs:
+            figures = {"by_ms": 1e3 * abs(differs), "ahead": differs > 0}
+            listener.tell(Event.CLOCK, name=name, first=first_name, **figures)
+        found.append(told + differs)
     return found
 
 
-def _taken(
-    measured: Measured, found: Moments, column: int, folder: Path, listener: Listener
-) -> dict[int, Path]:
-    """Take the moments' frames out of a film, and their neighbours: by index, their pictures."""
-    wanted = {
-        index + step
-        for index in found.frame[:, column].tolist()
-        for step in (-1, 0, 1)
-        if index >= 0 and 0 <= index + step < len(measured)
-    }
-    paths = {index: folder / f"{index}.png" for index in sorted(wanted)}
-    progress = listener.counting(f"Taking frames of {measured.film.path.name}")
-    take_out(measured.film, paths, progress)
-    return paths
-
-
-def _chosen(
-    names: Sequence[str],
-    measured: Sequence[Measured],
+def _choose(
+    measured: Mapping[str, Measured],
     found: Moments,
     taken: Mapping[str, Mapping[int, Path]],
     targets: Sequence[Target],
@@ -198,8 +149,8 @@ def _chosen(
     run: Run,
 ) -> dict[int, list[int]]:
     """Rows of the moments that add most, and which cameras show something there."""
-    shots: list[list[Seen | None]] = [[None] * len(names) for _ in found.time]
-    for column, (name, film) in enumerate(zip(names, measured, strict=True)):
+    shots: list[list[Seen | None]] = [[None] * len(measured) for _ in found.time]
+    for column, (name, film) in enumerate(measured.items()):
         rows = np.flatnonzero(found.frame[:, column] >= 0).tolist()
         frames = found.frame[rows, column].tolist()
         photos = [Photo(name=f"{name} {index}", path=taken[name][index]) for index in frames]
@@ -214,7 +165,7 @@ def _chosen(
                 sharpness=film.sharpness[index],
                 motion=film.motion[index],
             )
-    sizes = [one.film.size for one in measured]
+    sizes = [one.film.size for one in measured.values()]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
     told = {"chosen": len(choice.order), "shots": len(shots)}
     run.listener.tell(Event.SHOTS_CHOSEN, **told, ended=why_ended(choice, "shot"))
@@ -224,9 +175,8 @@ def _chosen(
     }
 
 
-def _written(
-    names: Sequence[str],
-    measured: Sequence[Measured],
+def _write(
+    measured: Mapping[str, Measured],
     found: Moments,
     taken: Mapping[str, Mapping[int, Path]],
     chosen: Mapping[int, Sequence[int]],
@@ -238,12 +188,12 @@ def _written(
     start = min(0.0, float(found.time.min()))
     rows: list[tuple[str, str, str]] = []
     sources: dict[Path, Path] = {}
-    late: dict[str, dict[str, float]] = {name: {} for name in names}
-    beside: dict[str, dict[str, tuple[_Beside, _Beside]]] = {name: {} for name in names}
+    late: dict[str, dict[str, float]] = {name: {} for name in measured}
+    beside: dict[str, dict[str, tuple[_Beside, _Beside]]] = {name: {} for name in measured}
     for row, showing in chosen.items():
         shot = frame_name("shot", float(found.time[row]) - start)
         for column in showing:
-            name, film = names[column], measured[column]
+            name, film = list(measured.items())[column]
             index = int(found.frame[row, column])
             picture = f"{frame_name(name, film.time[index])}.png"
             if picture in late[name]:
@@ -255,25 +205,24 @@ def _written(
                 _beside(film, taken[name], index, -1),
                 _beside(film, taken[name], index, 1),
             )
-    for name in names:
-        if not late[name]:
+    for name, own in late.items():
+        if not own:
             raise DetectionError(
                 f"camera {name}: no board was found in any frame that was chosen: is one in view "
                 "while the others see the target too?"
             )
     table = folder / "shots.csv"
-    with whole_files([table, *sources], overwrite=overwrite) as temporaries:
+    with whole_files([table, *sources], overwrite=overwrite, folder=folder) as temporaries:
         write_text(temporaries[0], csv_text([("shot", "camera", "image"), *rows]), overwrite=False)
         for temporary, source in zip(temporaries[1:], sources.values(), strict=True):
             shutil.copyfile(source, temporary)
     return RigFrames(
         photos={
-            name: tuple(path for path in sources if path.parent.name == name) for name in names
+            name: tuple(path for path in sources if path.parent.name == name) for name in measured
         },
         shots=rows,
         late=late,
         beside=beside,
-        ahead=dict.fromkeys(names, 0.0),
     )
 
 

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import StrPath
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import record
-from cubicfish_cli.app.terminal.terminal import print_json, result
+from cubicfish_cli.app.terminal.terminal import print_json
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.extensions.rigs.rig import Rig
 
 
 @record
@@ -39,8 +38,6 @@ def command(given: Asked) -> None:
         print_json(made.as_record())
         return
     print_rig(made.rig)
-    result()
-    print_verdict(made.verdict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,18 +46,17 @@ class RigInfo:
 
     Attributes:
         model: the file.
-        verdict: what the rig is worth.
-        rig: its plain data: units, cameras, pairs, fit and made_by.
+        rig: the rig, with its verdict.
 
     """
 
     model: Path
-    verdict: Verdict
-    rig: dict[str, Any]
+    rig: Rig
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig info --json`` prints."""
-        return {"model": self.model, "rig": self.rig}
+        held = {**self.rig.as_record(), "made_by": dict(self.rig.made_by)}
+        return {"model": self.model, "rig": held}
 
 
 def info_rig_files(rig: StrPath) -> RigInfo:
@@ -73,11 +69,7 @@ def info_rig_files(rig: StrPath) -> RigInfo:
         CameraFileError: the file cannot be used.
 
     """
-    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
-    from cubicfish_cli.extensions.rigs.rigs import loaded_record
-    from cubicfish_cli.extensions.rigs.verdict import rig_verdict
+    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
     path = rig_file(rig)
-    known = load_rig(path)
-    held = {**loaded_record(known), "made_by": dict(known.made_by)}
-    return RigInfo(model=path, verdict=rig_verdict(held), rig=held)
+    return RigInfo(model=path, rig=load_rig(path))

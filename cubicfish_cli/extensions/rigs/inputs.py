@@ -18,7 +18,9 @@ from cubicfish_cli.extensions.films.recordings import is_recording, label_of
 
 
 def named_by(path: Path) -> str:
-    """What a camera is called by where its photos are."""
+    """What a camera is called by where its photos are, or its calibration is."""
+    path = path.absolute()
+    path = path.parent if path.name in ("corners.csv", "camera.yaml") else path
     if is_recording(path):
         return label_of(path)
     if has_magic(path.name) and not path.exists():  # left*.png, or left/*.png

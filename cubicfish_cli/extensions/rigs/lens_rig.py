@@ -12,13 +12,13 @@ from cubicfish_cli.core.io.camera_format import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.fit import sees
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, RigFileCamera
+from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
 from cubicfish_cli.extensions.rigs.stereo import rectify
 
 _OVERLAP_RAYS = 2000
 
 
-def lens_rig(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> LensRig:
+def lens_rig(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> LensRig:
     """The rig of some of its cameras' lenses: what other tools' files hold.
 
     Args:
@@ -35,7 +35,7 @@ def lens_rig(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) 
     )
 
 
-def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
+def _placed(camera: RigCamera, lens: Exported) -> PlacedLens:
     turn = lens.conversion.lens_from_camera
     return PlacedLens(
         name=camera.name,
@@ -48,14 +48,14 @@ def _placed(camera: RigFileCamera, lens: Exported) -> PlacedLens:
     )
 
 
-def _overlap(first: RigFileCamera, second: RigFileCamera) -> bool:
+def _overlap(first: RigCamera, second: RigCamera) -> bool:
     """Whether two cameras see some far thing both."""
     rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
     own = rays[sees(first.camera, rays)]
     return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
 
 
-def _flat(rig: RigFile, converted: Sequence[tuple[RigFileCamera, Exported]]) -> FlatPair | None:
+def _flat(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> FlatPair | None:
     """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
     try:
         pair = rectify(rig, *(camera.name for camera, _ in converted))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -30,10 +29,7 @@ from cubicfish_cli.core.views.view import (
     matrix_of_rotation,
     rotation_vector,
 )
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, named_camera
-
-if TYPE_CHECKING:
-    from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
+from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
 
 Floats = npt.NDArray[np.float32]
 
@@ -42,36 +38,6 @@ Floats = npt.NDArray[np.float32]
 _SHARPNESS = 4
 # What the very edge of a field counts with, where it is alone.
 _LEAST_WEIGHT = 1e-12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BodyCamera:
-    """A camera, and how it stands on the body.
-
-    Attributes:
-        name: of the camera.
-        camera: the camera.
-        rotation: (3, 3) of camera_from_rig.
-        translation: (3,) of camera_from_rig.
-
-    """
-
-    name: str
-    camera: CubicCamera
-    rotation: FloatArray
-    translation: FloatArray
-
-    @property
-    def position(self) -> FloatArray:
-        """(3,) where it stands in the body's frame."""
-        return np.asarray(-self.rotation.T @ self.translation)
-
-    def view(self, view: View) -> View:
-        """A view of the body's frame, of far things, as one of the camera's."""
-        if isinstance(view, CentralView):
-            turn = self.rotation @ matrix_of_rotation(np.array(view.rotation))
-            return replace(view, rotation=rotation_vector(turn))
-        raise ViewError(f"a {view.kind} view cannot be made of several cameras")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +50,7 @@ class Body:
 
     """
 
-    cameras: tuple[BodyCamera, ...]
+    cameras: tuple[RigCamera, ...]
     distance: float | None = None
 
     @property
@@ -104,7 +70,7 @@ class Body:
         """All around: where a field ends is asked ray by ray."""
         return 179.9
 
-    def in_camera(self, one: BodyCamera, rays: FloatArray) -> FloatArray:
+    def in_camera(self, one: RigCamera, rays: FloatArray) -> FloatArray:
         """Rays of the body (..., 3) -> points in a camera's frame, of any length where far."""
         if self.distance is None:
             return rays @ one.rotation.T
@@ -125,11 +91,15 @@ class Body:
             best[better] = cosine[better]
         return pixel
 
-    def map_of(self, one: BodyCamera, view: View) -> UndistortMap:
+    def map_of(self, one: RigCamera, view: View) -> UndistortMap:
         """The map that renders a view of the body's frame from a camera's photos."""
-        if self.distance is None:
-            return replace(build_map(one.camera, one.view(view)), view=view)
-        return build_map(_Along(body=self, one=one), view)
+        if self.distance is not None:
+            return build_map(_Along(body=self, one=one), view)
+        if not isinstance(view, CentralView):
+            raise ViewError(f"a {view.kind} view cannot be made of several cameras")
+        turn = one.rotation @ matrix_of_rotation(np.array(view.rotation))
+        own = replace(view, rotation=rotation_vector(turn))
+        return replace(build_map(one.camera, own), view=view)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,7 +107,7 @@ class _Along:
     """A camera of a body, asked for rays of the body."""
 
     body: Body
-    one: BodyCamera
+    one: RigCamera
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -257,23 +227,8 @@ def edge_distance(camera: CubicCamera) -> Floats:
     return np.asarray(cv2.distanceTransform(field, cv2.DIST_L2, 5)[1:-1, 1:-1], np.float32)
 
 
-def body_of_rig(rig: RigFile | RigCalibration) -> Body:
-    """A rig as one camera that sees what any of its cameras sees."""
-    return Body(
-        cameras=tuple(
-            BodyCamera(
-                name=one.name,
-                camera=one.camera,
-                rotation=one.rotation,
-                translation=one.translation,
-            )
-            for one in rig.cameras
-        )
-    )
-
-
 def stitch(
-    rig: RigFile | RigCalibration,
+    rig: Rig,
     photos: Mapping[str, Picture],
     view: View | None = None,
     *,
@@ -293,12 +248,13 @@ def stitch(
         (h, w[, C]) of the same depth, black where no camera sees anything.
 
     Raises:
-        ViewError: there is no such camera, a photo has another size than its camera's, photos
+        CameraFileError: there is no such camera.
+        ViewError: a photo has another size than its camera's, photos
             differ in depth or channels, or no camera sees anything of the view.
 
     """
     for name in photos:
-        named_camera(rig.cameras, name, ViewError)
-    body = replace(body_of_rig(rig), distance=distance)
+        rig.camera(name)
+    body = Body(cameras=rig.cameras, distance=distance)
     chosen = build_view(body, "equirectangular") if view is None else view
     return mosaic_of(body, chosen).render(dict(photos))[0]

@@ -21,7 +21,7 @@ from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.core.views.view import CentralView, View
 from cubicfish_cli.core.wording import either
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, load_rig, rig_file
+from cubicfish_cli.extensions.rigs.rig import Rig, load_rig, rig_file
 from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, rectify
 
 
@@ -110,7 +110,7 @@ def map_rig_files(
     return PairMapFiles(
         model=path,
         own=files_of(plan),
-        written=write_files(files, overwrite=run.overwrite),
+        written=write_files(files, overwrite=run.overwrite, folder=goal.parent),
         image_size=between.image_size,
         view=chosen,
         ffmpeg=ffmpeg_commands(plan),
@@ -139,7 +139,7 @@ def _row_aligned(view: View | ViewOptions | None) -> View | ViewOptions:
     return view
 
 
-def _two_cameras(rig: RigFile, pair: tuple[str, str] | None) -> tuple[str, str]:
+def _two_cameras(rig: Rig, pair: tuple[str, str] | None) -> tuple[str, str]:
     """Names of the cameras that are named, or of those of a rig of two."""
     if pair is not None:
         return rig.camera(pair[0]).name, rig.camera(pair[1]).name

@@ -65,7 +65,7 @@ def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RU
 
     """
     from cubicfish_cli.app.pages.report_files import ReportFiles, refuse_without_extra
-    from cubicfish_cli.extensions.rigs.rig_yaml import rig_file
+    from cubicfish_cli.extensions.rigs.rig import rig_file
 
     refuse_without_extra()
     model = rig_file(rig)
@@ -83,15 +83,12 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
 
     """
     from cubicfish_cli.app import drawing as extra
-    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig
-    from cubicfish_cli.extensions.rigs.rigs import loaded_record
-    from cubicfish_cli.extensions.rigs.verdict import rig_verdict
+    from cubicfish_cli.extensions.rigs.rig import load_rig
 
     with extra.quiet():
         from cubicfish_cli.extensions.rigs.page import rig_html
 
     loaded = load_rig(rig)
-    held = loaded_record(loaded)
     run.listener.progress("Making the report")
-    write_text(page, rig_html(loaded, held), overwrite=run.overwrite)
-    return rig_verdict(held)
+    write_text(page, rig_html(loaded), overwrite=run.overwrite)
+    return loaded.verdict

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,10 +24,7 @@ from cubicfish_cli.core.views.projections import (
     PerspectiveView,
 )
 from cubicfish_cli.core.views.view import Camera, CentralView, rotation_vector
-from cubicfish_cli.extensions.rigs.rig_yaml import RigFile, named_camera
-
-if TYPE_CHECKING:
-    from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
+from cubicfish_cli.extensions.rigs.rig import Rig
 
 FORMAT_VERSION = 1
 
@@ -219,7 +216,7 @@ def rectified_pair(
     )
 
 
-def rectify(rig: RigFile | RigCalibration, first: str, second: str) -> RectifiedPair:
+def rectify(rig: Rig, first: str, second: str) -> RectifiedPair:
     """Two cameras of a rig, turned so that their pictures have common rows.
 
     It is a camera that sees what both see: :func:`build_view` takes it, for flat views and the
@@ -232,10 +229,11 @@ def rectify(rig: RigFile | RigCalibration, first: str, second: str) -> Rectified
         second: name of another.
 
     Raises:
-        ViewError: there is no such camera, or the two stand at one place.
+        CameraFileError: there is no such camera.
+        ViewError: the two stand at one place.
 
     """
-    one, other = (named_camera(rig.cameras, name, ViewError) for name in (first, second))
+    one, other = (rig.camera(name) for name in (first, second))
     turn = other.rotation @ one.rotation.T
     shift = other.translation - turn @ one.translation
     return rectified_pair(one.camera, other.camera, turn, shift)

@@ -128,8 +128,8 @@ def undistort_rig_files(
     """
     from cubicfish_cli.commands.undistorting import plan_pictures, write_pictures
     from cubicfish_cli.core.views.choose import chosen_view
-    from cubicfish_cli.extensions.rigs.mosaic import body_of_rig
-    from cubicfish_cli.extensions.rigs.rig_yaml import load_rig, rig_file
+    from cubicfish_cli.extensions.rigs.mosaic import Body
+    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
 
     asked, model = options or ShotOptions(), rig_file(rig)
@@ -141,6 +141,6 @@ def undistort_rig_files(
     view = asked.view
     if view is None or (isinstance(view, ViewOptions) and view.kind is None):
         view = replace(view or ViewOptions(), kind="equirectangular")
-    body = body_for_photos(replace(body_of_rig(known), distance=asked.distance), shots)
+    body = body_for_photos(Body(cameras=known.cameras, distance=asked.distance), shots)
     views = RigViews(body, chosen_view(body, view), asked.interpolation)
     return write_pictures(plan, views, asked, run, model)

@@ -230,7 +230,7 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
     truth = {name: folder / f"{name}{_SUFFIXES[name]}" for name in texts}
     photos = {folder / name: partial(write, done) for done, name in enumerate(named, start=1)}
     files: dict[Path, Content] = {**photos, **{truth[name]: texts[name] for name in texts}}
-    write_files(files, overwrite=run.overwrite)
+    write_files(files, overwrite=run.overwrite, folder=folder)
     return SimulatedFiles(
         photos=list(photos),
         truth=truth,

@@ -13,12 +13,12 @@ from mrcal_itself import ask_mrcal, needs_mrcal
 from running import Run
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli import RigFile, load_rig
+from cubicfish_cli import Rig, load_rig
 from cubicfish_cli.app.foreign import WRITTEN
 from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.extensions.rigs import group
-from cubicfish_cli.extensions.rigs.rig_yaml import rig_text
+from cubicfish_cli.extensions.rigs.rig import rig_text
 from tests.commands.test_export import kannala_brandt, project_kalibr
 
 TURNS = [(0.0, 0.0, 0.0), (0.03, -0.4, 0.05), (0.1, 2.9, 0.0)]
@@ -68,15 +68,15 @@ def stated_px(record: dict) -> float:
     return 1.02 * max(max(one["max_px"], one.get("beyond", one)["max_px"]) for one in cameras)
 
 
-def seen(rig: RigFile, number: int, *, ahead: float = -1.0) -> tuple[np.ndarray, np.ndarray]:
+def seen(rig: Rig, number: int, *, ahead: float = -1.0) -> tuple[np.ndarray, np.ndarray]:
     """Points of the rig's frame in a camera's field, near and far, and their pixels."""
     camera = rig.cameras[number]
-    width, height = camera.file.camera.image_size
+    width, height = camera.camera.image_size
     grid = np.stack(np.meshgrid(np.linspace(0, width, 31), np.linspace(0, height, 23)), -1)
-    rays = camera.file.camera.unproject(grid.reshape(-1, 2))
+    rays = camera.camera.unproject(grid.reshape(-1, 2))
     rays = rays[np.isfinite(rays[:, 0]) & (rays[:, 2] > ahead)]
     own = rays * np.linspace(200, 3000, len(rays))[:, None]
-    return (own - camera.translation) @ camera.rotation, camera.file.camera.project(own)
+    return (own - camera.translation) @ camera.rotation, camera.camera.project(own)
 
 
 def largest(pixel: np.ndarray, true: np.ndarray) -> float:
@@ -124,7 +124,7 @@ def test_opencv_rectifies_by_it_and_measures(run: Run, pair: Path, tmp_path: Pat
     for number, at in enumerate((first[ahead], second[ahead]), start=1):
         lens, d, turn, plane = (held[f"{name}{number}"] for name in "MDRP")
         pixel, _ = cv2.fisheye.projectPoints(at[:, None], zero, zero, lens, d)
-        true = rig.cameras[number - 1].file.camera.project(at @ turns[number - 1])
+        true = rig.cameras[number - 1].camera.project(at @ turns[number - 1])
         assert largest(pixel[:, 0], true) <= stated_px(record)
         flat.append(cv2.fisheye.undistortPoints(pixel, lens, d, R=turn, P=plane)[:, 0])
     inner = (np.abs(flat[0] - 480) < 1500).all(axis=1) & (np.abs(flat[1] - 480) < 1500).all(axis=1)
@@ -212,7 +212,7 @@ def test_nerfstudio_has_a_lens_and_a_pose_a_photo(run: Run, pair: Path, tmp_path
     record = exported(run, pair, tmp_path / "transforms.json", "nerfstudio")
     data = json.loads((tmp_path / "transforms.json").read_text())
     rig = load_rig(pair)
-    rows = rig.cameras[1].file.fit.per_image
+    rows = rig.cameras[1].fit.per_image
     frames = {frame["file_path"]: frame for frame in data["frames"]}
     assert len(frames) == 2 * len(rows)
     frame = frames[f"right/{rows[0].image}"]
@@ -224,7 +224,7 @@ def test_nerfstudio_has_a_lens_and_a_pose_a_photo(run: Run, pair: Path, tmp_path
     theirs = (world @ theirs[:3, :3].T + theirs[:3, 3]) * [1, -1, -1]
     core = [frame[key] for key in ("fl_x", "fl_y", "cx", "cy")]
     pixel = kannala_brandt(theirs, *core, [frame[f"k{n}"] for n in (1, 2, 3, 4)]) - 0.5
-    assert largest(pixel, rig.cameras[1].file.camera.project(own)) <= stated_px(record)
+    assert largest(pixel, rig.cameras[1].camera.project(own)) <= stated_px(record)
 
 
 @pytest.mark.slow

@@ -42,8 +42,8 @@ def test_maps_show_one_point_in_one_row(run: Run, pair: Path, tmp_path: Path, ki
     for name in ("left", "right"):
         made = read_map(tmp_path / f"out_{name}.npz")
         camera = rig.camera(name)
-        pixel = camera.file.camera.project(points @ camera.rotation.T + camera.translation)
-        found = made.central_view.pixels(camera.file.camera.unproject(pixel))
+        pixel = camera.camera.project(points @ camera.rotation.T + camera.translation)
+        found = made.central_view.pixels(camera.camera.unproject(pixel))
         x, y = np.rint(found).astype(int).T
         here = np.column_stack([made.map_x[y, x], made.map_y[y, x]])
         assert np.abs(here - pixel).max() < 2  # whole pixels of the picture

@@ -10,14 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import stitch
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
-from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.errors import CameraFileError, ViewError
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.maps import camera_for_photos
 from cubicfish_cli.core.views.projections import CylindricalView, EquirectangularView
-from cubicfish_cli.extensions.rigs.mosaic import Body, BodyCamera, edge_distance, mosaic_of
+from cubicfish_cli.extensions.rigs.mosaic import Body, edge_distance, mosaic_of
+from cubicfish_cli.extensions.rigs.rig import RigCamera
 from tests.extensions.rigs.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]
@@ -38,7 +39,7 @@ def ring(camera: CubicCamera) -> Body:
         turn = Rotation.from_euler("yx", [90 * number, 7 * number - 5], degrees=True).as_matrix()
         place = turn @ [0, 0, 100.0]
         cameras.append(
-            BodyCamera(name=name, camera=camera, rotation=turn.T, translation=-turn.T @ place)
+            RigCamera(name=name, camera=camera, rotation=turn.T, translation=-turn.T @ place)
         )
     return Body(cameras=tuple(cameras))
 
@@ -169,5 +170,5 @@ def test_a_calibrated_rig_joins_what_its_true_lenses_see() -> None:
     true = 127 + 100 * np.sin(rays @ [20.0, 0, 0]) * np.sin(rays @ [0, 20.0, 0])
     # 2,000 grey levels per radian at the steepest, 230 pixels of the photo per radian.
     assert np.sqrt(np.mean((picture - true) ** 2)) < 1.5
-    with pytest.raises(ViewError, match="no camera 'rear'"):
+    with pytest.raises(CameraFileError, match="no camera 'rear'"):
         stitch(rig, {"rear": photos["left"]}, view)

@@ -23,7 +23,7 @@ from cubicfish_cli.core.views.projections import (
     EpipolarEquirectangularView,
     PerspectiveView,
 )
-from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration
+from cubicfish_cli.extensions.rigs.rig import Rig
 from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
 
 BOARDS = [
@@ -46,7 +46,7 @@ def wide_lens(field_deg: float) -> SyntheticLens:
 
 
 @cache
-def calibrated() -> tuple[RigCalibration, RigTruth]:
+def calibrated() -> tuple[Rig, RigTruth]:
     """A pair calibrated from corners with 0.1 px of noise, through lenses of no fitted family."""
     target = Target.from_data(
         {
@@ -71,7 +71,7 @@ def calibrated() -> tuple[RigCalibration, RigTruth]:
     return calibrate_rig(cameras, target, refine_target="off"), truth
 
 
-def pair_of(rig: RigCalibration) -> RectifiedPair:
+def pair_of(rig: Rig) -> RectifiedPair:
     return rectify(rig, "left", "right")
 
 

@@ -30,7 +30,7 @@ def shots(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two shots of the world's directions in colours."""
     folder = tmp_path_factory.mktemp("shots")
     for one in load_rig(rig).cameras:
-        camera = one.file.camera
+        camera = one.camera
         width, height = camera.image_size
         pixel = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
         rays = camera.unproject(pixel) @ one.rotation

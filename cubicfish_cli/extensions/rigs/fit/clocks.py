@@ -6,7 +6,7 @@ times d, which no place of the camera on the body makes up for, since every shot
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from cubicfish_cli.core.fit.linearise import State, linearise
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.robust import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 # Nobody's clocks differ by much more than that once films are matched: what holds a clock of which
 # still shots say nothing.
@@ -42,31 +42,42 @@ class Moving:
     velocity: FloatArray
     acceleration: FloatArray
 
-    def of(self, pairs: Observations, others: Observations) -> Moving:
-        """The same for other pairs of the same corners; nothing is known of those not here."""
-        row = {key: number for number, key in enumerate(_keys(pairs))}
-        at = np.array([row.get(key, -1) for key in _keys(others)], np.intp)
-        known = at >= 0
-        return Moving(
-            late=np.where(known, self.late[at], 0.0),
-            velocity=np.where(known[:, None], self.velocity[at], np.nan),
-            acceleration=np.where(known[:, None], self.acceleration[at], np.nan),
+    @classmethod
+    def of_cameras(
+        cls,
+        cameras: Sequence[tuple[Observations, Moving | None]],
+        camera: IntArray,
+        pairs: Observations,
+    ) -> Moving:
+        """The same for a rig's pairs; nothing is known of corners that are not here.
+
+        Args:
+            cameras: of each its corners, and how these move, where that is known.
+            camera: (N,) which camera saw each of the pairs.
+            pairs: of all cameras, N.
+
+        """
+        found = cls(
+            late=np.zeros(len(camera)),
+            velocity=np.full((len(camera), 2), np.nan),
+            acceleration=np.full((len(camera), 2), np.nan),
         )
+        for number, (seen, moving) in enumerate(cameras):
+            if moving is None:
+                continue
+            row = {key: at for at, key in enumerate(_keys(seen))}
+            own = np.flatnonzero(camera == number)
+            at = np.array([row.get(key, -1) for key in _keys(pairs.select(own))], np.intp)
+            own, at = own[at >= 0], at[at >= 0]
+            for name, values in vars(moving).items():
+                getattr(found, name)[own] = values[at]
+        return found
 
     @classmethod
     def joined(cls, parts: Sequence[Moving]) -> Moving:
         """All of some parts, one after the other."""
-        return cls(
-            late=np.concatenate([part.late for part in parts]),
-            velocity=np.concatenate([part.velocity for part in parts]),
-            acceleration=np.concatenate([part.acceleration for part in parts]),
-        )
-
-    @classmethod
-    def still(cls, count: int) -> Moving:
-        """Corners of whose motion nothing is known."""
-        unknown = np.full((count, 2), np.nan)
-        return cls(late=np.zeros(count), velocity=unknown, acceleration=unknown)
+        names = ("late", "velocity", "acceleration")
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
 
     @classmethod
     def between(
@@ -95,6 +106,13 @@ class Moving:
         late = late[:, None]
         way = np.nan_to_num(self.velocity) - 0.5 * late * np.nan_to_num(self.acceleration)
         return np.asarray(pixel - way * late)
+
+    def speeds(self, camera: IntArray, count: int) -> FloatArray:
+        """(C,) root mean square speed of each camera's corners (N,), pixels per second."""
+        squared = np.sum(np.square(self.velocity), axis=1)
+        known = np.isfinite(squared)
+        total = np.bincount(camera[known], squared[known], count)
+        return np.sqrt(total / np.maximum(np.bincount(camera[known], minlength=count), 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,13 +156,9 @@ def fitted_clocks(fit: Adjustment[RigLens], pairs: Observations, moving: Moving)
     # Corners of a shot share their errors: what shots pull says how sure it is.
     pulls = gradient + hessian @ step
     spread = inverse @ (pulls.T @ pulls) @ inverse + inverse * unit**2
-    late, sigma, effect = np.zeros(cameras), np.zeros(cameras), np.zeros(cameras)
+    late, sigma = np.zeros(cameras), np.zeros(cameras)
     late[1:], sigma[1:] = step[late_at], np.sqrt(np.diagonal(spread)[late_at])
-    speed = np.hypot(moving.velocity[:, 0], moving.velocity[:, 1])
-    for camera in range(1, cameras):
-        own = speed[(lens.camera[pairs.image] == camera) & np.isfinite(speed)]
-        if len(own):
-            effect[camera] = abs(late[camera]) * float(np.sqrt(np.mean(own * own)))
+    effect = np.abs(late) * moving.speeds(lens.camera[pairs.image], cameras)
     sure = (np.abs(late) > _SURE * sigma) & (effect > _VISIBLE * unit)
     return Clocks(
         late=np.where(sure, late, 0.0), sigma=sigma, effect_px=np.where(sure, effect, 0.0)
@@ -181,14 +195,6 @@ def _by_shot(
     return hessian, gradient
 
 
-def _keys(pairs: Observations) -> list[tuple[str, int, int, int]]:
-    images = [pairs.images[image] for image in pairs.image]
-    return list(
-        zip(
-            images,
-            pairs.board.tolist(),
-            pairs.column.tolist(),
-            pairs.row.tolist(),
-            strict=True,
-        )
-    )
+def _keys(pairs: Observations) -> Iterator[tuple[str, int, int, int]]:
+    images = (pairs.images[image] for image in pairs.image)
+    return zip(images, pairs.board.tolist(), pairs.column.tolist(), pairs.row.tolist(), strict=True)

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.comparison import Comparison, compare
-from cubicfish_cli.core.geometry import camera_centre, total_sigma
+from cubicfish_cli.core.geometry import camera_centre
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.rigs.fit.evaluate import KnownCamera
-
-
-class ComparedPlace(KnownCamera, Protocol):
-    """A camera of a rig, and how surely it stands there."""
-
-    @property
-    def covariance(self) -> FloatArray | None:
-        """(6, 6) of turn (radians, camera frame) and translation; None where not known."""
+from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera, sigmas_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,28 +44,31 @@ class ComparedCamera:
         return {**vars(self), "shift": self.shift.tolist(), "lens": self.lens.as_record()}
 
 
-def compare_rigs(
-    first: Sequence[ComparedPlace], second: Sequence[ComparedPlace]
-) -> list[ComparedCamera]:
-    """Compare the cameras that both rigs have, beside the first of these.
+def compare_rigs(first: Rig, second: Rig) -> list[ComparedCamera]:
+    """How far apart two rigs are, beside the first camera that both have: places and lenses.
 
     A lens may turn its rays a little and its camera turn back: places are compared by where the
     rays of the same pixels go, so that this does not count.
 
     Args:
-        first: cameras of one rig.
-        second: those of another one, in the same units.
+        first: one rig.
+        second: another one, whose cameras have the same names.
 
     Raises:
-        FitError: the rigs have fewer than two cameras of one name.
+        FitError: the rigs have fewer than two cameras in common, or other units.
 
     """
-    others = {one.name: one for one in second}
-    common = [(one, others[one.name]) for one in first if one.name in others]
+    if first.units != second.units:
+        raise FitError(
+            f"one rig's lengths are in {first.units} and the other's in {second.units}: calibrate "
+            "both with targets of one unit"
+        )
+    others = {one.name: one for one in second.cameras}
+    common = [(one, others[one.name]) for one in first.cameras if one.name in others]
     if len(common) < 2:
         raise FitError(
             f"the rigs have {len(common) or 'no'} camera{'s' * (len(common) != 1)} of one name "
-            f"({', '.join(one.name for one in first)}; {', '.join(others)}): two are needed"
+            f"({', '.join(one.name for one in first.cameras)}; {', '.join(others)}): two are needed"
         )
     lenses = [compare(one.camera, other.camera) for one, other in common]
     # X in the frame of the second rig's camera -> in that of the first rig's.
@@ -85,41 +79,37 @@ def compare_rigs(
         rotation, translation = _beside(one, begin)
         theirs, shifted = _beside(other, begin_other)
         theirs, shifted = turn @ theirs @ turns[0].T, turn @ shifted
-        off = Rotation.from_matrix(theirs @ rotation.T).as_rotvec()
-        away = shifted - translation
-        covariance = _sum_of(one, other, turn) if one is not begin else None
-        shift = begin.rotation.T @ (
-            camera_centre(theirs, shifted) - camera_centre(rotation, translation)
+        off = np.append(
+            Rotation.from_matrix(theirs @ rotation.T).as_rotvec(), shifted - translation
         )
+        covariance = None if one is begin else _sum_of(one, other, turn)
+        sigma = (None, None) if covariance is None else sigmas_of(covariance)
         found.append(
             ComparedCamera(
                 name=one.name,
                 lens=lens,
-                turn_deg=float(np.rad2deg(np.linalg.norm(off))),
-                shift=shift,
-                turn_sigma_deg=None
+                turn_deg=float(np.rad2deg(np.linalg.norm(off[:3]))),
+                shift=begin.rotation.T
+                @ (camera_centre(theirs, shifted) - camera_centre(rotation, translation)),
+                turn_sigma_deg=sigma[0],
+                shift_sigma=sigma[1],
+                sigmas=None
                 if covariance is None
-                else float(np.rad2deg(total_sigma(covariance[:3, :3]))),
-                shift_sigma=None if covariance is None else total_sigma(covariance[3:, 3:]),
-                sigmas=None if covariance is None else _sigmas(np.append(off, away), covariance),
+                else float(np.sqrt(np.mean(np.square(off) / np.diagonal(covariance)))),
             )
         )
     return found
 
 
-def _beside(camera: ComparedPlace, begin: ComparedPlace) -> tuple[FloatArray, FloatArray]:
+def _beside(camera: RigCamera, begin: RigCamera) -> tuple[FloatArray, FloatArray]:
     """Camera from the first camera's frame."""
     rotation = camera.rotation @ begin.rotation.T
     return rotation, camera.translation - rotation @ begin.translation
 
 
-def _sum_of(one: ComparedPlace, other: ComparedPlace, turn: FloatArray) -> FloatArray | None:
+def _sum_of(one: RigCamera, other: RigCamera, turn: FloatArray) -> FloatArray | None:
     if one.covariance is None or other.covariance is None:
         return None
     both = np.kron(np.eye(2), turn)
     total = one.covariance + both @ other.covariance @ both.T
     return total if (np.diagonal(total) > 0).all() else None
-
-
-def _sigmas(off: FloatArray, covariance: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(off) / np.diagonal(covariance))))

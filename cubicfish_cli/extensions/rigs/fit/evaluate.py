@@ -5,267 +5,191 @@ Where the rig was is fitted, nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from cubicfish_cli.core.assess.fit_record import ErrorStatistics
+from cubicfish_cli.commands.calibration import observed
+from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
-from cubicfish_cli.core.fit.evaluate import named_as_refined
-from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import huber_px
 from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.rigs.fit.gather import Placed, gathered, unplaced
+from cubicfish_cli.corners.identification.identified import Detection
 from cubicfish_cli.extensions.rigs.fit.names import agreeing
-from cubicfish_cli.extensions.rigs.fit.shots import Shots
+from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.start import place_shots
-from cubicfish_cli.extensions.rigs.rig_yaml import KnownCamera
+from cubicfish_cli.extensions.rigs.fit.views import Placed, joined_views
+from cubicfish_cli.extensions.rigs.rig import CameraPair, Rig, ShotErrors
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraPair:
-    """Two cameras and what connects them.
-
-    Attributes:
-        first, second: names of the cameras.
-        shots: in how many shots both see the target.
-        rms_px: RMS of the corners of both in these shots, pixels; None without any.
-
-    """
-
-    first: str
-    second: str
-    shots: int
-    rms_px: float | None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "cameras": [self.first, self.second],
-            "shots": self.shots,
-            "rms_px": self.rms_px,
-        }
-
-
-def alone_residual(
-    fit: Adjustment[RigLens], pairs: Observations, held: Sequence[FitLens], limit: float
-) -> FloatArray:
-    """(N, 2) residuals with every view's pose free, each camera's lens held."""
-    lens, views = fit.lens, fit.lens.views(fit.poses)
-    found = np.empty_like(fit.residual)
-    for camera, own in enumerate(held):
-        mine = lens.camera[pairs.image] == camera
-        part, kept = select(pairs, mine)
-        if len(part.pixel):
-            found[mine] = adjust(own, views[kept], part, huber_px=limit).residual
-    return found
 
 
 def camera_pairs(
     names: Sequence[str], lens: RigLens, pairs: Observations, residual: FloatArray
 ) -> list[CameraPair]:
     """Every two cameras."""
-    common = lens.common_shots
     camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
     found = []
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
-            own = np.isin(shot, both) & ((camera == a) | (camera == b)) & pairs.tells_error
-            found.append(
-                CameraPair(
-                    first=names[a],
-                    second=names[b],
-                    shots=int(common[a, b]),
-                    rms_px=rms_px(residual[own]) if own.any() else None,
-                )
+    for a, b in combinations(range(len(names)), 2):
+        both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
+        own = np.isin(shot, both) & ((camera == a) | (camera == b)) & pairs.tells_error
+        found.append(
+            CameraPair(
+                cameras=(names[a], names[b]),
+                shots=int(lens.common_shots[a, b]),
+                rms_px=rms_px(residual[own]) if own.any() else NAN,
             )
+        )
     return found
 
 
-def shot_records(
+def shot_errors(
     shots: Sequence[str],
     lens: RigLens,
     pairs: Observations,
     residual: FloatArray,
     names: Sequence[str],
-) -> list[dict[str, Any]]:
-    """A plain record per shot: its RMS in pixels, its corners and cameras."""
+) -> list[ShotErrors]:
+    """Every shot."""
     shot = lens.shot[pairs.image]
     told = [pairs.tells_error & (shot == number) for number in range(len(shots))]
     return [
-        {
-            "shot": name,
-            "rms_px": rms_px(residual[told[number]]) if told[number].any() else None,
-            "corners": int(np.sum(shot == number)),
-            "cameras": [names[camera] for camera in lens.camera[lens.shot == number]],
-        }
+        ShotErrors(
+            shot=name,
+            rms_px=rms_px(residual[told[number]]) if told[number].any() else NAN,
+            corners=int(np.sum(shot == number)),
+            cameras=tuple(names[camera] for camera in lens.camera[lens.shot == number]),
+        )
         for number, name in enumerate(shots)
     ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraErrors:
-    """What one camera's corners say.
+class EvaluatedCamera(ErrorStatistics):
+    """What one camera's corners say: their errors with the rig as it is, and more.
 
     Attributes:
         name: of the camera.
-        photos: how many were placed.
-        errors: with the rig as it is, pixels; None without any photo.
+        images: how many photos were placed.
         alone_rms_px: RMS of the same corners with each photo's pose free.
-        outside: corners beyond where its lens may be trusted; not counted.
+        outside_field: corners beyond where its lens may be trusted; not counted.
         unplaced: photos with too few corners to be placed.
 
     """
 
     name: str
-    photos: int
-    errors: ErrorStatistics | None
-    alone_rms_px: float | None
-    outside: int
+    images: int
+    alone_rms_px: float
+    outside_field: int
     unplaced: tuple[str, ...]
 
-    def as_record(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "name": self.name,
-            "images": self.photos,
-            **(self.errors.as_record() if self.errors else {}),
-            "alone_rms_px": self.alone_rms_px,
-            "outside_field": self.outside,
-            "unplaced": list(self.unplaced),
-        }
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RigEvaluation:
-    """Reprojection errors of a known rig.
+@dataclass(frozen=True, kw_only=True)
+class RigEvaluation(ErrorStatistics):
+    """Reprojection errors of a known rig over all corners, none dropped.
 
     Attributes:
-        errors: over all corners, none dropped.
         alone_rms_px: RMS of the same corners with each photo's pose free, the lenses as they are:
             what is more than that is the rig's.
         cameras: camera by camera.
         pairs: every two cameras.
-        per_shot: a plain record per shot.
+        per_shot: each shot.
 
     """
 
-    errors: ErrorStatistics
     alone_rms_px: float
-    cameras: tuple[CameraErrors, ...]
+    cameras: tuple[EvaluatedCamera, ...]
     pairs: tuple[CameraPair, ...]
-    per_shot: tuple[dict[str, Any], ...]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            **self.errors.as_record(),
-            "alone_rms_px": self.alone_rms_px,
-            "cameras": [one.as_record() for one in self.cameras],
-            "pairs": [one.as_record() for one in self.pairs],
-            "per_shot": list(self.per_shot),
-        }
+    per_shot: tuple[ShotErrors, ...]
 
 
 @one_blas_thread()
 def evaluate_rig(
-    cameras: Sequence[KnownCamera], pairs: Sequence[Observations], shots: Shots
+    rig: Rig,
+    cameras: Mapping[str, Observations | Detection],
+    target: Target | None = None,
+    *,
+    shots: Matching = "name",
+    tolerance: float = TOLERANCE,
+    times: Times | None = None,
 ) -> RigEvaluation:
-    """Place every shot with the rig as it is, and measure what is left.
+    """Measure a known rig on other shots: where it was is fitted, nothing else.
 
     Args:
-        cameras: the rig's; lengths are in the units of the pairs' world points.
-        pairs: of each camera.
-        shots: which photos are of one shot.
+        rig: as ``load_rig`` or ``calibrate_rig`` gives it.
+        cameras: by the rig's names, as for :func:`calibrate_rig`.
+        target: the calibration target, in the rig's units; pairs need none.
+        shots: as for :func:`calibrate_rig`.
+        tolerance: likewise.
+        times: likewise.
 
     Raises:
-        FitError: photos are of another size than their camera's, or none can be placed.
+        CorrespondenceError: corners come without their target, or do not fit it.
+        CameraFileError: the rig has no such camera.
+        FitError: the rig has other units than the target; photos are of another size, or cannot
+            be placed.
 
     """
-    placed, outside, unplaced = [], [], []
-    for camera, own in zip(cameras, pairs, strict=True):
-        if own.image_size != camera.camera.image_size:
-            raise FitError(
-                "camera {}: its photos have {}x{} pixels and its lens is of {}x{}: use photos of "
-                "its own size, and check that no two cameras are exchanged".format(
-                    camera.name, *own.image_size, *camera.camera.image_size
-                )
-            )
-        one, beyond, lost = _placed(camera, named_as_refined(camera.camera, own))
-        placed.append(one)
-        outside.append(beyond)
-        unplaced.append(lost)
-    lens, views, joint, seen, _ = gathered(placed, shots, [None] * len(placed))
-    places = Poses(
-        rotation=np.stack([one.rotation for one in cameras]),
-        translation=np.stack([one.translation for one in cameras]),
-    )
-    lens, target = replace(lens, places=places, held=True), pairs[0].target
-    if target is not None:
-        views, joint = agreeing(lens, views, joint, target, 1.0, known=True)
-    start, _ = place_shots(lens, views, joint)
-    fit = adjust(lens, start, joint, huber_px=_WIDE_HUBER_PX)
-    limit = huber_px(fit.residual)
-    fit = fit.again(joint)
-    names = [one.name for one in cameras]
-    alone = alone_residual(fit, joint, lens.lenses, limit)
-    camera_of = lens.camera[joint.image]
-    by_camera = []
-    for number, name in enumerate(names):
-        mine = camera_of == number
-        some = bool(mine.any())
-        by_camera.append(
-            CameraErrors(
-                name=name,
-                photos=int(np.sum(lens.camera == number)),
-                errors=error_statistics(fit.residual[mine]) if some else None,
-                alone_rms_px=rms_px(alone[mine]) if some else None,
-                outside=outside[number],
-                unplaced=unplaced[number],
-            )
-        )
-    return RigEvaluation(
-        errors=error_statistics(fit.residual),
-        alone_rms_px=rms_px(alone),
-        cameras=tuple(by_camera),
-        pairs=tuple(camera_pairs(names, lens, joint, fit.residual)),
-        per_shot=tuple(shot_records(seen.shot, lens, joint, fit.residual, names)),
-    )
-
-
-def _placed(camera: KnownCamera, pairs: Observations) -> tuple[Placed, int, tuple[str, ...]]:
-    """Photos placed by one camera alone, corners beyond its field, photos that cannot be placed."""
-    found, own, photos = fit_poses(camera.camera.radial, pairs)
-    if found is None:
-        raise unplaced(camera.name)
-    lens = FixedLens(camera=camera.camera)
-    inside = np.asarray(
-        np.isfinite(lens.project(found.poses.apply(own.image, own.world))).all(axis=1), bool
-    )
-    counted, kept = select(own, inside)
-    if not len(kept):
+    known = [rig.camera(name) for name in cameras]
+    if target is not None and rig.units is not None and target.units != rig.units:
         raise FitError(
-            f"camera {camera.name}: no corner lies where its lens may be trusted: check that "
-            "camera and photos belong together"
+            f"the rig's lengths are in {rig.units} and the target's in {target.units}: write the "
+            "target in the rig's units"
         )
-    lost = set(range(len(pairs.images))) - set(photos.tolist())
-    return (
-        Placed(lens=lens, pairs=counted, poses=found.poses[kept]),
-        int(np.sum(~inside)),
-        tuple(pairs.images[photo] for photo in sorted(lost)),
+    pairs = {name: observed(own, target) for name, own in cameras.items()}
+    matched = match_shots(
+        {name: own.images for name, own in pairs.items()}, shots, tolerance, times
+    )
+    alone = []
+    for camera, own, listed in zip(known, pairs.values(), matched.photos, strict=True):
+        rows = np.array([name in listed for name in own.images])[own.image]
+        try:
+            alone.append(evaluate(camera.camera, select(own, rows)[0]))
+        except FitError as error:
+            raise FitError(f"camera {camera.name}: {error}") from error
+    lens, views, joint, seen = joined_views(
+        [
+            Placed(lens=FixedLens(camera=camera.camera), pairs=one.pairs, poses=one.poses)
+            for camera, one in zip(known, alone, strict=True)
+        ],
+        matched,
+        Poses(
+            rotation=np.stack([one.rotation for one in known]),
+            translation=np.stack([one.translation for one in known]),
+        ),
+    )
+    of = next(iter(pairs.values())).target
+    if of is not None:
+        views, joint = agreeing(lens, views, joint, of, 1.0, known=True)
+    fit = adjust(lens, place_shots(lens, views, joint)[0], joint, huber_px=_WIDE_HUBER_PX)
+    fit = fit.again(joint)
+    names, camera_of = list(cameras), lens.camera[joint.image]
+    return RigEvaluation(
+        **vars(error_statistics(fit.residual)),
+        alone_rms_px=rms_px(np.concatenate([one.residual for one in alone])),
+        cameras=tuple(
+            EvaluatedCamera(
+                **vars(error_statistics(fit.residual[camera_of == number])),
+                name=name,
+                images=int(np.sum(lens.camera == number)),
+                alone_rms_px=rms_px(one.residual),
+                outside_field=one.outside,
+                unplaced=one.unplaced,
+            )
+            for number, (name, one) in enumerate(zip(names, alone, strict=True))
+        ),
+        pairs=tuple(camera_pairs(names, lens, joint, fit.residual)),
+        per_shot=tuple(shot_errors(seen.shot, lens, joint, fit.residual, names)),
     )

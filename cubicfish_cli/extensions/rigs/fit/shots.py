@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.errors import CorrespondenceError, FitError
+from cubicfish_cli.core.frame_names import time_of
+from cubicfish_cli.core.tables import read_table
 from cubicfish_cli.core.wording import quoted
+
+TOLERANCE = 5e-3
+"""How far apart photos of one time may be, seconds."""
+Row = tuple[str, str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +32,71 @@ class Shots:
     photos: tuple[Mapping[str, int], ...]
 
 
+Matching = str | Sequence[Row] | Shots
+"""Which photos are of one shot: those of one ``name``, of one ``time``, rows (shot, camera, photo),
+or the shots themselves."""
+Times = Mapping[str, Mapping[str, float]]
+"""By camera and photo, seconds on one clock."""
+
+
+def match_shots(
+    photos: Mapping[str, Sequence[str]],
+    shots: Matching,
+    tolerance: float = TOLERANCE,
+    times: Times | None = None,
+) -> Shots:
+    """The shots of photos (by camera), as :func:`calibrate_rig` is asked for them.
+
+    Raises:
+        FitError: it is not known how, or no two cameras share a shot.
+
+    """
+    names, own = list(photos), list(photos.values())
+    if isinstance(shots, Shots):
+        return shots
+    if shots == "name":
+        return shots_by_name(names, own)
+    if shots == "time":
+        known = times or {}
+        of_names = ({one: time_of(one) for one in given} for given in own)
+        found = [
+            known.get(name, {photo: time for photo, time in read.items() if time is not None})
+            for name, read in zip(names, of_names, strict=True)
+        ]
+        return shots_by_time(names, own, found, tolerance)
+    if isinstance(shots, str):
+        raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
+    return shots_of_table(names, own, shots)
+
+
+def load_shots(path: Path) -> tuple[list[Row] | None, Times | None]:
+    """Which photos are of one shot, by a table: rows or else times for :func:`calibrate_rig`.
+
+    Args:
+        path: a CSV file with the columns ``shot,camera,image``, or ``camera,image,time`` (seconds).
+
+    Raises:
+        CorrespondenceError: it is none.
+
+    """
+    table = read_table(
+        path,
+        required=("camera", "image"),
+        optional=("shot", "time"),
+        error=CorrespondenceError,
+    )
+    columns = table.columns
+    if "shot" in columns:
+        return list(zip(columns["shot"], columns["camera"], columns["image"], strict=True)), None
+    if "time" not in columns:
+        raise CorrespondenceError(f"{path} has neither a column shot nor a column time: add one")
+    times: dict[str, dict[str, float]] = {}
+    seconds = table.floats("time").tolist()
+    for camera, image, time in zip(columns["camera"], columns["image"], seconds, strict=True):
+        times.setdefault(camera, {})[image] = time
+    return None, times
+
+
 def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Shots:
     """Photos of the same name, whatever their folder and kind of file, are one shot.
 
@@ -39,25 +111,24 @@ def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Sh
         FitError: two photos of a camera have one name, or no two cameras share one.
 
     """
-    stems = [[_stem(name) for name in names] for names in photos]
-    if not _shared(stems):
+    stems = [[Path(name).stem for name in names] for names in photos]
+    if not _any_shared(stems):
         stems = [_without_common_ends(names) for names in stems]
     for camera, names, own in zip(cameras, photos, stems, strict=True):
         seen: dict[str, str] = {}
         for name, stem in zip(names, own, strict=True):
-            if stem in seen:
+            if seen.setdefault(stem, name) != name:
                 raise FitError(
                     f"camera {camera}: {quoted(seen[stem])} and {quoted(name)} would be of one "
                     "shot: give each photo of a camera a name of its own, or list the shots with "
                     "--shots"
                 )
-            seen[stem] = name
-    if not _shared(stems):
+    if not _any_shared(stems):
         raise FitError(
             f"no photo of {cameras[0]} is called as one of another camera, so no two cameras share "
             "a shot: call the photos of a shot alike, or list them with --shots"
         )
-    return _shots(photos, stems)
+    return _number(dict(zip(*pair, strict=True)) for pair in zip(photos, stems, strict=True))
 
 
 def shots_by_time(
@@ -83,27 +154,20 @@ def shots_by_time(
         for number, (camera, names, own) in enumerate(zip(cameras, photos, times, strict=True))
         for name in names
     )
-    begins: list[float] = []
-    found: list[list[tuple[float, str] | None]] = []
+    found: list[dict[str, float]] = [{} for _ in cameras]
+    begin, seen, most = -float("inf"), set[int](), 0
     for time, camera, name in taken:
-        if not begins or time - begins[-1] > tolerance or found[-1][camera] is not None:
-            begins.append(time)
-            found.append([None] * len(cameras))
-        found[-1][camera] = (time, name)
-    if all(sum(one is not None for one in shot) < 2 for shot in found):
+        if time - begin > tolerance or camera in seen:
+            begin, seen = time, set()
+        seen.add(camera)
+        most = max(most, len(seen))
+        found[camera][name] = begin
+    if most < 2:
         raise FitError(
             f"no two cameras have photos within {1e3 * tolerance:g} ms: check that their times are "
             "of one clock, or say a larger --tolerance"
         )
-    keys = [f"{begin:020.6f}" for begin in begins]
-    of_camera = [
-        [(shot[number], key) for shot, key in zip(found, keys, strict=True)]
-        for number in range(len(cameras))
-    ]
-    kept = [[(one[1], key) for one, key in own if one is not None] for own in of_camera]
-    return _shots(
-        [[name for name, _ in own] for own in kept], [[key for _, key in own] for own in kept]
-    )
+    return _number({name: f"{key:020.6f}" for name, key in own.items()} for own in found)
 
 
 def _known_time(camera: str, name: str, times: Mapping[str, float]) -> float:
@@ -144,31 +208,21 @@ def shots_of_table(
                 f"shot {quoted(shot)}: camera {camera} has two photos of a shot, or one of two"
             )
         own[name] = shot
-    kept = [
-        [name for name in names if name in own] for names, own in zip(photos, listed, strict=True)
-    ]
-    return _shots(
-        kept, [[own[name] for name in names] for names, own in zip(kept, listed, strict=True)]
-    )
+    return _number(listed)
 
 
-def _shots(photos: Sequence[Sequence[str]], keys: Sequence[Sequence[str]]) -> Shots:
-    names = sorted({key for own in keys for key in own})
+def _number(photos: Iterable[Mapping[str, str]]) -> Shots:
+    """Shots by what each camera's photos say that theirs is called."""
+    photos = list(photos)
+    names = sorted({key for own in photos for key in own.values()})
     index = {name: number for number, name in enumerate(names)}
     return Shots(
         names=tuple(names),
-        photos=tuple(
-            {name: index[key] for name, key in zip(own, key_of, strict=True)}
-            for own, key_of in zip(photos, keys, strict=True)
-        ),
+        photos=tuple({name: index[key] for name, key in own.items()} for own in photos),
     )
 
 
-def _stem(name: str) -> str:
-    return os.path.splitext(os.path.basename(name))[0]
-
-
-def _shared(stems: Sequence[Sequence[str]]) -> bool:
+def _any_shared(stems: Sequence[Sequence[str]]) -> bool:
     names = [name for own in stems for name in set(own)]
     return len(set(names)) < len(names)
 
@@ -186,9 +240,7 @@ def _without_common_ends(names: Sequence[str]) -> list[str]:
 
 
 def _common_start(names: Sequence[str]) -> str:
-    start = 0
-    for letters in zip(*names, strict=False):
-        if len(set(letters)) > 1:
-            break
-        start += 1
-    return names[0][:start] if names else ""
+    """What all of them begin with: what the first and the last in order do."""
+    low, high = min(names, default=""), max(names, default="")
+    apart = (at for at, (a, b) in enumerate(zip(low, high, strict=False)) if a != b)
+    return low[: next(apart, len(low))]

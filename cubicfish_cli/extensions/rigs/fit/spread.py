@@ -47,30 +47,31 @@ def place_covariances(
     count = len(fit.lens.parameters)
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
     clusters = _clusters(shots)
+    leave_one_out = LeaveOneOut(fit, clusters)
     if clusters:
-        leave_one_out = LeaveOneOut(fit, clusters)
         left_out = np.array([shared[:count] for shared, _, _ in leave_one_out.steps()])
         influence = leave_one_out.influence()[:, :count]
         found = [
             _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
         ]
-    for step in _of_runners_up(fit, runners_up):
+    for step in _runner_up_steps(leave_one_out, lens, runners_up):
         found = [
             one + np.outer(by @ step, by @ step) for one, by in zip(found, by_shared, strict=True)
         ]
     return np.array(found)
 
 
-def _of_runners_up(
-    fit: Adjustment[RigLens],
+def _runner_up_steps(
+    leave_one_out: LeaveOneOut,
+    lens: RigLens,
     runners_up: Sequence[Sequence[tuple[FitLens, float]]],
 ) -> list[FloatArray]:
     """Steps (K,) to the rig with each lens under a runner-up: how it should be is in doubt.
 
     Each times the root of how likely that is the best one.
     """
-    lens, rigs, roots = fit.lens, [], []
+    rigs, roots = [], []
     for camera, own in enumerate(lens.lenses):
         for held, likely in runners_up[camera] if len(own.parameters) else ():
             others = list(lens.lenses)
@@ -79,7 +80,7 @@ def _of_runners_up(
             roots.append(np.sqrt(likely))
     if not rigs:
         return []
-    steps = LeaveOneOut(fit, []).held_as(rigs)
+    steps = leave_one_out.held_as(rigs)
     return list(np.array(roots)[:, None] * steps[:, : len(lens.parameters)])
 
 

@@ -9,7 +9,7 @@ Photos that were taken with another camera of the rig than they are said to be a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,26 +17,18 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import adjust
-from cubicfish_cli.core.fit.known_lens import fit_poses
-from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.phrases import listed, plural
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.extensions.rigs.fit.alone import RigCamera
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0
-# A shot's cameras are exchanged where they stand so many times nearer the other way round, and
-# then as near as usual, within so many times.
-_CLEARLY, _LIKE = 10.0, 5.0
-# Lenses' frames are turned against each other by about this much, radians, the other way round in
-# exchanged shots: a turn of a lens and a shift of its principal point are hard to tell apart.
-_FRAMES = 0.02
-_SEEDS, _FAR = 40, 0.5
+_SEEDS = 40
 _ROUNDS = 30
 # A view whose corners are off by more than both under the pose of its shot is of another shot.
 _GROSS_TIMES = 10.0
@@ -45,72 +37,48 @@ _GROSS_SHARE = 0.01
 _LOST_SHARE = 0.03
 
 
-def refuse_exchanged(cameras: Sequence[RigCamera]) -> None:
+def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Calibrated]) -> None:
     """Refuse photos that are of another size than their lens, or fit another one far better.
+
+    Args:
+        cameras: by name, their pairs.
+        known: by name, those that are calibrated already.
 
     Raises:
         FitError: they do; the text names the cameras.
 
     """
-    known = [camera for camera in cameras if camera.camera is not None]
-    for one in known:
-        assert one.camera is not None
-        if one.camera.image_size != one.pairs.image_size:
+    for name, one in known.items():
+        size = one.camera.image_size
+        if size != cameras[name].image_size:
             raise FitError(
                 "camera {}: its photos have {}x{} pixels and its lens is of {}x{}: check that no "
-                "two cameras are exchanged".format(
-                    one.name, *one.pairs.image_size, *one.camera.image_size
-                )
+                "two cameras are exchanged".format(name, *cameras[name].image_size, *size)
             )
-    errors = np.array([[_error(photos, lens) for lens in known] for photos in cameras])
-    own = [cameras.index(camera) for camera in known]
-    for b, lens in enumerate(known):
-        mine = errors[own[b], b]
-        for a, other in enumerate(cameras):
+    error = {
+        (name, lens): _misfit_px(known[lens].camera, pairs)
+        for name, pairs in cameras.items()
+        for lens in known
+    }
+    for lens in known:
+        mine = error[lens, lens]
+        for name in cameras:
             # Of a camera whose lens is not known it is enough that its photos fit this one.
-            theirs = errors[a, own.index(a)] if a in own else np.inf
-            back = errors[own[b], own.index(a)] if a in own else 0.0
-            if a != own[b] and mine > _TIMES * errors[a, b] and theirs > _TIMES * back:
+            theirs, back = error.get((name, name), np.inf), error.get((lens, name), 0.0)
+            if name != lens and mine > _TIMES * error[name, lens] and theirs > _TIMES * back:
                 raise FitError(
-                    f"cameras {lens.name} and {other.name} are exchanged: the photos of "
-                    f"{other.name} fit the lens of {lens.name} ({errors[a, b]:.2g} px where its "
-                    f"own are off by {mine:.2g} px): exchange their folders"
+                    f"cameras {lens} and {name} are exchanged: the photos of {name} fit the lens "
+                    f"of {lens} ({error[name, lens]:.2g} px where its own are off by {mine:.2g} "
+                    "px): exchange their folders"
                 )
 
 
-def _error(photos: RigCamera, lens: RigCamera) -> float:
+def _misfit_px(camera: CubicCamera, pairs: Observations) -> float:
     """Noise of the photos' corners under a lens, their poses fitted, pixels."""
-    camera, pairs = lens.camera, photos.pairs
-    if camera is None or camera.image_size != pairs.image_size:
+    try:
+        return noise_px(evaluate(camera, pairs).residual)
+    except FitError:
         return np.inf
-    # Cameras of one make differ by little more than their radial references miss.
-    placed, own, _ = fit_poses(camera.radial, pairs)
-    if placed is None:
-        return np.inf
-    limit = huber_px(placed.residual)
-    return noise_px(adjust(FixedLens(camera=camera), placed.poses, own, huber_px=limit).residual)
-
-
-def exchanged_shots(relative: Poses) -> BoolArray:
-    """Shots (S,) in which two cameras' photos were exchanged, as far as their places tell.
-
-    What one camera says of the other is then the other way round. Where that is nearly the same,
-    as of two cameras back to back, it does not show.
-
-    Args:
-        relative: second_from_first of each shot, with lengths about those of the target as 1.
-
-    """
-    back = relative.inverse()
-    near = [relative[np.array([seed])] for seed in _some(len(relative))]
-    both = [(apart(relative, one), apart(back, one)) for one in near]
-    cost = [float(np.minimum(np.minimum(*pair), _FAR).sum()) for pair in both]
-    as_is, turned = both[int(np.argmin(cost))]
-    usual = float(np.median(np.minimum(as_is, turned)))
-    like = _LIKE * usual + _FRAMES
-    found = (as_is > _CLEARLY * turned) & (turned < like)
-    straight = (turned > _CLEARLY * as_is) & (as_is < like)
-    return np.asarray(found if found.sum() <= straight.sum() else straight)
 
 
 def _some(count: int) -> IntArray:
@@ -171,7 +139,6 @@ def start_rig(
     lens: RigLens,
     views: Poses,
     pairs: Observations,
-    called: Sequence[str],
 ) -> RigStart:
     """Place the cameras and the shots.
 
@@ -180,11 +147,9 @@ def start_rig(
         lens: the cameras' lenses, and which view is whose; its places are not looked at.
         views: camera_from_world of each view, as its camera found it alone.
         pairs: pairs of all views, sorted by view; the target's lengths are about 1.
-        called: names of the shots, for words.
 
     Raises:
-        FitError: the cameras are not connected, two are exchanged in some shots, or no one body
-            has them.
+        FitError: the cameras are not connected, or no one body has them.
 
     """
     count = len(names)
@@ -195,11 +160,7 @@ def start_rig(
             if not common[a, b]:
                 continue
             of_a, of_b = _together(lens, a, b)
-            each = views[of_b] @ views[of_a].inverse()
-            _refuse_exchanged(
-                names[a], names[b], each, [called[n] for n in lens.shot[of_a].tolist()]
-            )
-            relative[a, b] = median_pose(each)
+            relative[a, b] = median_pose(views[of_b] @ views[of_a].inverse())
             relative[b, a] = relative[a, b].inverse()
     places, edges = _placed(names, common, relative)
     lens = replace(lens, places=places)
@@ -218,16 +179,6 @@ def start_rig(
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
     wrong = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
     return RigStart(places=places, shots=shots, misfit=misfit, apart=wrong)
-
-
-def _refuse_exchanged(first: str, second: str, relative: Poses, shots: Sequence[str]) -> None:
-    found = [shots[number] for number in np.flatnonzero(exchanged_shots(relative)).tolist()]
-    if found:
-        raise FitError(
-            f"cameras {first} and {second} are exchanged in {plural(len(found), 'shot')} of "
-            f"{len(shots)} ({listed(found, 'shots')}): each stands there where the other one does: "
-            "exchange these photos"
-        )
 
 
 def connected(common: IntArray) -> bool:

@@ -24,9 +24,8 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import renamed, symmetries
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.rigs.faults import find_rig_faults
 from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
-from cubicfish_cli.extensions.rigs.fit.calibrate import RigCalibration, RigCamera, calibrate_rig
+from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
 from cubicfish_cli.extensions.rigs.fit.clocks import Moving
 from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
 from cubicfish_cli.extensions.rigs.fit.shots import (
@@ -36,6 +35,7 @@ from cubicfish_cli.extensions.rigs.fit.shots import (
     shots_of_table,
 )
 from cubicfish_cli.extensions.rigs.fit.start import median_pose
+from cubicfish_cli.extensions.rigs.rig import Rig
 
 NAMES = ("left", "right")
 APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))
@@ -85,20 +85,18 @@ def matched(pairs: Sequence[Observations]) -> Shots:
 
 def fitted(
     pairs: Sequence[Observations], shots: Shots | None = None, *, hold_lenses: bool = False
-) -> RigCalibration:
-    cameras = [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)]
+) -> Rig:
     return calibrate_rig(
-        cameras,
-        shots or matched(pairs),
-        target=target(),
+        dict(zip(NAMES, pairs, strict=True)),
+        target(),
+        shots=shots or matched(pairs),
         refine_target="off",
         hold_lenses=hold_lenses,
-        diagnose=find_rig_faults,
     )
 
 
 @functools.cache
-def plain() -> RigCalibration:
+def plain() -> Rig:
     return fitted(simulated()[0])
 
 
@@ -113,10 +111,10 @@ def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
     length = np.linalg.norm(right.translation) - np.linalg.norm(shift)
     assert abs(length) < 4 * right.shift_sigma < 1.2
     assert 0 < right.turn_sigma_deg < 0.05
-    assert rig.errors.rms_px == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
-    assert rig.held_out_rms_px == pytest.approx(rig.errors.rms_px, rel=0.15)
-    assert rig.held_out_rms_px > rig.errors.rms_px
-    assert [finding.code for finding in rig.findings] == []
+    assert rig.fit.rms_px == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
+    assert rig.fit.held_out_rms_px == pytest.approx(rig.fit.rms_px, rel=0.15)
+    assert rig.fit.held_out_rms_px > rig.fit.rms_px
+    assert [finding.code for finding in rig.fit.findings] == []
     first = rig.cameras[0]
     assert (first.rotation == np.eye(3)).all()
     assert not first.translation.any()
@@ -126,9 +124,9 @@ def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
 @pytest.mark.slow
 def test_lenses_can_be_held() -> None:
     free, held = plain(), fitted(simulated()[0], hold_lenses=True)
-    assert held.held_lenses
-    assert not free.held_lenses
-    assert free.errors.rms_px < held.errors.rms_px < 1.05 * free.errors.rms_px
+    assert held.fit.held_lenses
+    assert not free.fit.held_lenses
+    assert free.fit.rms_px < held.fit.rms_px < 1.05 * free.fit.rms_px
 
 
 @pytest.mark.slow
@@ -150,11 +148,11 @@ def test_a_photo_of_another_shot_is_named_and_harms_nothing() -> None:
         image=np.sort(place[wrong.image]),
     )
     rig = fitted((pairs[0], wrong))
-    assert {one.code for one in rig.findings} == {"shot_mismatched"}
-    named = {shot for one in rig.findings for shot in one.shots}
+    assert {one.code for one in rig.fit.findings} == {"shot_mismatched"}
+    named = {shot for one in rig.fit.findings for shot in one.shots}
     assert named == {pairs[1].images[2], pairs[1].images[5]}
     assert np.allclose(rig.cameras[1].translation, plain().cameras[1].translation, atol=0.5)
-    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+    assert rig.fit.rms_px < 1.1 * plain().fit.rms_px
 
 
 def joined(first: Observations, second: Observations, half: str) -> Observations:
@@ -168,7 +166,7 @@ def joined(first: Observations, second: Observations, half: str) -> Observations
 def test_a_camera_that_moved_half_way_is_found() -> None:
     before, after = simulated()[0], simulated(0, (2.0, 0.0, 0.0))[0]
     rig = fitted([joined(a, b, "shot_005") for a, b in zip(before, after, strict=True)])
-    (found,) = rig.findings
+    (found,) = rig.fit.findings
     assert found.code == "camera_moved"
     assert set(found.cameras) == set(NAMES)
     assert found.shots == ("shot_006",)
@@ -178,7 +176,7 @@ def test_a_camera_that_moved_half_way_is_found() -> None:
     right, truth = rig.cameras[1], plain().cameras[1]
     moved = np.array([2.0, 0.0, 0.0])
     assert np.allclose(right.translation, truth.translation + moved, atol=0.6)
-    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+    assert rig.fit.rms_px < 1.1 * plain().fit.rms_px
 
 
 def in_motion(
@@ -218,19 +216,18 @@ def in_motion(
 @pytest.mark.slow
 def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
     pairs, moving = in_motion(late=(0.0, 0.03))
-    cameras = [
-        RigCamera(name=name, pairs=one, moving=own)
-        for name, one, own in zip(NAMES, pairs, moving, strict=True)
-    ]
     rig = calibrate_rig(
-        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_rig_faults
+        dict(zip(NAMES, pairs, strict=True)),
+        target(),
+        moving=dict(zip(NAMES, moving, strict=True)),
+        refine_target="off",
     )
-    (found,) = rig.findings
+    (found,) = rig.fit.findings
     assert (found.code, found.cameras) == ("clocks_differ", ("right", "left"))
     right = rig.cameras[1]
-    assert right.late_s == pytest.approx(0.03, abs=5 * right.late_sigma_s)
-    assert 0 < right.late_sigma_s < 1e-3
-    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+    assert right.in_rig.late_ms == pytest.approx(30, abs=5 * right.in_rig.late_sigma_ms)
+    assert 0 < right.in_rig.late_sigma_ms < 1
+    assert rig.fit.rms_px < 1.1 * plain().fit.rms_px
     assert np.allclose(right.translation, plain().cameras[1].translation, atol=0.5)
 
 
@@ -241,22 +238,21 @@ def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
         replace(own, late=np.full(len(own.late), ms))
         for own, ms in zip(moving, (0, 0.03), strict=True)
     ]
-    cameras = [
-        RigCamera(name=name, pairs=one, moving=own)
-        for name, one, own in zip(NAMES, pairs, late, strict=True)
-    ]
     rig = calibrate_rig(
-        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_rig_faults
+        dict(zip(NAMES, pairs, strict=True)),
+        target(),
+        moving=dict(zip(NAMES, late, strict=True)),
+        refine_target="off",
     )
-    assert rig.findings == ()
-    assert rig.cameras[1].late_s == 0
-    assert rig.errors.rms_px < 1.1 * plain().errors.rms_px
+    assert rig.fit.findings == ()
+    assert rig.cameras[1].in_rig.late_ms == 0
+    assert rig.fit.rms_px < 1.1 * plain().fit.rms_px
 
 
 @pytest.mark.slow
 def test_cameras_that_are_not_triggered_at_once_are_named() -> None:
     pairs, _ = in_motion(late=(0.0, 0.03))
-    (found,) = fitted(pairs).findings
+    (found,) = fitted(pairs).fit.findings
     assert (found.code, set(found.cameras)) == ("not_at_once", set(NAMES))
     assert found.figures["off_px"] > 1
 
@@ -267,7 +263,7 @@ def test_one_shot_in_which_something_moved_is_named() -> None:
     moved, _ = in_motion(late=(0.0, 0.03))
     own = pairs[1].image == 4
     wrong = replace(pairs[1], pixel=np.where(own[:, None], moved[1].pixel, pairs[1].pixel))
-    (found,) = fitted((pairs[0], wrong)).findings
+    (found,) = fitted((pairs[0], wrong)).fit.findings
     assert (found.code, found.shots) == ("shot_apart", (pairs[1].images[4],))
 
 
@@ -285,34 +281,6 @@ def test_shots_that_are_not_quite_at_once_count_for_less(monkeypatch: pytest.Mon
     weighed = off()
     monkeypatch.setattr(rig_fit, "weighed", lambda pairs, residual: pairs)
     assert weighed < 0.75 * off()
-
-
-@pytest.mark.slow
-def test_cameras_that_were_exchanged_for_some_shots_are_named() -> None:
-    pairs, _ = simulated()
-    first, second = (one.images for one in pairs)
-    both = sorted(set(first) & set(second))[-3:]
-    lens = synthetic_lens("equisolid", (800, 600))
-    corners, _ = simulated_rig(
-        [lens, lens],
-        [(np.zeros(3), np.zeros(3)), APART],
-        target(),
-        10,
-        distances=(50, 300),
-        middle=(330, 330, 300),
-        errors=CornerErrors(noise=0.1, shared=0, spread=0),
-    )
-    pairs = tuple(one.with_target(target()) for one in corners)
-    halves = [
-        [
-            select(one, np.array([(name in both) == late for name in one.images])[one.image])[0]
-            for late in (False, True)
-        ]
-        for one in pairs
-    ]
-    wrong = [Observations.joined([halves[number][0], halves[1 - number][1]]) for number in range(2)]
-    with pytest.raises(FitError, match="left and right are exchanged in 3 shots of 10"):
-        fitted(wrong)
 
 
 @pytest.mark.slow
@@ -335,16 +303,11 @@ def test_folds_of_films_are_blocks_of_time() -> None:
 def test_a_lens_that_is_known_stays_as_it_is() -> None:
     pairs, _ = simulated()
     known = plain().cameras[1]
-    cameras = [
-        RigCamera(name="left", pairs=pairs[0]),
-        RigCamera(name="right", pairs=pairs[1], camera=known.camera, fit=known.fit),
-    ]
-    rig = calibrate_rig(
-        cameras, matched(pairs), target=target(), refine_target="off", diagnose=find_rig_faults
-    )
+    cameras = dict(zip(NAMES, pairs, strict=True))
+    rig = calibrate_rig(cameras, target(), known={"right": known}, refine_target="off")
     assert (rig.cameras[1].camera.P == known.camera.P).all()
     assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
-    assert not rig.held_lenses
+    assert not rig.fit.held_lenses
 
 
 @pytest.mark.slow
@@ -369,21 +332,18 @@ def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
     found = [one.camera.pupil_travel for one in rig.cameras]
     np.testing.assert_allclose(found, travels, atol=0.6)
     assert {one.camera.units for one in rig.cameras} == {"mm"}
-    assert rig.errors.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
+    assert rig.fit.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
     one = rig.cameras[1]
     held = calibrate_rig(
-        [
-            RigCamera(name="left", pairs=pairs[0]),
-            RigCamera(name="right", pairs=pairs[1], camera=one.camera, fit=one.fit),
-        ],
-        matched(pairs),
-        target=target(),
+        dict(zip(NAMES, pairs, strict=True)),
+        target(),
+        known={"right": one},
         refine_target="off",
     )
     assert held.cameras[1].camera.pupil_travel == pytest.approx(one.camera.pupil_travel)
-    assert held.errors.rms_px == pytest.approx(rig.errors.rms_px, rel=0.02)
-    told = evaluate_rig(rig.cameras, pairs, matched(pairs))
-    assert told.errors.rms_px == pytest.approx(rig.errors.rms_px, rel=0.02)
+    assert held.fit.rms_px == pytest.approx(rig.fit.rms_px, rel=0.02)
+    told = evaluate_rig(rig, dict(zip(NAMES, pairs, strict=True)))
+    assert told.rms_px == pytest.approx(rig.fit.rms_px, rel=0.02)
 
 
 @pytest.mark.slow
@@ -407,7 +367,7 @@ def test_few_common_shots_are_told_once_for_two_cameras() -> None:
     few = {name: shot + 20 * (shot > 3) for name, shot in shots.photos[1].items()}
     names = tuple(f"{number:02d}" for number in range(40))
     rig = fitted(pairs, Shots(names=names, photos=(shots.photos[0], few)))
-    (found,) = rig.findings
+    (found,) = rig.fit.findings
     assert (found.code, set(found.cameras)) == ("few_common_shots", set(NAMES))
     assert found.figures["shots"] == rig.pairs[0].shots < 5
 
@@ -598,29 +558,25 @@ def test_cameras_that_name_a_symmetric_board_otherwise_are_one_rig(named: str) -
         photos = [pairs.images[photo] for photo in np.flatnonzero(turned)]
         given.append(renamed(pairs, of, dict.fromkeys(photos, half)))
     rig, by_truth = (
-        calibrate_rig(
-            [RigCamera(name=name, pairs=one) for name, one in zip(NAMES, pairs, strict=True)],
-            matched(pairs),
-            target=of,
-            refine_target="off",
-            diagnose=find_rig_faults,
-        )
+        calibrate_rig(dict(zip(NAMES, pairs, strict=True)), of, refine_target="off")
         for pairs in (given, shown)
     )
-    assert rig.findings == ()
-    assert len(rig.shots) == 14
+    assert rig.fit.findings == ()
+    assert rig.fit.shots == 14
     right = truth.camera_from_rig[1]
     np.testing.assert_allclose(rig.cameras[1].translation, right[1], atol=3)
     np.testing.assert_allclose(
         rig.cameras[1].translation, by_truth.cameras[1].translation, atol=1e-3
     )
     # And a rig that is known explains shots with such names as well as with true ones.
-    told, true = (evaluate_rig(rig.cameras, pairs, matched(pairs)) for pairs in (given, shown))
-    assert told.errors.rms_px == pytest.approx(true.errors.rms_px, rel=1e-3)
+    told, true = (
+        evaluate_rig(rig, dict(zip(NAMES, pairs, strict=True))) for pairs in (given, shown)
+    )
+    assert told.rms_px == pytest.approx(true.rms_px, rel=1e-3)
     # One shot alone is told by where the cameras stand.
     turned = renamed(shown[1], of, dict.fromkeys(shown[1].images, half))
     shot = set(shown[0].images) & set(shown[1].images)
     name = sorted(shot)[0]
     one = [pairs.select(pairs.image == pairs.images.index(name)).only_seen()[0]
            for pairs in (shown[0], turned)]  # fmt: skip
-    assert evaluate_rig(rig.cameras, one, matched(one)).errors.rms_px < 0.5
+    assert evaluate_rig(rig, dict(zip(NAMES, one, strict=True))).rms_px < 0.5

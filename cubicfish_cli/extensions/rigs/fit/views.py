@@ -1,0 +1,234 @@
+"""Photos of several cameras as the views of one body: each camera alone first, then together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cubicfish_cli.app.diagnosis.diagnose import find_faults
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import RigFinding, of_camera
+from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
+from cubicfish_cli.core.fit.evaluate import evaluate
+from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.model_selection import RefineTarget
+from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.radial_reference import radial_near
+from cubicfish_cli.core.fit.refinement import Level
+from cubicfish_cli.core.fit.rig_lens import RigLens
+from cubicfish_cli.core.fit.subset import select, with_mean_weight_one
+from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.extensions.rigs.fit.shots import Shots
+
+_ROUGH_DECREASE = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """A camera whose photos are placed: its lens, their pairs, and camera_from_world of each."""
+
+    lens: FitLens
+    pairs: Observations
+    poses: Poses
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Alone(Placed):
+    """One camera calibrated alone, in the common scale of all; its lens is free or fixed.
+
+    Attributes:
+        camera: its lens, as a camera of points in the common scale.
+        runners_up: the lens with the other priors, and how likely each is the best one.
+        record: of its fit.
+        level: what of the target was fitted.
+        told: what is likely wrong with it.
+        seen: all its corners, by the names that it gives them.
+
+    """
+
+    camera: CubicCamera
+    runners_up: Sequence[tuple[FitLens, float]]
+    record: FitRecord
+    level: Level
+    told: Sequence[RigFinding]
+    seen: Observations
+
+    def as_camera(self, lens: FitLens) -> CubicCamera:
+        """The camera with a lens that its own was adjusted to, in the adjustment's frame."""
+        if isinstance(lens, CubicFit):
+            return replace(self.camera, P=lens.P, pupil_travel=lens.travel)
+        return self.camera
+
+    @property
+    def covered(self) -> float:
+        """How far from the axis corners reach, radians."""
+        covered = self.record.covered_deg
+        if not 0 < covered < 180:
+            covered = self.camera.max_angle_deg
+        return float(np.deg2rad(covered))
+
+
+def calibrate_alone(
+    name: str,
+    pairs: Observations,
+    known: Calibrated | None,
+    target: Target | None,
+    refine_target: RefineTarget,
+    origin: FloatArray,
+    scale: float,
+    *,
+    hold: bool,
+) -> Alone:
+    """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale.
+
+    Args:
+        name: of the camera.
+        pairs: its pairs, in the target's units.
+        known: the camera, where it is calibrated already and is left as it is.
+        target: the target.
+        refine_target: what of it is fitted.
+        origin: (3,) of the common world, in the target's units.
+        scale: the target's units in one unit of it.
+        hold: leave the lens as it is then.
+
+    Raises:
+        FitError: it cannot be calibrated, or its photos not be placed; the text names it.
+
+    """
+    found, seen = None, pairs
+    try:
+        if known is not None:
+            placed = evaluate(known.camera, pairs)
+            own, record, pairs, poses = known.camera, known.fit, placed.pairs, placed.poses
+        else:
+            found = calibrate(
+                pairs, target=target, refine_target=refine_target, diagnose=find_faults
+            )
+            own, record, pairs, poses = found.camera, found.fit, found.pairs, found.poses
+    except FitError as error:
+        raise FitError(f"camera {name}: {error}") from error
+    pairs = with_mean_weight_one(pairs.with_world((pairs.world - origin) / scale))
+    poses = poses.of_world(-origin).scaled(1 / scale)
+    own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
+    runners_up: list[tuple[FitLens, float]] = []
+    lens: FitLens = FixedLens(camera=own)
+    if found is not None and not hold:
+        reference = radial_near(own.radial, pairs, poses)
+        result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
+        lens, poses = result.lens, result.poses
+        runners_up = [
+            (held(result.lens, reference, one.prior, result.errors), one.likely)
+            for one in found.runners_up
+        ]
+    return Alone(
+        lens=lens,
+        pairs=pairs,
+        poses=poses,
+        camera=own,
+        runners_up=runners_up,
+        record=record,
+        level="off" if found is None else found.refined,
+        told=[] if found is None else [of_camera(name, one) for one in found.findings],
+        seen=seen if found is None else found.named(seen),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """What is seen in each view.
+
+    Attributes:
+        photo: of each view, its camera's photo.
+        shot: of each shot, its name.
+
+    """
+
+    photo: tuple[str, ...]
+    shot: tuple[str, ...]
+
+
+def joined_views(
+    alone: Sequence[Placed], shots: Shots, places: Poses | None = None
+) -> tuple[RigLens, Poses, Observations, Seen]:
+    """All cameras' photos as the views of one rig, sorted by camera.
+
+    Args:
+        alone: each camera by itself, all in one scale.
+        shots: which photos are of one shot.
+        places: camera_from_rig of each camera, where they are known and held.
+
+    Returns:
+        Lenses, with all cameras in one place if none is known; camera_from_world of each view; the
+        pairs of all; names.
+
+    """
+    parts, views = [], []
+    camera: list[int] = []
+    shot: list[int] = []
+    for number, (one, of_shot) in enumerate(zip(alone, shots.photos, strict=True)):
+        listed = np.array([name in of_shot for name in one.pairs.images])
+        own, kept = select(one.pairs, listed[one.pairs.image])
+        parts.append(own)
+        camera += [number] * len(kept)
+        shot += [of_shot[name] for name in own.images]
+        views.append(one.poses[kept])
+    used, index = np.unique(shot, return_inverse=True)
+    in_one = Poses(
+        rotation=np.repeat(np.eye(3)[None], len(alone), axis=0),
+        translation=np.zeros((len(alone), 3)),
+    )
+    lens = RigLens(
+        lenses=tuple(one.lens for one in alone),
+        places=in_one if places is None else places,
+        camera=np.array(camera, np.intp),
+        shot=index.astype(np.intp),
+        held=places is not None,
+    )
+    width, height = np.max([part.image_size for part in parts], axis=0).tolist()
+    return (
+        lens,
+        Poses.joined(views),
+        replace(Observations.joined(parts), image_size=(width, height)),
+        Seen(
+            photo=tuple(name for part in parts for name in part.images),
+            shot=tuple(shots.names[number] for number in used),
+        ),
+    )
+
+
+def set_apart(
+    lens: RigLens, shots: Poses, views: Poses, seen: Seen, apart: IntArray
+) -> tuple[RigLens, Poses, Seen]:
+    """Views that do not go with their shots get shots of their own: they say nothing of places.
+
+    Args:
+        lens: the lenses and places of the rig.
+        shots: rig_from_world of each shot.
+        views: camera_from_world of each view.
+        seen: names.
+        apart: (A,) which views.
+
+    Returns:
+        The same of the new shots.
+
+    """
+    if not apart.size:
+        return lens, shots, seen
+    shot = lens.shot.copy()
+    shot[apart] = len(shots) + np.arange(len(apart))
+    own = lens.places[lens.camera[apart]].inverse() @ views[apart]
+    poses = Poses.joined([shots, own])
+    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in apart))
+    # A shot may be left without any view.
+    used, shot = np.unique(shot, return_inverse=True)
+    lens = replace(lens, shot=shot.astype(np.intp))
+    return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
