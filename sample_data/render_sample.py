@@ -15,13 +15,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from cubicfish_cli.extensions.simulation.truth import (
+
+from cubicfish_cli.app.viewpoints.truth import (
     Pose,
     look_at,
     rotation_matrix,
     true_corners_text,
 )
-
 from cubicfish_cli.core.target import Target, load_target
 
 HERE = Path(__file__).parent
