@@ -1,32 +1,34 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
 from cubicfish_cli.app.asked import Run as Run
-from cubicfish_cli.app.asked_pictures import MapOptions as MapOptions
-from cubicfish_cli.app.asked_pictures import PlaneOptions as PlaneOptions
-from cubicfish_cli.app.asked_pictures import UndistortOptions as UndistortOptions
 from cubicfish_cli.app.detection import detect as detect
 from cubicfish_cli.app.listener import Listener as Listener
 from cubicfish_cli.app.photos import read_picture as read_picture
+from cubicfish_cli.app.undistortion.images import undistort as undistort
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions
 from cubicfish_cli.commands.calibrate import calibrate_files as calibrate_files
 from cubicfish_cli.commands.calibration import calibrate as calibrate
 from cubicfish_cli.commands.calibration import evaluate as evaluate
 from cubicfish_cli.commands.calibration import save_camera as save_camera
 from cubicfish_cli.commands.calibration import save_target as save_target
-from cubicfish_cli.commands.calibration_files import evaluate_files as evaluate_files
-from cubicfish_cli.commands.describing import compare_files as compare_files
-from cubicfish_cli.commands.describing import info_files as info_files
+from cubicfish_cli.commands.compare import CompareOptions as CompareOptions
+from cubicfish_cli.commands.compare import compare_files as compare_files
 from cubicfish_cli.commands.detect import DetectOptions as DetectOptions
 from cubicfish_cli.commands.detect import detect_files as detect_files
+from cubicfish_cli.commands.evaluate import EvaluateOptions as EvaluateOptions
+from cubicfish_cli.commands.evaluate import evaluate_files as evaluate_files
+from cubicfish_cli.commands.export import ExportOptions as ExportOptions
+from cubicfish_cli.commands.export import export_files as export_files
 from cubicfish_cli.commands.exporting import export_camera as export_camera
-from cubicfish_cli.commands.exporting import export_files as export_files
-from cubicfish_cli.commands.map_files import map_files as map_files
+from cubicfish_cli.commands.info import InfoOptions as InfoOptions
+from cubicfish_cli.commands.info import info_files as info_files
+from cubicfish_cli.commands.map import MapOptions as MapOptions
+from cubicfish_cli.commands.map import map_files as map_files
 from cubicfish_cli.commands.target import CheckOptions as CheckOptions
 from cubicfish_cli.commands.target import check_target_files as check_target_files
 from cubicfish_cli.commands.target_files import check_target as check_target
-from cubicfish_cli.commands.undistorting import undistort as undistort
-from cubicfish_cli.commands.undistorting import undistort_files as undistort_files
-from cubicfish_cli.commands.views import build_plane as build_plane
+from cubicfish_cli.commands.undistort import UndistortOptions as UndistortOptions
+from cubicfish_cli.commands.undistort import undistort_files as undistort_files
 from cubicfish_cli.core.assess.verdict import Verdict as Verdict
 from cubicfish_cli.core.codes import Event as Event
 from cubicfish_cli.core.errors import CubicfishError as CubicfishError
@@ -47,7 +49,9 @@ from cubicfish_cli.core.views.choose import build_view as build_view
 from cubicfish_cli.core.views.maps import UndistortMap as UndistortMap
 from cubicfish_cli.core.views.maps import build_map as build_map
 from cubicfish_cli.core.views.maps import save_map as save_map
+from cubicfish_cli.core.views.options import PlaneOptions as PlaneOptions
 from cubicfish_cli.core.views.options import ViewOptions as ViewOptions
+from cubicfish_cli.core.views.plane import build_plane as build_plane
 from cubicfish_cli.core.views.view import View as View
 from cubicfish_cli.corners.identification.identified import Detection as Detection
 from cubicfish_cli.extensions.advice.command import AdviseOptions as AdviseOptions
@@ -60,19 +64,14 @@ from cubicfish_cli.extensions.formats.corners import import_corner_files as impo
 from cubicfish_cli.extensions.formats.import_camera import ImportOptions as ImportOptions
 from cubicfish_cli.extensions.formats.import_camera import import_files as import_files
 from cubicfish_cli.extensions.formats.importing import import_camera as import_camera
-from cubicfish_cli.extensions.report.report_files import report_files as report_files
-from cubicfish_cli.extensions.rigs.calibrate import RigOptions as RigOptions
-from cubicfish_cli.extensions.rigs.evaluate import RigEvaluateOptions as RigEvaluateOptions
-from cubicfish_cli.extensions.simulation.command import SimulateOptions as SimulateOptions
-from cubicfish_cli.extensions.simulation.command import simulate_files as simulate_files
-from cubicfish_cli.extensions.simulation.options import LookOptions as LookOptions
-
-__version__: str
-__all__: list[str]
 from cubicfish_cli.extensions.printing.command import PrintOptions as PrintOptions
 from cubicfish_cli.extensions.printing.command import print_target_files as print_target_files
+from cubicfish_cli.extensions.report.command import ReportOptions as ReportOptions
+from cubicfish_cli.extensions.report.command import report_files as report_files
+from cubicfish_cli.extensions.rigs.calibrate import RigOptions as RigOptions
 from cubicfish_cli.extensions.rigs.calibrate import calibrate_rig_files as calibrate_rig_files
 from cubicfish_cli.extensions.rigs.compare import compare_rig_files as compare_rig_files
+from cubicfish_cli.extensions.rigs.evaluate import RigEvaluateOptions as RigEvaluateOptions
 from cubicfish_cli.extensions.rigs.evaluate import evaluate_rig_files as evaluate_rig_files
 from cubicfish_cli.extensions.rigs.export import export_rig_files as export_rig_files
 from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig as calibrate_rig
@@ -89,3 +88,9 @@ from cubicfish_cli.extensions.rigs.stereo import RectifiedPair as RectifiedPair
 from cubicfish_cli.extensions.rigs.stereo import rectify as rectify
 from cubicfish_cli.extensions.rigs.undistort import ShotOptions as ShotOptions
 from cubicfish_cli.extensions.rigs.undistort import undistort_rig_files as undistort_rig_files
+from cubicfish_cli.extensions.simulation.command import SimulateOptions as SimulateOptions
+from cubicfish_cli.extensions.simulation.command import simulate_files as simulate_files
+from cubicfish_cli.extensions.simulation.options import LookOptions as LookOptions
+
+__version__: str
+__all__: list[str]

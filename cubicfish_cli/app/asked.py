@@ -230,6 +230,36 @@ def check_inputs(
         target.check()
 
 
+def refuse_unused(
+    inputs: Sequence[Path],
+    correspondences: Path | None,
+    target: TargetSource,
+    image_size: tuple[int, int] | None,
+    run: Run,
+) -> None:
+    """Refuse what says nothing about such inputs.
+
+    Raises:
+        UsageError: something is asked that would not be done.
+
+    """
+    tables = tables_among(inputs)
+    pairs = correspondences is not None or any(map(holds_world_points, tables))
+    if pairs and target.is_known and not target.told:
+        raise UsageError(
+            "--target, --board and --square say what photos show, and 2D-3D pairs know their "
+            "points: leave it out"
+        )
+    if pairs or tables:
+        for name, given in (("--jobs", run.jobs is not None), ("--no-cache", run.anew)):
+            if given:
+                raise UsageError(
+                    f"{name} goes with photos and films, which are searched, not with CSV files"
+                )
+    elif image_size is not None:
+        raise UsageError("--size is of CSV files: photos have their own size")
+
+
 def tables_among(inputs: Sequence[Path]) -> list[Path]:
     """Those of the inputs that are tables, by their names."""
     return [path for path in inputs if path.suffix.lower() == ".csv"]

@@ -25,6 +25,7 @@ from cubicfish_cli.app.asked import (
     made_by_record,
     path_or_none,
     paths_of,
+    refuse_unused,
     tables_among,
 )
 from cubicfish_cli.app.extensions import Output, load_place, outputs
@@ -183,36 +184,6 @@ class CalibrateOptions:
                 "--no-hold-out: choose off, shape or points"
             )
 
-    def refuse_unused(self, run: Run) -> None:
-        """Refuse what says nothing about such inputs.
-
-        Raises:
-            UsageError: something is asked that would not be done.
-
-        """
-        tables, target = tables_among(paths_of(self.inputs)), TargetSource.of(self.target)
-        pairs = self.correspondences is not None or any(map(holds_world_points, tables))
-        if pairs and target.is_known and not target.told:
-            raise UsageError(
-                "--target, --board and --square say what photos show, and 2D-3D pairs know their "
-                "points: leave it out"
-            )
-        if pairs and self.refine_target is not None:
-            raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
-        if not pairs and not tables:
-            if self.image_size is not None:
-                raise UsageError("--size is of CSV files: photos have their own size")
-            return
-        for name, given in (
-            ("--best", self.best is not None),
-            ("--jobs", run.jobs is not None),
-            ("--no-cache", run.anew),
-        ):
-            if given:
-                raise UsageError(
-                    f"{name} goes with photos and films, which are searched, not with CSV files"
-                )
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedFiles:
@@ -271,7 +242,12 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
     pairs, folder = path_or_none(asked.correspondences), Path(asked.folder)
     check_inputs(paths, pairs, source)
-    asked.refuse_unused(run)
+    refuse_unused(paths, pairs, source, asked.image_size, run)
+    has_pairs = pairs is not None or any(map(holds_world_points, tables_among(paths)))
+    if has_pairs and asked.refine_target is not None:
+        raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
+    if asked.best is not None and (pairs is not None or tables_among(paths)):
+        raise UsageError("--best goes with photos and films, not with CSV files")
     made_at()  # said before the work if it cannot be
     from cubicfish_cli.app.inputs import load_inputs, recorded_as
     from cubicfish_cli.app.sufficiency.enough import summary

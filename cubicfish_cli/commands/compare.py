@@ -2,39 +2,104 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate, print_figure, print_spread, px
 from cubicfish_cli.app.terminal.options import as_command, option, record
-from cubicfish_cli.app.terminal.progress import running
-from cubicfish_cli.app.terminal.terminal import print_json, print_table, result
-
-_BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_table, result
+from cubicfish_cli.core.files import refuse_existing
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.comparison import Comparison
 
+_BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
+_DRAWN_PIXELS = 150_000
+
 
 @record
-class Asked:
-    """What is asked of ``cubicfish compare``."""
+class CompareOptions:
+    """Two cameras that are compared.
 
-    first: Path = options.argument(
+    Attributes:
+        first: the file of a camera, or the folder of that; differences are in its pixels.
+        second: another one.
+        picture: also draws the difference at every pixel of the first camera.
+
+    """
+
+    first: StrPath = options.argument(
         "The camera.yaml, or its folder, in whose pixels differences are.",
         metavar="A",
         missing=_BOTH,
     )
-    second: Path = options.argument(
+    second: StrPath = options.argument(
         "The camera.yaml, or its folder, that is compared with it.", metavar="B", missing=_BOTH
     )
-    picture: Path | None = option(
+    picture: StrPath | None = option(
         "--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE
     )
-    max_rms: float | None = options.max_rms_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparedFiles:
+    """What became of :func:`compare_files`.
+
+    Attributes:
+        comparison: how far apart the cameras are.
+        picture: the picture of that; None where none was asked for.
+
+    """
+
+    comparison: Comparison
+    picture: Path | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish compare --json`` prints."""
+        drawn = {} if self.picture is None else {"picture": self.picture}
+        return {**self.comparison.as_record(), **drawn}
+
+
+def compare_files(asked: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
+    """Say how far apart two cameras see the same rays, as ``cubicfish compare`` does.
+
+    Raises:
+        CameraFileError: a file cannot be used.
+        FitError: the cameras have no field in common.
+        OutputError: the picture exists and may not be replaced, or cannot be written.
+
+    """
+    from cubicfish_cli.app.undistortion.images import check_suffix, write_picture
+    from cubicfish_cli.core.fit.comparison import compare
+    from cubicfish_cli.core.io.camera_yaml import load_camera
+
+    path = path_or_none(asked.picture)
+    if path is not None:
+        refuse_existing(path, overwrite=run.overwrite)
+        check_suffix(path)
+    both = (load_camera(in_folder(Path(given))).camera for given in (asked.first, asked.second))
+    comparison = compare(*both)
+    if path is not None:
+        write_picture(path, _picture(comparison), overwrite=run.overwrite)
+    return ComparedFiles(comparison=comparison, picture=path)
+
+
+def _picture(comparison: Comparison) -> Any:
+    """The length of the difference at every pixel of the first camera, in colours."""
+    import numpy as np
+
+    from cubicfish_cli.app.difference_picture import difference_picture
+
+    width, height = comparison.first.image_size
+    # Differences are smooth: one in each small block tells all.
+    step = max(1, round((width * height / _DRAWN_PIXELS) ** 0.5))
+    y, x = np.mgrid[:height:step, :width:step] + (step - 1) / 2
+    coarse = np.linalg.norm(comparison.difference(np.stack([x, y], axis=-1)), axis=-1)
+    return difference_picture(np.kron(coarse, np.ones((step, step)))[:height, :width])
 
 
 @as_command(
@@ -43,8 +108,9 @@ class Asked:
     "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
     "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
     "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
+    how=("max_rms", "overwrite", "as_json"),
 )
-def command(given: Asked) -> None:
+def command(given: CompareOptions, how: How) -> None:
     """Say how far from A's pixels the camera B sees the same rays, over their common field.
 
     A and B are camera.yaml files, such as the true_camera.yaml that simulate writes beside its
@@ -52,18 +118,12 @@ def command(given: Asked) -> None:
     the differences smallest is taken out first, since poses make up for it. Photos of one size, or
     of sizes that are an exact rescale; differences are in A's pixels.
     """
-    from cubicfish_cli.commands.describing import compare_files
-
-    with running(overwrite=given.overwrite) as run:
-        made = compare_files(given.first, given.second, picture=given.picture, run=run)
-    record = made.as_record()
-    if given.as_json:
-        print_json(record)
-    else:
+    made = how.do(compare_files, given)
+    if not how.print(made):
         _print(made.comparison)
         if made.picture is not None:
             result(f"\nwrote {made.picture}")
-    hold_gate(record["rms_px"], given.max_rms)
+    hold_gate(made.comparison.statistics.rms_px, how.max_rms)
 
 
 def _print(comparison: Comparison) -> None:

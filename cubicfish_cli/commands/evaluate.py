@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import check_inputs
+from cubicfish_cli.app.asked import (
+    RUN,
+    Run,
+    StrPath,
+    TargetSource,
+    check_inputs,
+    in_folder,
+    paths_of,
+    refuse_unused,
+)
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
@@ -21,30 +32,122 @@ from cubicfish_cli.app.terminal.figures import (
     why_lost,
 )
 from cubicfish_cli.app.terminal.options import as_command, record, target_options
-from cubicfish_cli.app.terminal.progress import running, say_found, say_left_out
-from cubicfish_cli.app.terminal.terminal import print_json, result, say
+from cubicfish_cli.app.terminal.progress import How, say_found, say_left_out
+from cubicfish_cli.app.terminal.terminal import result, say
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.asked import TargetSource
-    from cubicfish_cli.commands.calibration_files import EvaluatedFiles
+    from cubicfish_cli.app.inputs import Inputs
+    from cubicfish_cli.core.assess.fit_record import FitRecord
+    from cubicfish_cli.core.assess.uncertainty import PixelUncertainty
+    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.core.fit.evaluate import Evaluation
+    from cubicfish_cli.core.io.camera_yaml import CameraFile
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
+    from cubicfish_cli.core.target import Target
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish evaluate``."""
+class EvaluateOptions:
+    """What a camera is measured on.
 
-    inputs: tuple[Path, ...] = options.argument(
+    Attributes:
+        inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
+        target: the calibration target, or its file; 2D-3D pairs have none.
+        camera: its file, or the folder of that.
+        image_size: (width, height) of the photos, for tables that do not say.
+
+    """
+
+    inputs: StrPath | Sequence[StrPath] = options.argument(
         "Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
         nargs=-1,
         metavar="PHOTOS|CSV...",
     )
-    target: TargetSource = target_options
-    model: Path | None = options.model_option
+    target: TargetSource | Target | StrPath | None = target_options
+    camera: StrPath = options.model_options
     image_size: tuple[int, int] | None = options.size_option
-    max_rms: float | None = options.max_rms_option
-    as_json: bool = options.json_option
-    jobs: int | None = options.jobs_option
-    no_cache: bool = options.no_cache_option
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluatedFiles:
+    """What became of :func:`evaluate_files`.
+
+    Attributes:
+        evaluation: the errors.
+        inputs: what they were measured on.
+        record: both as plain data: what ``cubicfish evaluate --json`` prints.
+        camera: the camera.
+        uncertainty: of the camera where the corners are; None where it is not known.
+        verdict: how well it does there.
+
+    """
+
+    evaluation: Evaluation
+    inputs: Inputs
+    record: dict[str, Any]
+    camera: CubicCamera
+    uncertainty: PixelUncertainty | None
+    verdict: Verdict
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish evaluate --json`` prints."""
+        return self.record
+
+
+def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
+    """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        CubicfishError: an input cannot be used, or no photo can be placed.
+
+    """
+    paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
+    check_inputs(paths, None, source)
+    refuse_unused(paths, None, source, asked.image_size, run)
+    from cubicfish_cli.app.inputs import load_inputs, refuse_other_sizes
+    from cubicfish_cli.core.assess.records import plain_record
+    from cubicfish_cli.core.assess.verdict import evaluation_verdict
+    from cubicfish_cli.core.fit.evaluate import evaluate
+    from cubicfish_cli.core.io.camera_yaml import load_camera
+
+    file = load_camera(in_folder(Path(asked.camera)))
+    size = file.camera.image_size
+    refuse_other_sizes(paths, size)
+    loaded = load_inputs(paths, source, run, image_size=asked.image_size or size)
+    run.listener.progress("Fitting poses")
+    evaluation = evaluate(file.camera, loaded.pairs)
+    sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)
+    record = {**evaluation.as_record(), "uncertainty": plain_record(sigma), **loaded.remarks()}
+    return EvaluatedFiles(
+        evaluation=evaluation,
+        inputs=loaded,
+        record=record,
+        camera=file.camera,
+        uncertainty=sigma,
+        verdict=evaluation_verdict(
+            evaluation.errors, sigma, _with_this_target(file, loaded, source), size
+        ),
+    )
+
+
+def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> FitRecord:
+    """The camera's fit, and what it was off by on a target that was no better known than this one.
+
+    Where the target was refined, the drawn one leaves errors that are not the camera's.
+    """
+    from cubicfish_cli.app.inputs import recorded_as
+    from cubicfish_cli.core.assess.fit_record import origin_of
+
+    fit, given, drawn = file.fit, origin_of(file.made_by).target, loaded.drawn(source)
+    digest = loaded.target_file and loaded.target_file.sha256
+    if drawn is not None:
+        digest = recorded_as(drawn, Path())["sha256"]
+    if given is None or digest != given.sha256 or fit.refine_target in (None, "off"):
+        return fit
+    # Where nobody measured that, errors are judged by themselves.
+    as_drawn = fit.held_out_by_level.get("off", math.nan)
+    return replace(fit, held_out_rms_px=as_drawn, rms_px=as_drawn)
 
 
 @as_command(
@@ -52,20 +155,14 @@ class Asked:
     "Measure a camera on other photos, poses refitted.",
     "cubicfish evaluate new_photos/ --target target.yaml",
     "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
+    how=("max_rms", "as_json", "jobs", "no_cache"),
 )
-def command(given: Asked) -> None:
+def command(given: EvaluateOptions, how: How) -> None:
     """Measure the reprojection error of a camera on PHOTOS, corners.csv or correspondences.csv.
 
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
     """
-    check_inputs(given.inputs, None, given.target)
-    from cubicfish_cli.commands.calibration_files import evaluate_files
-
-    model = options.model_path(given.model)
-    with running(jobs=given.jobs, no_cache=given.no_cache) as run:
-        made = evaluate_files(
-            model, given.inputs, given.target, image_size=given.image_size, run=run
-        )
+    made = how.do(evaluate_files, given)
     evaluation = made.evaluation
     if evaluation.outside:
         say(
@@ -77,11 +174,9 @@ def command(given: Asked) -> None:
         for finding in made.inputs.detection.findings:
             say(f"warning: {finding.line}")
     say_unplaced(evaluation.unplaced)
-    if given.as_json:
-        print_json(made.record)
-    else:
+    if not how.print(made):
         _print(made)
-    hold_gate(made.record["rms_px"], given.max_rms)
+    hold_gate(made.record["rms_px"], how.max_rms)
 
 
 def say_unplaced(photos: Sequence[str], of: str = "") -> None:

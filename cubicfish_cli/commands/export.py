@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
-from cubicfish_cli.app.terminal.progress import running
-from cubicfish_cli.app.terminal.terminal import print_json, print_wrote, result, say
-
-if TYPE_CHECKING:
-    from cubicfish_cli.commands.exporting import ExportedFiles
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.files import refuse_existing, write_files
 
 # Maps are of no lens model, and so not among the registered formats.
 FORMATS = {**written_formats(), "maps": ".npz for cv2.remap; holds any lens"}
@@ -53,24 +54,88 @@ max_angle_option: Any = option(
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish export``."""
+class ExportOptions:
+    """A camera that is written for another tool.
 
-    calibration: Path | None = options.calibration_argument
+    Attributes:
+        camera: its file, or the folder of that.
+        to: the format: a name of ``cubicfish export --help``.
+        output: where it goes; by default the format's usual name, in the current folder.
+        max_error: as for :func:`export_camera`.
+        max_angle_deg: likewise.
+
+    """
+
+    camera: StrPath = options.camera_options
     to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
         click.Choice(list(FORMATS)),
         required=True,
     )
-    output: Path | None = options.output_option(
+    output: StrPath | None = options.output_option(
         "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
-    model: Path | None = options.model_option
     max_error: float = max_error_option
     max_angle_deg: float | None = max_angle_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportedFiles:
+    """What became of :func:`export_files`.
+
+    Attributes:
+        files: what was written.
+        record: plain data: what ``cubicfish export --json`` prints.
+        lines: how near it comes, for people.
+        warnings: what is not to be relied on.
+
+    """
+
+    files: list[Path]
+    record: dict[str, Any]
+    lines: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish export --json`` prints."""
+        return self.record
+
+
+def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
+    """Write a camera for another tool, as ``cubicfish export`` does.
+
+    Raises:
+        UsageError: what is asked does not go together.
+        FitError: there is no such format, or its lens is too far from a camera.
+        CubicfishError: a file cannot be used, or exists and may not be replaced.
+
+    """
+    from cubicfish_cli.app.foreign import WRITTEN
+    from cubicfish_cli.commands.exporting import export_camera, without_matrix
+    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish_cli.core.views.choose import build_view
+    from cubicfish_cli.core.views.maps import build_map, save_map
+
+    to, path = asked.to, in_folder(Path(asked.camera))
+    goal = Path(asked.output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
+    refuse_existing(goal, overwrite=run.overwrite)
+    loaded = load_camera(path)
+    if to == "maps":
+        if goal.suffix.lower() != ".npz":
+            raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
+        save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
+        return ExportedFiles(files=[goal], record={"file": goal, "format": to})
+    run.listener.progress("Fitting the other lens")
+    lens = export_camera(loaded, to, max_error=asked.max_error, max_angle_deg=asked.max_angle_deg)
+    write_files({goal: lens.text}, overwrite=run.overwrite)
+    warning = lens.warning(asked.max_error)
+    return ExportedFiles(
+        files=[goal],
+        record={"file": goal, "format": to, **lens.as_record()},
+        lines=tuple(map(without_matrix, lens.note[1:])),
+        warnings=() if warning is None else (warning,),
+    )
 
 
 @as_command(
@@ -79,28 +144,17 @@ class Asked:
     "cubicfish export --to opencv",
     "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",
+    how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: Asked) -> None:
+def command(given: ExportOptions, how: How) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.commands.exporting import export_files
-
-    with running(overwrite=given.overwrite) as run:
-        made = export_files(
-            options.model_path(given.calibration or given.model),
-            given.to,
-            given.output,
-            max_error=given.max_error,
-            max_angle_deg=given.max_angle_deg,
-            run=run,
-        )
-    print_exported(made, as_json=given.as_json)
+    print_exported(how.do(export_files, given), how)
 
 
-def print_exported(made: ExportedFiles, *, as_json: bool) -> None:
+def print_exported(made: ExportedFiles, how: How) -> None:
     """Print what was written, and how near it comes."""
-    if as_json:
-        print_json(made.record)
+    if how.print(made):
         return
     print_wrote(made.files)
     for line in made.lines:

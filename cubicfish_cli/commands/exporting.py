@@ -8,26 +8,20 @@ from contextlib import suppress
 from dataclasses import dataclass
 from decimal import ROUND_UP, Decimal
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.app.foreign import (
     OWN_FIELD,
     WRITTEN,
 )
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
-from cubicfish_cli.core.errors import CubicfishError, FitError, UsageError
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.errors import CubicfishError, FitError
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.io.camera_format import Poses
-from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.views.choose import build_view
-from cubicfish_cli.core.views.maps import build_map, save_map
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 # Of formats of one tool, the one that follows decentred lenses best.
@@ -198,70 +192,6 @@ def _rounded_up(value: float) -> str:
     """To two digits, and no less: what ``--max-error`` takes is what is written here."""
     step = Decimal(1).scaleb(Decimal(value).adjusted() - 1)
     return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ExportedFiles:
-    """What became of :func:`export_files`.
-
-    Attributes:
-        files: what was written.
-        record: plain data: what ``cubicfish export --json`` prints.
-        lines: how near it comes, for people.
-        warnings: what is not to be relied on.
-
-    """
-
-    files: list[Path]
-    record: dict[str, Any]
-    lines: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-
-def export_files(
-    camera: StrPath,
-    to: str,
-    output: StrPath | None = None,
-    *,
-    max_error: float = 0.5,
-    max_angle_deg: float | None = None,
-    run: Run = RUN,
-) -> ExportedFiles:
-    """Write a camera for another tool, as ``cubicfish export`` does.
-
-    Args:
-        camera: the file of a camera, or the folder of that.
-        to: the format: a name of ``cubicfish export --help``.
-        output: where it goes; by default the format's usual name, in the current folder.
-        max_error: as for :func:`export_camera`.
-        max_angle_deg: likewise.
-        run: how the work is done.
-
-    Raises:
-        UsageError: what is asked does not go together.
-        FitError: there is no such format, or its lens is too far from a camera.
-        CubicfishError: a file cannot be used, or exists and may not be replaced.
-
-    """
-    path = Path(camera)
-    goal = Path(output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
-    refuse_existing(goal, overwrite=run.overwrite)
-    loaded = load_camera(in_folder(path))
-    if to == "maps":
-        if goal.suffix.lower() != ".npz":
-            raise UsageError(f"{goal}: --to maps writes .npz; 'cubicfish map' writes others")
-        save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
-        return ExportedFiles(files=[goal], record={"file": goal, "format": to})
-    run.listener.progress("Fitting the other lens")
-    lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=max_angle_deg)
-    write_files({goal: lens.text}, overwrite=run.overwrite)
-    warning = lens.warning(max_error)
-    return ExportedFiles(
-        files=[goal],
-        record={"file": goal, "format": to, **lens.as_record()},
-        lines=tuple(map(without_matrix, lens.note[1:])),
-        warnings=() if warning is None else (warning,),
-    )
 
 
 def without_matrix(line: str) -> str:

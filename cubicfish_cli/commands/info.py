@@ -3,25 +3,61 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count, print_verdict, px
 from cubicfish_cli.app.terminal.options import as_command, record
-from cubicfish_cli.app.terminal.terminal import print_json, result
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import result
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.camera_facts import CameraFacts
+    from cubicfish_cli.core.assess.verdict import Verdict
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish info``."""
+class InfoOptions:
+    """A camera: its file, or the folder of that."""
 
-    calibration: Path | None = options.calibration_argument
-    model: Path | None = options.model_option
-    as_json: bool = options.json_option
+    camera: StrPath = options.camera_options
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraInfo:
+    """What the file of a camera says.
+
+    Attributes:
+        model: the file.
+        verdict: what the camera is worth; None of a camera that was not fitted.
+        facts: the camera in the figures that people ask for first.
+
+    """
+
+    model: Path
+    verdict: Verdict | None
+    facts: CameraFacts
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish info --json`` prints."""
+        return {"model": self.model, **self.facts.as_record()}
+
+
+def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
+    """Say what a camera is, as ``cubicfish info`` does.
+
+    Raises:
+        CameraFileError: the file cannot be used.
+
+    """
+    from cubicfish_cli.core.io.camera_yaml import load_any_camera
+
+    path = in_folder(Path(asked.camera))
+    facts = load_any_camera(path).facts
+    return CameraInfo(model=path, verdict=facts.verdict, facts=facts)
 
 
 @as_command(
@@ -30,19 +66,17 @@ class Asked:
     "cubicfish info",
     "cubicfish info lens_a/",
     "cubicfish info camera.yaml --json",
+    how=("as_json",),
 )
-def command(given: Asked) -> None:
+def command(given: InfoOptions, how: How) -> None:
     """Say what the camera in FOLDER (by default: calibration) is.
 
     Size, focal length and principal point with one standard deviation, the field of view that a
     photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
     what it was made. The focal length is in pixels per radian, on the axis.
     """
-    from cubicfish_cli.commands.describing import info_files
-
-    made = info_files(options.model_path(given.calibration or given.model))
-    if given.as_json:
-        print_json(made.as_record())
+    made = how.do(info_files, given)
+    if how.print(made):
         return
     result(made.facts.line + "\n")
     for name, words in _rows(made.facts):

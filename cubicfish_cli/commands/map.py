@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import Run
-from cubicfish_cli.app.asked_pictures import MapOptions
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, bundle, option, record
-from cubicfish_cli.app.terminal.terminal import print_json, print_wrote, result, say
+from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.commands.view_options import say_what_is_unseen, view_options
+from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.views.options import ViewOptions
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.map_files import MapFiles
+    from cubicfish_cli.core.files import Content
+    from cubicfish_cli.core.views.choose import ChosenView, SeenField
+    from cubicfish_cli.core.views.maps import UndistortMap
+    from cubicfish_cli.core.views.view import View
 
 _HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
 
@@ -30,27 +37,137 @@ photo_size_option: Any = option(
     "Size of the photos, when it is an exact rescale of the calibrated ones.",
     options.SIZE,
 )
-map_options: Any = bundle(
-    MapOptions,
-    view_options,
-    photo_size_option,
-    option("--redistort", "The way back: from the view to the photo of the camera."),
-)
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish map``."""
+class MapOptions:
+    """What a map of a camera shows, and where it goes.
 
-    output: Path = options.argument(
+    Attributes:
+        output: a name in .npz, .exr, .png or .pgm; the files beside it have names that begin alike.
+        camera: its file, or the folder of that.
+        view: what it shows, or what is asked of it; by default flat, as for photos.
+        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
+        redistort: makes the way back, from the view to the photo.
+
+    """
+
+    output: StrPath = options.argument(
         "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
         metavar="OUT",
         missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
     )
-    model: Path | None = options.model_option
-    asked: MapOptions = map_options
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
+    camera: StrPath = options.model_options
+    view: View | ViewOptions | None = view_options
+    photo_size: tuple[int, int] | None = photo_size_option
+    redistort: bool = option(
+        "--redistort", "The way back: from the view to the photo of the camera."
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapFiles:
+    """What became of :func:`map_files`.
+
+    Attributes:
+        model: the file of the camera.
+        own: the maps.
+        written: all files.
+        image_size: (width, height) of the photos.
+        view: what the maps show.
+        seen: what the camera sees of it; None where that is not asked.
+
+    """
+
+    model: Path
+    own: list[Path]
+    written: list[Path]
+    image_size: tuple[int, int]
+    view: ChosenView
+    seen: SeenField | None = None
+
+    @property
+    def ffmpeg(self) -> list[str]:
+        """The commands that apply maps in .pgm; none for others."""
+        from cubicfish_cli.app.undistortion.map_formats import ffmpeg_command
+
+        pairs = [path for path in self.own if path.suffix.lower() == ".pgm"]
+        return [ffmpeg_command(*both) for both in zip(pairs[::2], pairs[1::2], strict=True)]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish map --json`` prints."""
+        return {
+            "model": self.model,
+            "files": self.own,
+            "extra_files": [path for path in self.written if path not in self.own],
+            "image_size": self.image_size,
+            "view": self.view.as_record(),
+            "ffmpeg": self.ffmpeg,
+        }
+
+
+def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
+    """Write the map of a camera, and the camera of what it shows, as ``cubicfish map`` does.
+
+    Raises:
+        UsageError: the name of the map ends otherwise.
+        CubicfishError: the camera cannot be used, there is no such view, or a file exists and may
+            not be replaced.
+
+    """
+    from cubicfish_cli.app.undistortion.map_formats import build_redistort_map, map_paths
+    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish_cli.core.views.choose import chosen_view
+    from cubicfish_cli.core.views.maps import build_map, camera_for_photos
+
+    goal, view = Path(asked.output), asked.view
+    plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
+    refuse_existing(*files_of(plan), overwrite=run.overwrite)
+    path = in_folder(Path(asked.camera))
+    loaded = load_camera(path).camera
+    there = camera_for_photos(loaded, asked.photo_size or loaded.image_size)
+    chosen = chosen_view(there, view)
+    build = build_redistort_map if asked.redistort else build_map
+    maps = {name: build(there, one) for name, one in chosen.views.items()}
+    return MapFiles(
+        model=path,
+        own=files_of(plan),
+        written=write_maps(plan, maps, goal, run),
+        image_size=there.image_size,
+        view=chosen,
+        seen=None if asked.redistort else chosen.seen_by(there),
+    )
+
+
+def files_of(plan: Mapping[str, Sequence[Path]]) -> list[Path]:
+    """The files of all parts of a map."""
+    return [path for paths in plan.values() for path in paths]
+
+
+def write_maps(
+    plan: Mapping[str, Sequence[Path]],
+    maps: Mapping[str, UndistortMap],
+    goal: Path,
+    run: Run,
+    more: Mapping[Path, Content] | None = None,
+) -> list[Path]:
+    """Write the files of all parts of a map, and the cameras of what they show.
+
+    Args:
+        plan: part -> its files.
+        maps: part -> its map.
+        goal: what the cameras' files are called after.
+        run: how the work is done.
+        more: other files that go with them.
+
+    """
+    from cubicfish_cli.app.undistortion.map_formats import map_contents, view_files
+
+    files: dict[Path, Content] = {}
+    for part, paths in plan.items():
+        files |= map_contents(paths, maps[part])
+    files |= {**(more or {})} | view_files(maps, beside=goal)
+    return write_files(files, overwrite=run.overwrite, folder=goal.parent)
 
 
 @as_command(
@@ -61,20 +178,16 @@ class Asked:
     "cubicfish map redistort.exr --fit outer --redistort",
     "cubicfish map flat.pgm --size 1920x1080",
     help=_HELP,
+    how=("overwrite", "as_json"),
 )
-def command(given: Asked) -> None:
+def command(given: MapOptions, how: How) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.commands.map_files import map_files
-
-    camera = options.model_path(given.model)
-    made = map_files(camera, given.output, given.asked, run=Run(overwrite=given.overwrite))
-    print_maps(made, as_json=given.as_json)
+    print_maps(how.do(map_files, given), how)
 
 
-def print_maps(made: MapFiles, *, as_json: bool, more: str = "") -> None:
+def print_maps(made: MapFiles, how: How, more: str = "") -> None:
     """Print what was written and what it shows, and ``more`` of it in a line."""
-    if as_json:
-        print_json(made.as_record())
+    if how.print(made):
         return
     result(f"wrote {made.written[0]}: {made.view.describe()}")
     say_what_is_unseen(made.seen)

@@ -174,6 +174,7 @@ def _direction(axis: Iterable[float]) -> str:
     return _vector(values)
 
 
+@common_options
 @click.group(
     "target",
     cls=LazyGroup,
@@ -185,6 +186,5 @@ def _direction(axis: Iterable[float]) -> str:
         "cubicfish target check target.yaml --draw object.svg",
     ),
 )
-@common_options
 def command() -> None:
     """Print the calibration target, and look at it before any photo is taken."""

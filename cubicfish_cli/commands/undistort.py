@@ -2,33 +2,159 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked_pictures import UndistortOptions
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, named_photos, paths_of
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
-from cubicfish_cli.app.terminal.options import as_command, record
-from cubicfish_cli.app.terminal.progress import SchedulerOptions, running, scheduler_options
-from cubicfish_cli.app.terminal.terminal import print_json, print_wrote, result, say, tell
-from cubicfish_cli.commands.view_options import say_what_is_unseen, undistort_options
-from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError
+from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_wrote, result, say, tell
+from cubicfish_cli.commands.view_options import (
+    say_what_is_unseen,
+    view_options,
+    view_or_plane_options,
+)
+from cubicfish_cli.core.codes import Event
+from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
 from cubicfish_cli.core.phrases import listed
+from cubicfish_cli.core.views.options import (
+    INTERPOLATIONS,
+    Interpolation,
+    PlaneOptions,
+    ViewOptions,
+)
+from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.undistorting import UndistortedFiles
+    from cubicfish_cli.app.undistortion.batch import Job, Views
+    from cubicfish_cli.commands.pictures import UndistortedFiles
+    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.views.choose import ChosenView
+    from cubicfish_cli.core.views.maps import UndistortMap
+    from cubicfish_cli.core.views.view import View
+
+_WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
+_CAMERA_FILES = {".yaml", ".yml"}
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish undistort``."""
+class PictureOptions:
+    """What becomes of photos.
 
-    sources: tuple[str, ...] = options.argument(
+    Attributes:
+        view: what to render, or what is asked of it; by default flat, as large as each photo and
+            with its scale in the middle, up to 120° across.
+        interpolation: how pixels are blended.
+        quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
+        mask: also writes where the results may be trusted: 255, and 0 elsewhere.
+        virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
+            flat.view.opencv.yaml.
+        skip_existing: leaves out what has its result already.
+
+    Raises:
+        UsageError: one is not usable.
+
+    """
+
+    view: View | ViewOptions | PlaneOptions | None = view_options
+    interpolation: Interpolation = option(
+        "--interpolation",
+        "How pixels are read between pixels.",
+        click.Choice(INTERPOLATIONS),
+        "linear",
+    )
+    quality: int | None = option(
+        "--quality 1-100",
+        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        IntRange(1, 100),
+    )
+    mask: StrPath | None = option(
+        "--mask FILE",
+        "Also write where the result may be trusted: 255, and 0 elsewhere.",
+        options.FILE,
+    )
+    virtual_camera: StrPath | None = option(
+        "--camera FILE",
+        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+        "flat.view.opencv.yaml.",
+        options.FILE,
+    )
+    skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists.")
+
+    def __post_init__(self) -> None:
+        if self.interpolation not in INTERPOLATIONS:
+            raise UsageError(
+                f"interpolation {quoted(self.interpolation)} is not known: "
+                f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
+            )
+        _refuse_beyond("--quality", self.quality, 1, 100)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
+        return self.view.parts if isinstance(self.view, ViewOptions) else ("",)
+
+    def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
+        """Refuse what says nothing about such sources and results.
+
+        Args:
+            kind: what the sources are: photo, video, or what else.
+            suffixes: how the names of the results end.
+
+        Raises:
+            UsageError: something is asked that would not be done.
+
+        """
+        if isinstance(self.view, PlaneOptions) and kind != "photo":
+            raise UsageError(
+                "--view plane is for the photos of one camera, each of which has its own pose: "
+                f"choose another for {kind}s"
+            )
+        if len(self.parts) > 1 and kind != "photo":
+            raise UsageError(f"--view cube is for photos of one camera: choose another for {kind}s")
+        if self.virtual_camera is not None:
+            beside = Path(self.virtual_camera)
+            if beside.is_dir() or (beside.is_file() and beside.suffix.lower() in _CAMERA_FILES):
+                raise UsageError(
+                    f"--camera says where the camera of the result is written, and {beside} is "
+                    "there already: --model names the camera to use"
+                )
+        if self.quality is not None and not _WITH_QUALITY & {end.lower() for end in suffixes}:
+            instead = "use --crf" if kind == "video" else "leave it out"
+            raise UsageError(
+                f"--quality goes with JPEG and WebP files, not with "
+                f"{' and '.join(sorted(suffixes))}: {instead}"
+            )
+
+
+@record
+class UndistortOptions(PictureOptions):
+    """Photos or videos, and what becomes of them: beside what a :class:`PictureOptions` has
+
+    Attributes:
+        photos: files, folders and globs of photos, or files and globs of videos; of the size that
+            the camera was calibrated for, or an exact rescale of it.
+        output: a folder; of one photo or video that is named alone, also a name for its result.
+        camera: its file or the folder of that, or the camera or a fit.
+        view: also the plane of a board, of photos.
+        crf: of videos: lower is better and larger; by default 18.
+
+    Raises:
+        UsageError: one is not usable.
+
+    """
+
+    photos: StrPath | Sequence[StrPath] = options.argument(
         "Photos or videos: files, folders or globs; '-' reads their names from stdin.",
         type=options.NAME,
         nargs=-1,
@@ -37,16 +163,159 @@ class Asked:
         missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
         "'cubicfish undistort photos/ flat/'",
     )
-    output: Path = options.argument(
+    output: StrPath = options.argument(
         "The picture or video that is made of one; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
-    model: Path | None = options.model_option
-    asked: UndistortOptions = undistort_options
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
-    jobs: int | None = options.jobs_option
-    scheduler: SchedulerOptions = scheduler_options
+    camera: StrPath | Calibrated | CubicCamera = options.model_options
+    view: View | ViewOptions | PlaneOptions | None = view_or_plane_options
+    crf: int | None = option(
+        "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_beyond("--crf", self.crf, 0, 63)
+
+    def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
+        """Refuse what says nothing about such sources and results; see the class above."""
+        if self.crf is not None and kind != "video":
+            raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
+        super().refuse_unused(kind, suffixes)
+
+
+def _refuse_beyond(name: str, value: int | None, low: int, high: int) -> None:
+    """Refuse a number that is given and is not whole and within bounds."""
+    if value is not None and value not in range(low, high + 1):
+        raise UsageError(f"{name} must be a whole number from {low} to {high}, not {quoted(value)}")
+
+
+def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
+    """Undistort photos or videos in files, as ``cubicfish undistort`` does.
+
+    Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's
+    EXIF record. One that fails does not stop the others.
+
+    Returns:
+        The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
+
+    Raises:
+        UsageError: what is asked does not go together, such as photos and videos.
+        PhotoError: there are none.
+        OutputError: a result exists, and it may be neither replaced nor left, or it would replace
+            its own photo.
+        ViewError: photos have a mask or a camera each.
+        CubicfishError: the camera, the target or the executor cannot be used.
+
+    """
+    from cubicfish_cli.app.undistortion.batch import Views
+    from cubicfish_cli.commands.pictures import PlaneViews, plan_jobs, write_pictures
+
+    kind, sources, alone = _named_sources(asked.photos, run)
+    photos = {name: (name, {"": one}) for name, one in sources}
+    if kind == "video" and (run.executor is not None or run.jobs is not None):
+        name = "--jobs" if run.executor is None else "--scheduler"
+        raise UsageError(f"{name} is for photos: do videos without it")
+    jobs = plan_jobs(kind, photos, Path(asked.output), asked, run, alone=alone)
+    path, known = _loaded(asked)
+    if isinstance(asked.view, PlaneOptions):
+        planes = PlaneViews(known, asked.view, asked.interpolation)
+        planes.find_poses([one for _, one in sources], run)
+        views: Views = planes
+    else:
+        views = Views(known.camera, asked.view, asked.interpolation)
+
+    if kind == "photo":
+        return write_pictures(kind, jobs, views, asked, run, model=path)
+    from cubicfish_cli.app.undistortion.video import video_size
+
+    write = partial(_write_videos, views=views, asked=asked, run=run)
+    return write_pictures(
+        kind, jobs, views, asked, run, model=path, write=write, size_of=video_size
+    )
+
+
+def _named_sources(
+    photos: StrPath | Sequence[StrPath], run: Run
+) -> tuple[str, list[tuple[str, Path]], bool]:
+    """What photos or videos are meant, by their names; and whether one was named alone.
+
+    Raises:
+        UsageError: photos and videos are mixed.
+        PhotoError: there are none.
+        OutputError: two videos have one name.
+
+    """
+    from cubicfish_cli.app.photos import expanded
+    from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+
+    names = [os.fspath(one) for one in paths_of(photos)]
+    paths = [path for name in names for path in expanded(name)]
+    videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
+    if videos and len(videos) < len(paths):
+        raise UsageError("photos and videos together: do them one after the other")
+    sources = [(path.name, path) for path in videos]
+    sources = sources or [(one.name, one.path) for one in named_photos(names, run.listener)]
+    if len({name for name, _ in sources}) < len(sources):
+        raise OutputError("two videos have the same name: do them one at a time")
+    alone = isinstance(photos, str | os.PathLike) and len(sources) == 1
+    alone = alone and os.fspath(sources[0][1]) == names[0]
+    return "video" if videos else "photo", sources, alone
+
+
+def _loaded(asked: UndistortOptions) -> tuple[Path | None, Any]:
+    """The camera's file, where it has one, and what has the camera and its record."""
+    from cubicfish_cli.core.assess.fit_record import FitRecord
+    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.io.camera_yaml import CameraFile, load_any_camera, load_camera
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
+
+    camera = asked.camera
+    if isinstance(camera, CubicCamera):
+        return None, CameraFile(camera=camera, fit=FitRecord(), made_by={})
+    if isinstance(camera, Calibrated):
+        return None, camera
+    path = in_folder(Path(camera))
+    load = load_any_camera if isinstance(asked.view, PlaneOptions) else load_camera
+    return path, load(path)
+
+
+def _map_of(views: Views, job: Job, size: tuple[int, int]) -> UndistortMap:
+    return views.maps(job.source, size)[""]
+
+
+def _write_videos(
+    jobs: Sequence[Job], views: Views, asked: UndistortOptions, run: Run
+) -> dict[str, CubicfishError]:
+    """Videos, each of which tells how far it is: which could not be done, and why."""
+    from cubicfish_cli.app.photos import shown
+    from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, undistort_video
+
+    failures = {}
+    for job in jobs:
+        output = job.outputs[""]
+        try:
+            done = undistort_video(
+                job.source,
+                output,
+                partial(_map_of, views, job),
+                asked.interpolation,
+                crf=DEFAULT_CRF if asked.crf is None else asked.crf,
+                overwrite=run.overwrite,
+                progress=run.listener.counting(job.name),
+            )
+        except CubicfishError as problem:
+            failures[job.name] = problem
+            continue
+        if done.turned_deg:
+            run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
+        if done.missing:
+            failures[job.name] = PhotoError(
+                f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} "
+                f"frames and has {done.frames:,}, which {shown(output)} holds: copy it again if "
+                "you can"
+            )
+    return failures
 
 
 @as_command(
@@ -60,8 +329,9 @@ class Asked:
     "cubicfish undistort photo.jpg floor.png --view plane:floor --target target.yaml",
     "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
+    how=("overwrite", "as_json", "jobs", "scheduler"),
 )
-def command(given: Asked) -> None:
+def command(given: UndistortOptions, how: How) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
 
     With several photos, a folder or a quoted glob as IN, OUT is a folder and the pictures keep
@@ -69,39 +339,30 @@ def command(given: Asked) -> None:
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
     """
-    from cubicfish_cli.commands.undistorting import undistort_files
-
-    given.scheduler.check(given.jobs)
-    photos = named_sources(given.sources)
-    camera = options.model_path(given.model)
-    with running(jobs=given.jobs, overwrite=given.overwrite, scheduler=given.scheduler) as run:
-        made = undistort_files(photos, given.output, camera, given.asked, run=run)
-    end_with_pictures(made, as_json=given.as_json)
+    given = replace(given, photos=named_sources(given.photos))
+    print_pictures(how.do(undistort_files, given), how)
 
 
-def end_with_pictures(made: UndistortedFiles, *, as_json: bool) -> None:
+def print_pictures(made: UndistortedFiles, how: How) -> None:
     """Print what was written, and end with an error when something failed."""
-    if as_json:
-        print_json(made.as_record())
-    else:
+    if not how.print(made):
         _print(made)
-    _end_with(made, as_json=as_json)
+    _end_with(made, as_json=how.as_json)
 
 
-def named_sources(sources: Sequence[str]) -> str | list[str]:
+def named_sources(sources: StrPath | Sequence[StrPath]) -> StrPath | list[StrPath]:
     """The sources, with the names that stdin lists in the place of '-'; one that is named alone."""
-    if len(sources) == 1 and sources[0] != "-":
-        return sources[0]
-    names: list[str] = []
-    for source in sources:
-        if source == "-":
-            listed = [line.rstrip("\r\n") for line in sys.stdin]
-            names += [name for name in listed if name]
-            if not names:
-                raise click.UsageError("stdin lists no photos: give one name a line")
-        else:
+    given = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
+    names: list[StrPath] = []
+    for source in given:
+        if source != "-":
             names.append(source)
-    return names
+            continue
+        listed = [name for name in (line.rstrip("\r\n") for line in sys.stdin) if name]
+        if not listed:
+            raise click.UsageError("stdin lists no photos: give one name a line")
+        names += listed
+    return names[0] if len(names) == 1 and given == names else names
 
 
 def _print(made: UndistortedFiles) -> None:
@@ -123,10 +384,10 @@ def _print(made: UndistortedFiles) -> None:
 
 def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
     """The picture or how many there are, where they are, and what they show."""
-    folder = made.output if made.output.is_dir() else made.output.parent
     what = count(len(made.files), "video" if made.kind == "video" else "picture")
-    alone = len(made.files) == len(made.names) == 1
-    return f"{made.files[0] if alone else f'{what} to {folder}'}: {view.describe()}"
+    alone = len(made.files) == len(made.written) + len(made.failures) == 1
+    there = made.files[0] if alone else f"{what} to {made.files[0].parent}"
+    return f"{there}: {view.describe()}"
 
 
 def _warn_of_limit(view: ChosenView) -> None:
@@ -146,10 +407,12 @@ def _end_with(made: UndistortedFiles, *, as_json: bool) -> None:
         as_json: whether the reasons went to stdout.
 
     """
-    failures, total = made.failures, count(len(made.names), made.kind)
+    failures = made.failures
     if not failures:
         return
-    if len(made.names) == 1:
+    number = len(made.written) + len(failures)
+    total = count(number, made.kind)
+    if number == 1:
         raise next(iter(failures.values()))
     told_in, done = "in the JSON" if as_json else "above", len(made.written)
     if not done:

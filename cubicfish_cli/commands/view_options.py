@@ -1,4 +1,4 @@
-"""Options that say what a picture shows (a view, a board's plane), and how it is made."""
+"""Options that say what a picture shows: a view, or a board's plane."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked_pictures import PlaneOptions, UndistortOptions
 from cubicfish_cli.app.terminal.options import (
     FILE,
     SIZE,
     FloatRange,
-    IntRange,
     Parsed,
     bundle,
     option,
@@ -22,7 +20,7 @@ from cubicfish_cli.app.terminal.options import (
 )
 from cubicfish_cli.app.terminal.terminal import say
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.views.options import INTERPOLATIONS, KINDS, ViewOptions
+from cubicfish_cli.core.views.options import KINDS, PlaneOptions, ViewOptions
 from cubicfish_cli.core.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
@@ -97,25 +95,16 @@ def _view_of(
     scale: float | None,
     fit: float | str | None,
     rotate: tuple[float, float, float] | None,
-) -> ViewOptions:
-    across, down = (*(field or ()), None, None)[:2]
-    asked: dict[str, Any] = {"fit": fit, "rotate_deg": rotate or (0.0, 0.0, 0.0)}
-    return ViewOptions(kind=kind, size=size, hfov_deg=across, vfov_deg=down, focal=scale, **asked)
-
-
-def _view_or_plane(
-    kind: str | None,
-    size: tuple[int, int] | None,
-    field: tuple[float, ...] | None,
-    scale: float | None,
-    fit: float | str | None,
-    rotate: tuple[float, float, float] | None,
-    target: Path | None,
+    target: Path | None = None,
 ) -> ViewOptions | PlaneOptions:
     if kind is None or not kind.startswith(_PLANE):
         if target is not None:
             raise UsageError("--target goes with --view plane:BOARD: leave it out")
-        return _view_of(kind, size, field, scale, fit, rotate)
+        across, down = (*(field or ()), None, None)[:2]
+        asked: dict[str, Any] = {"fit": fit, "rotate_deg": rotate or (0.0, 0.0, 0.0)}
+        return ViewOptions(
+            kind=kind, size=size, hfov_deg=across, vfov_deg=down, focal=scale, **asked
+        )
     others = {"--size": size, "--hfov": field, "--fit": fit, "--rotate": rotate}
     for name, value in others.items():
         if value is not None:
@@ -127,87 +116,56 @@ def _view_or_plane(
     return PlaneOptions(board=board, target=path, pixels_per_unit=scale)
 
 
-_VIEW = (
-    option("--size", "Size of the result. [default: the photo's]", SIZE),
-    option(
-        "--hfov --fov DEG[xDEG]",
-        "Field of view across the width, in degrees; a second one is down the height, which it "
-        "sets. [default: perspective keeps the photo's scale in its middle, up to 120 along the "
-        "longer side; others take --fit outer]",
-        Parsed("DEG[xDEG]", _field),
-    ),
-    option(
-        "--scale PX",
-        "Pixels per radian in the middle, a flat picture's focal length; of a plane pixels per "
-        "mm, or whatever the target's units are.",
-        FloatRange(1e-9, 1_000_000_000),
-    ),
-    option(
-        "--fit inner|outer|SHARE",
-        "Field from what the camera sees: no empty pixel, nothing lost, or a share "
-        "between (0 to 1).",
-        Parsed("inner|outer|SHARE", _share),
-    ),
-    option(
-        "--rotate YAW,PITCH,ROLL",
-        "Look right, then up, then turn the view clockwise: degrees.",
-        Parsed("YAW,PITCH,ROLL", _turn),
-    ),
-)
-
-
-def _kind_option(*, planes: bool) -> Any:
-    return option(
-        "--view KIND",
-        f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric picture of "
-        "a board's plane. [default: perspective, in which straight lines are straight]",
-        _Kind(planes),
+def _view_bundle(*, planes: bool) -> Any:
+    target = option(
+        "-t --target FILE",
+        "The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
+        "needed, ./target.yaml stands for it; for planes.",
+        FILE,
+    )
+    return bundle(
+        _view_of,
+        kind=option(
+            "--view KIND",
+            f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric "
+            "picture of a board's plane. [default: perspective, in which straight lines are "
+            "straight]",
+            _Kind(planes),
+        ),
+        size=option("--size", "Size of the result. [default: the photo's]", SIZE),
+        field=option(
+            "--hfov --fov DEG[xDEG]",
+            "Field of view across the width, in degrees; a second one is down the height, which it "
+            "sets. [default: perspective keeps the photo's scale in its middle, up to 120 along "
+            "the longer side; others take --fit outer]",
+            Parsed("DEG[xDEG]", _field),
+        ),
+        scale=option(
+            "--scale PX",
+            "Pixels per radian in the middle, a flat picture's focal length; of a plane pixels per "
+            "mm, or whatever the target's units are.",
+            FloatRange(1e-9, 1_000_000_000),
+        ),
+        fit=option(
+            "--fit inner|outer|SHARE",
+            "Field from what the camera sees: no empty pixel, nothing lost, or a share "
+            "between (0 to 1).",
+            Parsed("inner|outer|SHARE", _share),
+        ),
+        rotate=option(
+            "--rotate YAW,PITCH,ROLL",
+            "Look right, then up, then turn the view clockwise: degrees.",
+            Parsed("YAW,PITCH,ROLL", _turn),
+        ),
+        **({"target": target} if planes else {}),
     )
 
 
-view_options: Any = bundle(_view_of, _kind_option(planes=False), *_VIEW)
+view_options: Any = _view_bundle(planes=False)
+"""A view from the camera's place, as a :class:`ViewOptions`."""
 
-picture_options: tuple[Any, ...] = (
-    option(
-        "--interpolation",
-        "How pixels are read between pixels.",
-        click.Choice(INTERPOLATIONS),
-        "linear",
-    ),
-    option(
-        "--quality 1-100",
-        "Of JPEG and lossy WebP files. [default: the photo's own]",
-        IntRange(1, 100),
-    ),
-    option(
-        "--mask FILE", "Also write where the result may be trusted: 255, and 0 elsewhere.", FILE
-    ),
-    option(
-        "--camera FILE",
-        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
-        "flat.view.opencv.yaml.",
-        FILE,
-    ),
-    option("--skip-existing", "Leave out photos whose result exists."),
-)
-"""How pictures are made and what is written beside them, as a :class:`PictureOptions` has it."""
-
-undistort_options: Any = bundle(
-    UndistortOptions,
-    bundle(
-        _view_or_plane,
-        _kind_option(planes=True),
-        *_VIEW,
-        option(
-            "-t --target FILE",
-            "The calibration target: a target.yaml, or one of Kalibr's target files. Where "
-            "one is needed, ./target.yaml stands for it; for planes.",
-            FILE,
-        ),
-    ),
-    *picture_options,
-    option("--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)),
-)
+view_or_plane_options: Any = _view_bundle(planes=True)
+"""The same, or the plane of a board with its target, as a :class:`PlaneOptions`."""
 
 
 def say_what_is_unseen(seen: SeenField | None) -> None:

@@ -14,7 +14,7 @@ from running import SAMPLE, Run
 
 from cubicfish_cli.app.look import GridCache
 from cubicfish_cli.app.terminal.options import FOLDER
-from cubicfish_cli.commands import undistorting
+from cubicfish_cli.commands import pictures
 from cubicfish_cli.corners.detection.grids import FoundGrids
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -208,14 +208,14 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
 def test_results_whose_folder_was_removed_are_not_counted(
     run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flat, real = tmp_path / "flat", undistorting.write_many
+    flat, real = tmp_path / "flat", pictures.write_many
 
     def remove_one(*args: object, **options: object) -> object:
         failures = real(*args, **options)  # type: ignore[arg-type]
         (flat / "corner_03.jpg").unlink()
         return failures
 
-    monkeypatch.setattr(undistorting, "write_many", remove_one)
+    monkeypatch.setattr(pictures, "write_many", remove_one)
     line = ("undistort", SAMPLE / "photos", flat, "-m", calibrated, "--size", "64x48")
     said = run(*line, code=1)
     assert "wrote 9 pictures" in said.stdout

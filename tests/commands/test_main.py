@@ -79,7 +79,14 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
         ["calibrate", "--correspondences", "no.csv"],
         ["calibrate", "no.csv", "-t", "no.yaml"],
         ["calibrate", str(SAMPLE / "photos"), "-t", "no.yaml"],
-        ["evaluate", "no.jpg", "-t", str(SAMPLE / "target.yaml")],
+        [
+            "evaluate",
+            "no.jpg",
+            "-t",
+            str(SAMPLE / "target.yaml"),
+            "-m",
+            str(SAMPLE / "true_camera.yaml"),
+        ],
     ],
 )
 def test_missing_files_are_told_before_anything_is_loaded(args: list[str]) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from running import SAMPLE, Run
 
-from cubicfish_cli.commands import undistorting
+from cubicfish_cli.app.executors import cluster
+from cubicfish_cli.commands import pictures
 from cubicfish_cli.commands.map import command as map_command
 from cubicfish_cli.commands.undistort import command as undistort_command
 from cubicfish_cli.extensions.rigs.map import command as map_rig_command
@@ -136,16 +137,17 @@ def shows(run: Run, line: list[object], out: Path, option: str, monkeypatch: Any
             360,
         ]
     if option == "--scheduler":
+        monkeypatch.setattr(cluster, "_CONNECT_S", 0.2)
         return "127.0.0.1:9" in run(*line, option, NOBODY, code=1).stderr
     if option == "--jobs":
         seen: list[int] = []
-        real = undistorting.write_many
+        real = pictures.write_many
 
         def count(*args: Any, **how: Any) -> Any:
             seen.append(how["workers"])
             return real(*args, **how)
 
-        monkeypatch.setattr(undistorting, "write_many", count)
+        monkeypatch.setattr(pictures, "write_many", count)
         run(*line, option, 1)
         return seen == [1]
     run(*line)

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,14 @@ from running import SAMPLE, run_cli
 
 from cubicfish_cli import (
     CalibrateOptions,
+    CompareOptions,
     DetectOptions,
     Event,
+    ExportOptions,
+    InfoOptions,
     MapOptions,
     PlaneOptions,
+    ReportOptions,
     RigOptions,
     Run,
     ShotOptions,
@@ -28,7 +33,6 @@ from cubicfish_cli import (
     compare_files,
     compare_rig_files,
     detect_files,
-    evaluate_files,
     export_files,
     info_files,
     info_rig_files,
@@ -44,6 +48,7 @@ from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.target import target_text
 from tests.extensions.rigs.test_export import made_rig
 
+A_PHOTO = partial(UndistortOptions, photos="a.png", output="b.png", camera="c.yaml")
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 
 
@@ -105,14 +110,6 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_camera_is_measured_on_files(calibrated: Path) -> None:
-    line = ("evaluate", CORNERS, "-t", TARGET, "-m", calibrated, "--json")
-    said = json.loads(run_cli(*line).stdout)
-    made = evaluate_files(calibrated, CORNERS, TARGET)
-    assert same_records(made.record, said)
-    assert made.verdict.level == "good"
-
-
 @pytest.mark.slow
 def test_corners_of_files_are_found_drawn_and_told(tmp_path: Path) -> None:
     photos = [SAMPLE / "photos" / f"corner_0{n}.jpg" for n in (1, 2)]
@@ -145,7 +142,9 @@ def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Pa
             "--json",
         )
         said = json.loads(run_cli(*line).stdout)
-        made = export_files(calibrated, form, tmp_path / "b.npz", max_error=1)
+        made = export_files(
+            ExportOptions(camera=calibrated, to=form, output=tmp_path / "b.npz", max_error=1)
+        )
         assert made.files == [tmp_path / "b.npz"]
         assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
         assert set(made.record) == set(said)
@@ -157,46 +156,48 @@ def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Pa
 @pytest.mark.usefixtures("with_report")
 def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None:
     run_cli("report", calibrated, "-o", tmp_path / "a.html")
-    made = report_files(calibrated, tmp_path / "b.html")
+    asked = ReportOptions(camera=calibrated, page=tmp_path / "b.html")
+    made = report_files(asked)
     assert made.verdict.level == "care"
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     with pytest.raises(OutputError, match="exists already"):
-        report_files(calibrated, tmp_path / "b.html")
+        report_files(asked)
 
 
 def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="maps are written as"):
-        map_files(tmp_path / "none.yaml", tmp_path / "a.txt")
+        map_files(MapOptions(camera=tmp_path / "none.yaml", output=tmp_path / "a.txt"))
 
 
 @pytest.mark.parametrize(
     ("line", "options"),
     [
-        ((), UndistortOptions()),
+        ((), {}),
         (
             ("--view", "stereographic", "--fit", "outer", "--rotate", "10,5,0"),
-            UndistortOptions(
-                view=ViewOptions(kind="stereographic", fit="outer", rotate_deg=(10, 5, 0))
-            ),
+            {"view": ViewOptions(kind="stereographic", fit="outer", rotate_deg=(10, 5, 0))},
         ),
         (
             ("--view", "cube", "--size", "40x40", "--interpolation", "cubic"),
-            UndistortOptions(view=ViewOptions(kind="cube", size=(40, 40)), interpolation="cubic"),
+            {"view": ViewOptions(kind="cube", size=(40, 40)), "interpolation": "cubic"},
         ),
         (
             ("--view", "plane:floor", "-t", TARGET, "--scale", 0.3, "--quality", 40),
-            UndistortOptions(
-                view=PlaneOptions(board="floor", target=TARGET, pixels_per_unit=0.3), quality=40
-            ),
+            {
+                "view": PlaneOptions(board="floor", target=TARGET, pixels_per_unit=0.3),
+                "quality": 40,
+            },
         ),
     ],
 )
 def test_pictures_are_those_of_the_command(
-    calibrated: Path, tmp_path: Path, line: tuple[object, ...], options: UndistortOptions
+    calibrated: Path, tmp_path: Path, line: tuple[object, ...], options: dict[str, Any]
 ) -> None:
     photos = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 2)]
     said = run_cli("undistort", *photos, tmp_path / "a", "-m", calibrated, *line, "--json")
-    made = undistort_files(photos, tmp_path / "b", calibrated, options)
+    made = undistort_files(
+        UndistortOptions(photos=photos, output=tmp_path / "b", camera=calibrated, **options)
+    )
     assert read(tmp_path / "a") == read(tmp_path / "b") != {}
     record = as_json(made)
     files = [file.replace(str(tmp_path / "b"), str(tmp_path / "a")) for file in record["files"]]
@@ -211,8 +212,15 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
     a, b = tmp_path / "a", tmp_path / "b"
     beside = ("--mask", a / "m.png", "--camera", a / "flat.png")
     run_cli("undistort", photo, a / "flat.png", "-m", calibrated, *beside)
-    options = UndistortOptions(mask=b / "m.png", virtual_camera=b / "flat.png")
-    made = undistort_files(photo, b / "flat.png", calibrated, options)
+    made = undistort_files(
+        UndistortOptions(
+            photos=photo,
+            output=b / "flat.png",
+            camera=calibrated,
+            mask=b / "m.png",
+            virtual_camera=b / "flat.png",
+        )
+    )
     assert read(a) == read(b)
     assert made.files == (b / "flat.png",)
     assert sorted(file.name for file in made.extras) == [
@@ -223,9 +231,11 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
 
 
 def test_a_board_that_there_is_not_is_refused(calibrated: Path, tmp_path: Path) -> None:
-    options = UndistortOptions(view=PlaneOptions(board="flor", target=TARGET))
+    view = PlaneOptions(board="flor", target=TARGET)
+    folder = tmp_path / "a"
+    asked = UndistortOptions(photos=SAMPLE / "photos", output=folder, camera=calibrated, view=view)
     with pytest.raises(UsageError, match="did you mean 'floor'"):
-        undistort_files(SAMPLE / "photos", tmp_path / "a", calibrated, options)
+        undistort_files(asked)
     assert not (tmp_path / "a").exists()
 
 
@@ -235,9 +245,9 @@ def test_a_board_that_there_is_not_is_refused(calibrated: Path, tmp_path: Path) 
         (ViewOptions, {"kind": "cubes"}, "did you mean 'cube'"),
         (ViewOptions, {"focal": 100, "fit": 0.5}, "--scale and --fit say the same thing twice"),
         (ViewOptions, {"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less"),
-        (UndistortOptions, {"quality": 101}, "--quality must be a whole number from 1 to 100"),
-        (UndistortOptions, {"crf": -1}, "--crf must be a whole number from 0 to 63"),
-        (UndistortOptions, {"interpolation": "linaer"}, "did you mean 'linear'"),
+        (A_PHOTO, {"quality": 101}, "--quality must be a whole number from 1 to 100"),
+        (A_PHOTO, {"crf": -1}, "--crf must be a whole number from 0 to 63"),
+        (A_PHOTO, {"interpolation": "linaer"}, "did you mean 'linear'"),
     ],
 )
 def test_options_that_cannot_be_are_refused(kind: Any, asked: dict[str, Any], said: str) -> None:
@@ -252,14 +262,16 @@ def test_maps_are_those_of_the_command(calibrated: Path, tmp_path: Path) -> None
     a, b = tmp_path / "a", tmp_path / "b"
     line = ("--fit", "inner", "--size", "90x60", "--photo-size", "480x360")
     said = run_cli("map", a / "m.npz", "-m", calibrated, *line, "--json")
-    options = MapOptions(view=ViewOptions(fit="inner", size=(90, 60)), photo_size=(480, 360))
-    made = map_files(calibrated, b / "m.npz", options)
+    inner = ViewOptions(fit="inner", size=(90, 60))
+    made = map_files(
+        MapOptions(output=b / "m.npz", camera=calibrated, view=inner, photo_size=(480, 360))
+    )
     assert read(a) == read(b)
     assert json.loads(said.stdout)["image_size"] == [480, 360] == list(made.image_size)
     line = ("--view", "equidistant", "--fit", "outer", "--redistort")
     run_cli("map", a / "s.png", "-m", calibrated, *line)
     whole = ViewOptions(kind="equidistant", fit="outer")
-    map_files(calibrated, b / "s.png", MapOptions(view=whole, redistort=True))
+    map_files(MapOptions(output=b / "s.png", camera=calibrated, view=whole, redistort=True))
     assert read(a) == read(b)
 
 
@@ -296,16 +308,17 @@ def test_pictures_and_maps_of_a_rig_are_those_of_the_command(
 def test_what_cameras_are_and_how_far_apart_is_what_the_commands_say(
     calibrated: Path, tmp_path: Path
 ) -> None:
-    made = info_files(calibrated)
+    made = info_files(InfoOptions(camera=calibrated))
     assert same_records(as_json(made), json.loads(run_cli("info", calibrated, "--json").stdout))
     true = SAMPLE / "true_camera.yaml"
     line = ("compare", calibrated, true, "--picture", tmp_path / "a.png", "--json")
     said = json.loads(run_cli(*line).stdout)
-    apart = compare_files(calibrated, true, picture=tmp_path / "b.png")
+    asked = CompareOptions(first=calibrated, second=true, picture=tmp_path / "b.png")
+    apart = compare_files(asked)
     assert same_records(as_json(apart), {**said, "picture": str(tmp_path / "b.png")})
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     with pytest.raises(OutputError, match="exists already"):
-        compare_files(calibrated, true, picture=tmp_path / "b.png")
+        compare_files(asked)
 
 
 def test_what_rigs_are_and_how_far_apart_is_what_the_commands_say(

@@ -597,13 +597,8 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     run_cli("undistort", photos, tmp_path / "a", "-m", tmp_path, *line, code=1)
     heard = Heard()
     folder = tmp_path / "b"
-    made = undistort_files(
-        photos,
-        folder,
-        fitted,
-        UndistortOptions(view=view),
-        run=Run(jobs=1, listener=heard),
-    )
+    asked = UndistortOptions(photos=photos, output=folder, camera=fitted, view=view)
+    made = undistort_files(asked, run=Run(jobs=1, listener=heard))
     assert made.files == tuple(folder / photo.name for photo in PHOTOS)
     assert list(made.failed) == ["broken.png"]
     assert heard.of("Undistorting")[-1] == (3, 3)
@@ -611,16 +606,17 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
         assert file.read_bytes() == (tmp_path / "a" / file.name).read_bytes()
     # Nothing is replaced unasked.
     written = made.files[0].read_bytes()
-    again: list[Any] = [PHOTOS, folder, fitted.camera]
-    assert "exists already" in refusal(OutputError, lambda: undistort_files(*again))
-    skipping = UndistortOptions(skip_existing=True)
-    assert undistort_files(*again, skipping).skipped == tuple(p.name for p in PHOTOS)
+    again = UndistortOptions(photos=PHOTOS, output=folder, camera=fitted.camera)
+    assert "exists already" in refusal(OutputError, lambda: undistort_files(again))
+    skipping = replace(again, skip_existing=True)
+    assert undistort_files(skipping).skipped == tuple(p.name for p in PHOTOS)
     assert made.files[0].read_bytes() == written
-    own = undistort_files(*again, run=Run(overwrite=True)).files[0]
+    own = undistort_files(again, run=Run(overwrite=True)).files[0]
     flat = undistort(read_picture(PHOTOS[0]), fitted.camera)
     assert np.abs(read_picture(own).astype(int) - flat).mean() < 3  # JPEG
     assert "is the photo itself" in refusal(
-        OutputError, lambda: undistort_files(photos, photos, fitted, run=Run(overwrite=True))
+        OutputError,
+        lambda: undistort_files(replace(asked, output=photos), run=Run(overwrite=True)),
     )
 
 
@@ -636,17 +632,17 @@ def test_files_that_cannot_be_undistorted_are_refused(
     fitted: Calibration, tmp_path: Path, photos: Any, options: dict[str, Any], said: str
 ) -> None:
     folder = tmp_path / "flat"
-    assert said in refusal(
-        CubicfishError, lambda: undistort_files(photos, folder, fitted, UndistortOptions(**options))
-    )
+    asked = UndistortOptions(photos=photos, output=folder, camera=fitted, **options)
+    assert said in refusal(CubicfishError, lambda: undistort_files(asked))
     assert not folder.exists()
 
 
 def test_nothing_is_both_left_and_replaced(fitted: Calibration, tmp_path: Path) -> None:
-    folder, skipping = tmp_path / "flat", UndistortOptions(skip_existing=True)
+    folder = tmp_path / "flat"
+    asked = UndistortOptions(photos=PHOTOS, output=folder, camera=fitted, skip_existing=True)
     assert "exclude each other" in refusal(
         UsageError,
-        lambda: undistort_files(PHOTOS, folder, fitted, skipping, run=Run(overwrite=True)),
+        lambda: undistort_files(asked, run=Run(overwrite=True)),
     )
     assert not folder.exists()
 
@@ -658,7 +654,7 @@ def test_a_video_is_undistorted_into_a_folder(tmp_path: Path) -> None:
     (tmp_path / "info.yaml").write_text(FOREIGN)
     lens = import_camera(tmp_path / "info.yaml")
     film = write_film(tmp_path / "film.mp4", [np.full((480, 640), 99, np.uint8)])
-    made = undistort_files(film, tmp_path / "flat", lens)
+    made = undistort_files(UndistortOptions(photos=film, output=tmp_path / "flat", camera=lens))
     assert made.files == (tmp_path / "flat" / "film.mp4",)
     assert made.files[0].stat().st_size > 1000
 

@@ -7,6 +7,7 @@ from symmetric_board import drawn, misnamed, photos
 
 from cubicfish_cli import (
     CalibrateOptions,
+    EvaluateOptions,
     calibrate_files,
     evaluate_files,
     load_corners,
@@ -39,7 +40,9 @@ def test_what_is_written_goes_together(tmp_path: Path, kept: str) -> None:
     assert found.fitted.renamed
     assert table.read_bytes() == before
     refined = folder / "target.refined.yaml"
-    measured = evaluate_files(folder, folder / "corners.csv", refined).evaluation
+    measured = evaluate_files(
+        EvaluateOptions(camera=folder, inputs=folder / "corners.csv", target=refined)
+    ).evaluation
     assert measured.errors.rms_px == pytest.approx(found.fitted.errors.rms_px, rel=0.05)
     facts = facts_of_files(folder / "camera.yaml", target=None, photos=())
     assert facts.lack is None

@@ -129,6 +129,7 @@ def _why(error: Exception) -> str | None:
     return None
 
 
+@common_options
 @click.group(
     cls=Program,
     own={name: f"cubicfish_cli.{place}" for name, place in COMMANDS.items()},
@@ -141,7 +142,6 @@ def _why(error: Exception) -> str | None:
     ),
 )
 @click.version_option(__version__, "-V", "--version", prog_name="cubicfish")
-@common_options
 def cli() -> None:
     """Calibrate fisheye cameras from photos of checkerboards, and undistort what they see.
 

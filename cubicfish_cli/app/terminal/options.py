@@ -10,11 +10,10 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from inspect import signature
+from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
 
 import click
 
@@ -26,50 +25,44 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 
-class FloatRange(click.FloatRange):
-    """A finite number within bounds.
+class _Bounded(click.ParamType):
+    """A finite number within bounds, which a usage error says; click's kind comes behind it."""
 
-    Args:
-        least, most: the bounds.
-        min_open: whether it must be more than ``least``.
-        unit: what it counts, in the plural.
+    what: ClassVar[str]
+    min: Any
+    max: Any
+    min_open: bool
 
-    """
-
-    def __init__(
-        self,
-        min: float | None = None,
-        max: float | None = None,
-        *,
-        min_open: bool = False,
-        unit: str = "",
-    ) -> None:
-        super().__init__(min=min, max=max, min_open=min_open)
-        self.unit = unit
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Parse, or fail as a usage error that says the bounds."""
         try:
-            number: float = super().convert(value, param, ctx)
+            number = super().convert(value, param, ctx)
         except click.BadParameter:
             number = math.nan
         if not math.isfinite(number):
-            _fail(self, "a number", self.unit, value, param, ctx)
+            self.fail(f"{quoted(str(value))} is not {self.what} {self._bounds}".rstrip())
         return number
 
+    @property
+    def _bounds(self) -> str:
+        low, high = (None if end is None else f"{end:,}" for end in (self.min, self.max))
+        if low is None:
+            return "" if high is None else f"up to {high}"
+        if high is None:
+            return f"above {low}" if self.min_open else f"from {low} on"
+        return f"above {low} and up to {high}" if self.min_open else f"from {low} to {high}"
 
-class IntRange(click.IntRange):
+
+class FloatRange(_Bounded, click.FloatRange):
+    """A finite number within bounds."""
+
+    what = "a number"
+
+
+class IntRange(_Bounded, click.IntRange):
     """A whole number within bounds."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Parse, or fail as a usage error that says the bounds."""
-        try:
-            number: int = super().convert(value, param, ctx)
-        except click.BadParameter:
-            _fail(self, "a whole number", "", value, param, ctx)
-        return number
+    what = "a whole number"
 
 
 class Seconds(click.ParamType):
@@ -89,28 +82,7 @@ class Seconds(click.ParamType):
         return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
 
 
-def _fail(
-    kind: click.FloatRange | click.IntRange,
-    what: str,
-    unit: str,
-    value: Any,
-    param: click.Parameter | None,
-    ctx: click.Context | None,
-) -> NoReturn:
-    of = f" of {unit}" if unit else ""
-    kind.fail(f"{quoted(str(value))} is not {what}{of} {_bounds(kind)}".rstrip(), param, ctx)
-
-
-def _bounds(kind: click.FloatRange | click.IntRange) -> str:
-    low, high = (None if end is None else f"{end:,}" for end in (kind.min, kind.max))
-    if low is None:
-        return "" if high is None else f"up to {high}"
-    if high is None:
-        return f"above {low}" if kind.min_open else f"from {low} on"
-    return f"above {low} and up to {high}" if kind.min_open else f"from {low} to {high}"
-
-
-Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+Command = TypeVar("Command", bound=click.Command)
 
 Kind = TypeVar("Kind")
 
@@ -196,26 +168,61 @@ class Option:
     """What a field of a record is on the command line.
 
     Attributes:
-        add: adds it to a function, under a name, as click's decorators do.
+        make: makes click's parameter of a name.
         default: the field's value where a program does not say.
         is_required: whether a program must say.
 
     """
 
-    add: Callable[[Any, str], Any]
+    make: Callable[[str], click.Parameter]
     default: Any = None
     is_required: bool = False
+
+    def parameters(self, name: str) -> list[click.Parameter]:
+        """Click's."""
+        return [self.make(name)]
+
+    def value(self, name: str, values: Mapping[str, Any]) -> Any:
+        """What the field is where click has these values by their names."""
+        return values[name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bundle:
+    """Several options that make one field of a record together.
+
+    Attributes:
+        kind: makes the field's value of theirs, by the names in ``fields``.
+        fields: the options.
+        default: the field's value where a program does not say.
+        is_required: whether a program must say.
+
+    """
+
+    kind: Callable[..., Any]
+    fields: Mapping[str, Option | Bundle]
+    default: Any = None
+    is_required: bool = False
+
+    def parameters(self, name: str = "") -> list[click.Parameter]:
+        """Click's, of all of them."""
+        return [own for one, field in self.fields.items() for own in field.parameters(one)]
+
+    def value(self, name: str, values: Mapping[str, Any]) -> Any:
+        """What the field is where click has these values by their names."""
+        return self.kind(**{one: field.value(one, values) for one, field in self.fields.items()})
 
 
 def argument(meaning: str, *, type: click.ParamType = FILE, **more: Any) -> Any:
     """An argument of a record, by default the name of a file; ``more`` as click has it."""
 
-    def add(function: Any, to: str) -> Any:
-        return click.argument(to, type=type, cls=Argument, meaning=meaning, **more)(function)
+    def make(name: str) -> click.Parameter:
+        return Argument([name], type=type, meaning=meaning, **more)
 
     several = more.get("nargs") == -1
     needed = more.get("required", not several and "default" not in more)
-    return Option(add=add, default=more.get("default", () if several else None), is_required=needed)
+    default = more.get("default", () if several else None)
+    return Option(make=make, default=default, is_required=needed)
 
 
 class Parsed(click.ParamType):
@@ -275,69 +282,58 @@ def as_command(
     def decorate(function: Callable[..., None]) -> click.Command:
         known = vars(sys.modules[function.__module__])
         kinds = {to: known[kind] for to, kind in function.__annotations__.items() if to != "return"}
-        with_options: Any = function
-        for to, kind in reversed(kinds.items()):
-            fields = vars(kind)[_OPTIONS]
-            if to == "how":
-                fields = {one: fields[one] for one in how}
-            with_options = _adding(kind, fields)(with_options, to)
-        made = click.command(name, short_help=short_help, epilog=examples(*lines), **more)(
-            common_options(with_options)
-        )
-        for parameter in made.params:
+        records = {
+            to: Bundle(kind=kind, fields=getattr(kind, _OPTIONS)) for to, kind in kinds.items()
+        }
+        if "how" in records:
+            fields = {one: records["how"].fields[one] for one in how}
+            records["how"] = replace(records["how"], fields=fields)
+
+        @functools.wraps(function)
+        def command(**values: Any) -> None:
+            try:
+                # How comes first: what is wrong with it is known before any file is looked for.
+                made = {to: one.value(to, values) for to, one in reversed(records.items())}
+                function(**made)
+            except UsageError as problem:
+                raise click.UsageError(str(problem)) from problem
+
+        params = [own for one in records.values() for own in one.parameters()]
+        for parameter in params:
             if isinstance(parameter, JsonOption):
                 parameter.of(json or name, keys)
-        return made
+        shown = {"short_help": short_help, "epilog": examples(*lines), **more}
+        return common_options(click.command(name, params=params, **shown)(command))
 
     return decorate
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def record(kind: type[Kind]) -> type[Kind]:
-    """A frozen record of options: each field is an :class:`Option`, or has a plain default."""
+    """A frozen record of options: each field is one, or has a plain default."""
     given = {name: vars(kind).get(name) for name in kind.__annotations__}
-    options = {name: one for name, one in given.items() if isinstance(one, Option)}
+    options = {name: one for name, one in given.items() if isinstance(one, Option | Bundle)}
     for name, one in options.items():
         if one.is_required:
             delattr(kind, name)
         else:
             setattr(kind, name, one.default)
-    setattr(kind, _OPTIONS, options)
+    setattr(kind, _OPTIONS, {**getattr(kind, _OPTIONS, {}), **options})
     return dataclass(frozen=True, kw_only=True)(kind)
 
 
-def bundle(kind: Callable[..., Any], *options: Any) -> Any:
+def bundle(kind: Callable[..., Any], /, *, needed: bool = False, **options: Any) -> Any:
     """Options that come together as one field of a record.
 
     Args:
         kind: a :func:`record`, or what makes one of the options' values by their names.
+        needed: whether a program must give the field.
         options: of what is no record, in the order of ``--help``.
 
     """
-    fields = getattr(kind, _OPTIONS, None) or dict(
-        zip(signature(kind).parameters, options, strict=True)
-    )
-    default = kind() if isinstance(kind, type) else None
-    return Option(add=_adding(kind, fields), default=default)
-
-
-def _adding(kind: Callable[..., Any], fields: Mapping[str, Option]) -> Callable[[Any, str], Any]:
-    """What adds options to a function that takes what they make together."""
-
-    def add(function: Any, to: str) -> Any:
-        @functools.wraps(function)
-        def command(**values: Any) -> Any:
-            try:
-                together = kind(**{one: values.pop(one) for one in fields})
-                return function(**{to: together}, **values)
-            except UsageError as problem:
-                raise click.UsageError(str(problem)) from problem
-
-        for name, one in reversed([*fields.items()]):
-            command = one.add(command, name)
-        return command
-
-    return add
+    default = kind() if isinstance(kind, type) and not needed else None
+    fields = options or getattr(kind, _OPTIONS)
+    return Bundle(kind=kind, fields=fields, default=default, is_required=needed)
 
 
 def option(words: str, help: str, type: Any = None, default: Any = None, **more: Any) -> Any:
@@ -361,11 +357,14 @@ def option(words: str, help: str, type: Any = None, default: Any = None, **more:
     if default is not None:
         more = {"default": default, "show_default": True, **more}
 
-    def add(function: Any, to: str) -> Any:
-        return click.option(*names, to, type=type, help=help, **more)(function)
+    cls = more.pop("cls", click.Option)
+
+    def make(name: str) -> click.Parameter:
+        parameter: click.Parameter = cls([*names, name], type=type, help=help, **more)
+        return parameter
 
     several, needed = more.get("multiple", False), more.get("required", False)
-    return Option(add=add, default=() if several else unsaid, is_required=needed)
+    return Option(make=make, default=() if several else unsaid, is_required=needed)
 
 
 def _remember(
@@ -378,16 +377,18 @@ def _remember(
     return callback
 
 
-def common_options(function: Decorated) -> Decorated:
+def common_options(command: Command) -> Command:
     """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
-    for key, value, words, help in (
-        (DEBUG_KEY, True, "--debug", "Show the traceback of an error."),
-        (VERBOSITY_KEY, -1, "-q --quiet", "Say nothing but results and errors."),
-        (VERBOSITY_KEY, 1, "-v --verbose", "Say more."),
-    ):
-        more: dict[str, Any] = {"expose_value": False, "callback": _remember(key, value)}
-        function = option(words, help, **more).add(function, words.rpartition("-")[2])
-    return function
+    common = [
+        option(words, help, expose_value=False, callback=_remember(key, value)).make(to)
+        for key, value, words, to, help in (
+            (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Say more."),
+            (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Say nothing but results and errors."),
+            (DEBUG_KEY, True, "--debug", "debug", "Show the traceback of an error."),
+        )
+    ]
+    command.params = [*common, *command.params]
+    return command
 
 
 def is_given(parameter: str) -> bool:
@@ -481,14 +482,14 @@ report_option = option(
 
 target_options = bundle(
     _choice,
-    target_option,
-    option(
+    target=target_option,
+    board=option(
         "--board",
         "In the place of a target.yaml: one flat checkerboard of so many inner corners "
         "(squares less one), such as 9x6.",
         COUNTS,
     ),
-    option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in."),
+    square=option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in."),
 )
 """``--target``, or ``--board`` and ``--square``: one :class:`TargetSource` as ``target``."""
 
@@ -512,7 +513,7 @@ def _needed_target(target: Path | None) -> Path:
     return path
 
 
-needed_target = bundle(_needed_target, target_option)
+needed_target = bundle(_needed_target, needed=True, target=target_option)
 """``--target`` of commands that need one: the path of its file, by default ./target.yaml."""
 
 
@@ -531,50 +532,41 @@ calibration_argument = argument(
 )
 
 
-def model_path(model: Path | None) -> Path:
+def model_path(model: Path | None, calibration: Path | None = None) -> Path:
     """The camera file to read: the one that was given, else the default one if it is there.
 
     A folder stands for the camera.yaml in it. A camera that was not named on the command line is
     named on stderr.
 
     Raises:
+        UsageError: two were given.
         CameraFileError: nothing was given and the default is not there.
 
     """
-    path = model or DEFAULT_MODEL
-    if model is None and not path.exists():
+    if calibration is not None and is_given("model"):
+        raise UsageError(
+            f"--model names a camera, and so does {quoted(str(calibration))}: leave one of them out"
+        )
+    path = calibration or model or DEFAULT_MODEL
+    if path is DEFAULT_MODEL and not path.exists():
         raise CameraFileError(
             f"there is no {DEFAULT_MODEL} here: run 'cubicfish calibrate' first, "
             "or name a camera with --model or $CUBICFISH_MODEL"
         )
     path = in_folder(path)
-    if not _is_named():
+    if calibration is None and not is_given("model"):
         from cubicfish_cli.app.terminal.terminal import say
 
         say(f"Camera: {path}.")
     return path
 
 
-def _is_named() -> bool:
-    """Whether the command line names the camera, with an option or an argument."""
-    named = click.get_current_context().params.get("calibration") is not None
-    return named or is_given("model")
-
-
-def _camera(calibration: Path | None, model: Path | None) -> Path:
-    if calibration is None:
-        return model_path(model)
-    if is_given("model"):
-        raise UsageError(
-            f"--model names a camera, and so does {quoted(str(calibration))}: leave one of them out"
-        )
-    return model_path(calibration)
-
-
-camera_options = bundle(_camera, calibration_argument, model_option)
+camera_options = bundle(
+    model_path, needed=True, calibration=calibration_argument, model=model_option
+)
 """``FOLDER`` or ``--model``: the path of the camera's file."""
 
-model_options = bundle(model_path, model_option)
+model_options = bundle(model_path, needed=True, model=model_option)
 """``--model``: the path of the camera's file."""
 
 

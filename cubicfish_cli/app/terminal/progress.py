@@ -16,21 +16,14 @@ from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import click
-
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
-from cubicfish_cli.app.terminal.options import (
-    bundle,
-    command_line,
-    option,
-    record,
-    verbosity,
-)
+from cubicfish_cli.app.terminal.options import command_line, option, record, verbosity
 from cubicfish_cli.app.terminal.streams import ERRORS, can_redraw
 from cubicfish_cli.app.terminal.terminal import detail, print_json, say
+from cubicfish_cli.core.errors import UsageError
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.executors.pool import Executor
@@ -98,39 +91,16 @@ def say_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
     say_found([replace(why, images=(photo,)) for photo, why in rejected.items()], f"left out: {of}")
 
 
-@record
-class SchedulerOptions:
-    """Where the work is done; ``address`` is None for this machine."""
-
-    address: str | None = option(
-        "--scheduler ADDRESS",
-        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
-        "same files under the same names (a shared file system). Only use a scheduler that "
-        "you trust. Needs pip install 'cubicfish[scale]'.",
-    )
-
-    def check(self, jobs: int | None) -> None:
-        """Refuse what does not go together."""
-        if self.address is not None and jobs is not None:
-            raise click.UsageError(
-                "--jobs is for this machine: with --scheduler, 'dask worker --nthreads' says how "
-                "many photos each worker does at a time"
-            )
-
-
-scheduler_options: Any = bundle(SchedulerOptions)
-
-
 class _Cluster:
     """The workers of a scheduler, who are called when there is work."""
 
-    def __init__(self, asked: SchedulerOptions, listener: _Shown, stack: ExitStack) -> None:
-        self._asked, self._listener, self._stack = asked, listener, stack
+    def __init__(self, address: str, listener: _Shown, stack: ExitStack) -> None:
+        self._address, self._listener, self._stack = address, listener, stack
         self._there: Executor | None = None
 
     def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         if self._there is None:
-            self._there = self._connected(str(self._asked.address))
+            self._there = self._connected(self._address)
         return self._there.each(work, items)
 
     def _connected(self, address: str) -> Executor:
@@ -141,40 +111,6 @@ class _Cluster:
         threads = count(there.threads, "thread")
         say(f"Using {count(there.workers, 'worker')} with {threads} at {address}.")
         return there
-
-
-@contextmanager
-def running(
-    *,
-    jobs: int | None = None,
-    no_cache: bool = False,
-    overwrite: bool = False,
-    scheduler: SchedulerOptions | None = None,
-    command: str | None = None,
-) -> Iterator[Run]:
-    """How the library is to work while the block runs, with what it tells shown.
-
-    Args:
-        jobs: photos to work on at a time.
-        no_cache: whether nothing that was found before is used.
-        overwrite: whether files may be replaced.
-        scheduler: where the work is done.
-        command: what is run, for the files that are written.
-
-    """
-    with ExitStack() as there, ExitStack() as lines:
-        listener, executor = _Shown(lines), None
-        if scheduler is not None and scheduler.address is not None:
-            executor = _Cluster(scheduler, listener, there)
-        yield Run(
-            jobs=jobs,
-            cache=cache_folder(),
-            anew=no_cache,
-            overwrite=overwrite,
-            listener=listener,
-            executor=executor,
-            command=command,
-        )
 
 
 @record
@@ -188,20 +124,36 @@ class How:
     overwrite: bool = options.overwrite_option
     as_json: bool = options.json_option
     jobs: int | None = options.jobs_option
-    scheduler: SchedulerOptions = scheduler_options
+    scheduler: str | None = option(
+        "--scheduler ADDRESS",
+        "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
+        "same files under the same names (a shared file system). Only use a scheduler that "
+        "you trust. Needs pip install 'cubicfish[scale]'.",
+    )
     no_cache: bool = options.no_cache_option
+
+    def __post_init__(self) -> None:
+        if self.scheduler is not None and self.jobs is not None:
+            raise UsageError(
+                "--jobs is for this machine: with --scheduler, 'dask worker --nthreads' says how "
+                "many photos each worker does at a time"
+            )
 
     def do(self, function: Callable[..., Made], given: Any) -> Made:
         """Call the function of a command with its options, with what it tells shown."""
-        self.scheduler.check(self.jobs)
         keep_fonts(not self.no_cache)
-        with running(
-            jobs=self.jobs,
-            no_cache=self.no_cache,
-            overwrite=self.overwrite,
-            scheduler=self.scheduler,
-            command=command_line(),
-        ) as run:
+        with ExitStack() as there, ExitStack() as lines:
+            listener = _Shown(lines)
+            executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
+            run = Run(
+                jobs=self.jobs,
+                cache=cache_folder(),
+                anew=self.no_cache,
+                overwrite=self.overwrite,
+                listener=listener,
+                executor=executor,
+                command=command_line(),
+            )
             return function(given, run=run)
 
     def print(self, made: Any) -> bool:

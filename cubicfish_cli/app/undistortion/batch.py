@@ -6,21 +6,37 @@ some wait for it the others go on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from os.path import abspath
 from pathlib import Path
-from threading import BoundedSemaphore
+from threading import BoundedSemaphore, Lock
 from typing import Any
 
 from cubicfish_cli.app.executors.pool import Executor
 from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
-from cubicfish_cli.app.undistortion.images import check_outputs, encode_picture, naming
+from cubicfish_cli.app.undistortion.images import (
+    check_outputs,
+    encode_picture,
+    naming,
+    remap_picture,
+)
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
 from cubicfish_cli.core.files import remove_orphans, write_files
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.views.choose import ChosenView, chosen_view
+from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos
+from cubicfish_cli.core.views.options import ViewOptions
+from cubicfish_cli.core.views.plane import PointProjector
+from cubicfish_cli.core.views.view import View
+
+Size = tuple[int, int]
+"""(width, height), pixels."""
+MAKING = Lock()
+"""Held while maps are made, which one thread does for all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +66,64 @@ Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
 
 Write = Callable[..., None]
 """Called as (job, overwrite=..., slots=...), as :func:`write_one` is: its outputs are written."""
+
+
+class Views:
+    """What a run renders of each photo; called, it renders one.
+
+    A view from the camera's place is the same for all photos of a size, and its maps are made once,
+    from any thread. Sizes are (width, height), pixels.
+    """
+
+    def __init__(
+        self, camera: CubicCamera, asked: View | ViewOptions | None, interpolation: str
+    ) -> None:
+        """Prepare for photos of this camera.
+
+        Args:
+            camera: the camera.
+            asked: the view, or what is asked of it.
+            interpolation: how pixels are blended.
+
+        """
+        self._camera, self._asked, self.interpolation = camera, asked, interpolation
+        self._made: dict[Size, Mapping[str, UndistortMap]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Travel without the maps, which are quicker made than sent."""
+        return {**vars(self), "_made": {}}
+
+    def group(self, source: Path, size: Size) -> Hashable:
+        """Photos with the same group have the same view and maps."""
+        return size
+
+    def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
+        """The camera that took a photo of ``size``, None for several, and the view of it.
+
+        Raises:
+            ViewError: there is no such view of this photo.
+
+        """
+        camera = camera_for_photos(self._camera, size)
+        return camera, chosen_view(camera, self._asked)
+
+    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
+        """Part of the view -> its map."""
+        with MAKING:
+            if size not in self._made:
+                self._made[size] = built(*self.chosen(source, size))
+            return self._made[size]
+
+    def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
+        """The pictures of a job, as :func:`write_many` asks for them."""
+        picture, how = photos[""], self.interpolation
+        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
+        return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
+
+
+def built(camera: PointProjector, view: ChosenView) -> dict[str, UndistortMap]:
+    """Part of a view of a camera's photos -> its map."""
+    return {part: build_map(camera, one) for part, one in view.views.items()}
 
 
 def write_many(
@@ -155,11 +229,10 @@ Answers = Generator[tuple[int, CubicfishError | None], None, None]
 def _by_threads(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
-    """Do the work here."""
-    if workers == 1 or len(jobs) == 1:
-        yield from enumerate(map(work, jobs))
-        return
-    with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
+    """Do the work here; OpenCV's own threads gain only where nothing else works beside it."""
+    alone = workers == 1 or len(jobs) == 1
+    own_threads = nullcontext() if alone else one_opencv_thread()
+    with own_threads, ThreadPoolExecutor(workers + 1) as threads:
         try:
             numbers = {threads.submit(work, job): number for number, job in enumerate(jobs)}
             for future in as_completed(numbers):

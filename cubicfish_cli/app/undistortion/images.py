@@ -14,16 +14,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from cubicfish_cli.app.photos import Picture, quiet_stderr, shown
 from cubicfish_cli.app.picture_headers import jpeg_segments
 from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.core.files import refuse_existing, write_files
-from cubicfish_cli.core.views.maps import UndistortMap
-from cubicfish_cli.core.views.options import INTERPOLATIONS
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.views.choose import build_view
+from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos
+from cubicfish_cli.core.views.options import INTERPOLATIONS, Interpolation
+from cubicfish_cli.core.views.view import View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 CV2_FLAGS = dict(
@@ -92,6 +97,56 @@ def remap_picture(
     if wide:
         out[~undistort_map.valid] = 0
     return out
+
+
+def undistort(
+    picture: npt.NDArray[Any],
+    by: CubicCamera | UndistortMap,
+    view: View | None = None,
+    *,
+    interpolation: Interpolation = "linear",
+) -> npt.NDArray[Any]:
+    """Render a view from a photo, as ``cubicfish undistort`` does.
+
+    For many photos make the map once with :func:`build_map` and pass it instead of the camera.
+
+    Args:
+        picture: (H, W) or (H, W, 1 to 4), uint8, uint16 or float32, of the size that the camera
+            was calibrated for or an exact rescale of it (a map takes its own size alone).
+        by: the camera, or a map.
+        view: what to render; by default flat, as large as the photo and with the photo's scale in
+            its middle, up to 120° across.
+        interpolation: how pixels are blended.
+
+    Returns:
+        (h, w) or (h, w, channels), of the view's size and the picture's dtype.
+
+    Raises:
+        ViewError: the picture is not one that the camera or the map is for, or an option is not
+            known.
+
+    """
+    _refuse_no_picture(picture)
+    if isinstance(by, UndistortMap):
+        if view is not None:
+            raise ViewError("a map has its view already: leave the view out, or pass the camera")
+        undistort_map = by
+    else:
+        camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
+        undistort_map = build_map(camera, build_view(camera) if view is None else view)
+    flat = remap_picture(np.ascontiguousarray(picture), undistort_map, interpolation)
+    return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
+
+
+def _refuse_no_picture(picture: object) -> None:
+    if not isinstance(picture, np.ndarray):
+        raise ViewError(f"the picture is no array but {type(picture).__name__}: read it first")
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and not 1 <= picture.shape[2] <= 4):
+        raise ViewError(f"the picture has the shape {picture.shape}, not (H, W) or (H, W, 1 to 4)")
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        raise ViewError(f"the picture holds {picture.dtype} numbers, not uint8, uint16 or float32")
+    if not picture.size:
+        raise ViewError(f"the picture has the shape {picture.shape}: it is empty")
 
 
 @contextmanager

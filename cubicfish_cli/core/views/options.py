@@ -6,12 +6,16 @@ Nothing is loaded for it, so that a command line can check it before anything is
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.wording import did_you_mean, either, quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.target import Target
 
 Kind = Literal[
     "perspective",
@@ -48,7 +52,8 @@ FACES: Mapping[str, tuple[float, float]] = {
 }
 """Where each face of a cube looks: yaw, pitch."""
 
-INTERPOLATIONS = ("nearest", "linear", "cubic", "lanczos")
+Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
+INTERPOLATIONS = get_args(Interpolation)
 
 INNER, OUTER = 0.0, 1.0
 _ENDS = {"inner": INNER, "outer": OUTER}
@@ -153,6 +158,22 @@ class ViewOptions:
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
         return tuple(FACES) if self.kind == "cube" else ("",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneOptions:
+    """The plane of a board in each photo, squarely from its front, a square around its corners.
+
+    Attributes:
+        board: the name of one of the target's boards.
+        target: the target, or its file.
+        pixels_per_unit: the picture's scale; by default the largest that the photo has there.
+
+    """
+
+    board: str
+    target: Target | str | os.PathLike[str]
+    pixels_per_unit: float | None = None
 
 
 def _shows(kind: str, axis: int, angle_deg: float) -> bool:

@@ -9,21 +9,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.angles import unit_rays
+from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.options import is_numbers
 from cubicfish_cli.core.views.view import View
+from cubicfish_cli.core.wording import did_you_mean, quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.boards.board import Board
+    from cubicfish_cli.core.target import Target
 
 Vector = tuple[float, float, float]
 
 _SQUARE_TOLERANCE = 1e-6
+_LIMIT = 1e9
 # Where the scale of the photo is looked up, along each side of the plane's part.
 _LOOKS = 15
 _STEP = 1e-3
@@ -163,3 +170,68 @@ def plane_view(
     vectors = {"origin": first, "x_axis": axes[0], "y_axis": axes[1]}
     plain: dict[str, Any] = {name: tuple(vector.tolist()) for name, vector in vectors.items()}
     return PlaneView(size=size, pixels_per_unit=scale, **plain)
+
+
+def build_plane(
+    camera: PointProjector,
+    target: Target,
+    board: str,
+    rotation: npt.ArrayLike,
+    translation: npt.ArrayLike,
+    *,
+    pixels_per_unit: float | None = None,
+    margin: float | None = None,
+) -> PlaneView:
+    """The plane of a board, seen squarely from its front, as ``undistort`` renders it.
+
+    Args:
+        camera: the camera that took the photo.
+        target: the calibration target.
+        board: the name of one of its boards, a grid.
+        rotation: (3, 3) of ``camera_from_world`` of this photo.
+        translation: (3,) of the same, in the target's unit.
+        pixels_per_unit: the picture's scale; by default the largest that the photo has there.
+        margin: how far the picture goes on beyond the outer corners, in the target's unit; by
+            default a square.
+
+    Raises:
+        ViewError: there is no such board, it has no plane, the pose is none, or the camera does
+            not see the plane from its front.
+
+    """
+    refusal = Refusal(error=ViewError)
+    turn = refusal.numbers(rotation, "rotation", 3, limit=_LIMIT)
+    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_SQUARE_TOLERANCE):
+        raise ViewError("rotation is no rotation matrix (3, 3)")
+    place = refusal.numbers([np.asarray(translation)], "translation", 3, limit=_LIMIT)[0]
+    plane = board_with_plane(target, board)
+    corners = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])
+    beyond = plane.square if margin is None else margin
+    return plane_view(
+        camera,
+        origin=turn @ np.asarray(plane.origin) + place,
+        x_axis=turn @ np.asarray(plane.x_axis),
+        y_axis=turn @ np.asarray(plane.y_axis),
+        low=corners[0] - beyond,
+        high=corners[1] + beyond,
+        pixels_per_unit=pixels_per_unit,
+    )
+
+
+def board_with_plane(target: Target, name: str) -> Board:
+    """A board of a target, by its name.
+
+    Raises:
+        ViewError: there is none, or it has no plane.
+
+    """
+    names = {board.name: board for board in target.boards}
+    if name not in names:
+        raise ViewError(
+            f"the target has no board {quoted(name)}: {did_you_mean(name, sorted(names))}"
+        )
+    if names[name].points is not None:
+        raise ViewError(
+            f"board {quoted(name)} is a list of points and has no plane: name a board with a grid"
+        )
+    return names[name]

@@ -2,32 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
+from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles, refuse_without_extra
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import as_command, option, record
-from cubicfish_cli.app.terminal.progress import keep_fonts, running
-from cubicfish_cli.app.terminal.terminal import print_json, result, say
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.core.files import refuse_existing, write_text
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish report``."""
+class ReportOptions:
+    """A page about a camera.
 
-    calibration: Path | None = options.calibration_argument
-    model: Path | None = options.model_option
-    target: Path | None = options.target_option
-    photos: tuple[Path, ...] = option(
+    Attributes:
+        camera: its file, or the folder of that.
+        target: the calibration target as drawn, where it is not at its recorded place.
+        photos: files, folders or patterns of the photos, where they are not at theirs.
+        page: where the page goes; by default report.html beside the camera.
+
+    """
+
+    camera: StrPath = options.camera_options
+    target: StrPath | None = options.target_option
+    photos: Sequence[StrPath] = option(
         "--photos PATH",
         "The photos (a folder, a file or a glob), where they are not at their old place. May be "
         "given again.",
         options.FILE,
         multiple=True,
     )
-    page: Path | None = options.output_option("The page. [default: report.html beside the camera]")
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
+    page: StrPath | None = options.output_option(
+        "The page. [default: report.html beside the camera]"
+    )
+
+
+def report_files(asked: ReportOptions, *, run: Run = RUN) -> ReportFiles:
+    """Write a page about a camera, as ``cubicfish report`` does.
+
+    Raises:
+        CubicfishError: the extra ``report`` is not installed, a file cannot be used, or the page
+            exists and may not be replaced.
+
+    """
+    refuse_without_extra()
+    model, target = in_folder(Path(asked.camera)), path_or_none(asked.target)
+    path = path_or_none(asked.page) or model.parent / PAGE
+    refuse_existing(path, overwrite=run.overwrite)
+    with extra.quiet():
+        from cubicfish_cli.app.calibration_facts import facts_of_files
+        from cubicfish_cli.extensions.report.page import report_html
+
+    run.listener.progress("Making the report")
+    facts = facts_of_files(model, target=target, photos=list(map(Path, asked.photos)))
+    write_text(path, report_html(facts), overwrite=run.overwrite)
+    return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 
 
 @as_command(
@@ -36,8 +70,9 @@ class Asked:
     "cubicfish report",
     "cubicfish report calibration/ --photos photos/ -o lens.html",
     "cubicfish report --model camera.yaml --target target.yaml --overwrite",
+    how=("overwrite", "as_json"),
 )
-def command(given: Asked) -> None:
+def command(given: ReportOptions, how: How) -> None:
     """Write one HTML page about the calibration in FOLDER (by default: calibration).
 
     The page stands alone: no network, no program, every picture inside. Corners, target and
@@ -45,21 +80,10 @@ def command(given: Asked) -> None:
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.
     """
-    from cubicfish_cli.extensions.report.report_files import report_files
-
-    keep_fonts()
-    with running(overwrite=given.overwrite) as run:
-        made = report_files(
-            options.model_path(given.calibration or given.model),
-            given.page,
-            target=given.target,
-            photos=given.photos,
-            run=run,
-        )
+    made = how.do(report_files, given)
     for line in made.absent:
         say(f"left out: {line}")
-    if given.as_json:
-        print_json(made.as_record())
+    if how.print(made):
         return
     print_verdict(made.verdict)
     result(f"\nwrote {made.page}")

@@ -11,18 +11,14 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import option, record
-from cubicfish_cli.app.terminal.progress import running
-from cubicfish_cli.commands.export import (
-    max_angle_option,
-    max_error_option,
-    print_exported,
-)
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.commands.export import max_angle_option, max_error_option, print_exported
 from cubicfish_cli.core.errors import FitError, UsageError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_argument
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.exporting import ExportedFiles
+    from cubicfish_cli.commands.export import ExportedFiles
 
 _HELP = """Write a rig for another tool: each camera's lens with its place on the body.
 
@@ -56,8 +52,6 @@ class Asked:
     max_error: float = max_error_option
     max_angle_deg: float | None = max_angle_option
     pair: tuple[str, str] | None = pair_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
 
 
 @as_rig_command(
@@ -65,21 +59,24 @@ class Asked:
     "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
     "cubicfish rig export --to kalibr-omni -o camchain.yaml",
     "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
+    how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: Asked) -> None:
+def command(given: Asked, how: How) -> None:
     """See ``_HELP``."""
-    with running(overwrite=given.overwrite) as run:
-        made = export_rig_files(
-            given.rig,
-            given.to,
-            given.output,
-            pair=given.pair,
-            max_error=given.max_error,
-            max_angle_deg=given.max_angle_deg,
-            run=run,
-        )
-    print_exported(made, as_json=given.as_json)
+    print_exported(how.do(_export, given), how)
+
+
+def _export(asked: Asked, *, run: Run) -> ExportedFiles:
+    return export_rig_files(
+        asked.rig,
+        asked.to,
+        asked.output,
+        pair=asked.pair,
+        max_error=asked.max_error,
+        max_angle_deg=asked.max_angle_deg,
+        run=run,
+    )
 
 
 def export_rig_files(
@@ -110,11 +107,8 @@ def export_rig_files(
 
     """
     from cubicfish_cli.app.foreign import WRITTEN
-    from cubicfish_cli.commands.exporting import (
-        ExportedFiles,
-        export_camera,
-        without_matrix,
-    )
+    from cubicfish_cli.commands.export import ExportedFiles
+    from cubicfish_cli.commands.exporting import export_camera, without_matrix
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 

@@ -10,6 +10,7 @@ from cubicfish_cli.app.terminal.options import common_options, examples
 COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "map", "export")
 
 
+@common_options
 @click.group(
     "rig",
     cls=LazyGroup,
@@ -22,7 +23,6 @@ COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "
         "cubicfish rig calibrate -h",
     ),
 )
-@common_options
 def command() -> None:
     """Calibrate several cameras on one body, and work with what they see.
 

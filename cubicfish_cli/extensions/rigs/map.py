@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.map import photo_size_option, print_maps
 from cubicfish_cli.commands.view_options import view_options
 from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_option
+
+if TYPE_CHECKING:
+    from cubicfish_cli.extensions.rigs.pair_maps import PairMapFiles
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
 
@@ -35,8 +40,6 @@ class Asked:
     pair: tuple[str, str] | None = pair_option
     view: ViewOptions = view_options
     photo_size: tuple[int, int] | None = photo_size_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
 
 
 @as_rig_command(
@@ -44,20 +47,25 @@ class Asked:
     "Maps of two cameras, after which rows of their pictures agree: stereo.",
     "cubicfish rig map stereo.npz --pair left,right",
     "cubicfish rig map stereo.npz --model rig --view equirectangular",
+    how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: Asked) -> None:
+def command(given: Asked, how: How) -> None:
     """See ``_HELP``."""
-    from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files
-
-    made = map_rig_files(
-        given.rig,
-        given.output,
-        given.view,
-        pair=given.pair,
-        photo_size=given.photo_size,
-        run=Run(overwrite=given.overwrite),
-    )
+    made = how.do(_map, given)
     unit = f" {made.stereo['units']}" if made.stereo["units"] else ""
     depth = f"baseline {made.stereo['baseline']:.3f}{unit}; {made.stereo['depth']}"
-    print_maps(made, as_json=given.as_json, more=depth)
+    print_maps(made, how, depth)
+
+
+def _map(asked: Asked, *, run: Run) -> PairMapFiles:
+    from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files
+
+    return map_rig_files(
+        asked.rig,
+        asked.output,
+        asked.view,
+        pair=asked.pair,
+        photo_size=asked.photo_size,
+        run=run,
+    )

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath
-from cubicfish_cli.app.undistortion.map_formats import map_paths, view_files
-from cubicfish_cli.commands.map_files import MapFiles, contents_of, ffmpeg_commands, files_of
+from cubicfish_cli.app.undistortion.map_formats import map_paths
+from cubicfish_cli.commands.map import MapFiles, files_of, write_maps
 from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.plain_yaml import plain_yaml_text
 from cubicfish_cli.core.views.choose import ChosenView, chosen_view
 from cubicfish_cli.core.views.fit import sees
@@ -105,15 +105,13 @@ def map_rig_files(
         "photo_sizes": [list(camera.image_size) for camera in between.cameras],
         **between.as_record(common),
     }
-    views = view_files(maps, beside=goal)
-    files = {**contents_of(plan, maps), about: plain_yaml_text(about_pair), **views}
+    more = {about: plain_yaml_text(about_pair)}
     return PairMapFiles(
         model=path,
         own=files_of(plan),
-        written=write_files(files, overwrite=run.overwrite, folder=goal.parent),
+        written=write_maps(plan, maps, goal, run, more),
         image_size=between.image_size,
         view=chosen,
-        ffmpeg=ffmpeg_commands(plan),
         stereo=about_pair,
     )
 

@@ -10,8 +10,8 @@ from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import print_verdict
 from cubicfish_cli.app.terminal.options import record
-from cubicfish_cli.app.terminal.progress import keep_fonts, running
-from cubicfish_cli.app.terminal.terminal import print_json, result
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import result
 from cubicfish_cli.core.files import refuse_existing, write_text
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 
@@ -26,8 +26,6 @@ class Asked:
 
     rig: Path = rig_argument
     page: Path | None = options.output_option("The page. [default: report.html beside the rig]")
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
 
 
 @as_rig_command(
@@ -35,20 +33,22 @@ class Asked:
     "One HTML page about a rig: is it good, and why.",
     "cubicfish rig report",
     "cubicfish rig report rig/rig.yaml -o body.html",
+    how=("overwrite", "as_json"),
 )
-def command(given: Asked) -> None:
+def command(given: Asked, how: How) -> None:
     """Write one HTML page about RIG (by default: rig): where its cameras stand, what they see.
 
     The page stands alone: no network, no program, every picture inside.
     """
-    keep_fonts()
-    with running(overwrite=given.overwrite) as run:
-        made = report_rig_files(given.rig, given.page, run=run)
-    if given.as_json:
-        print_json(made.as_record())
+    made = how.do(_report, given)
+    if how.print(made):
         return
     print_verdict(made.verdict)
     result(f"\nwrote {made.page}")
+
+
+def _report(asked: Asked, *, run: Run) -> ReportFiles:
+    return report_rig_files(asked.rig, asked.page, run=run)
 
 
 def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RUN) -> ReportFiles:

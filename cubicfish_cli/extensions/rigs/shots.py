@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from cubicfish_cli.app.asked import named_photos
 from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.app.photos import Picture, natural_key, photo_size, shown
-from cubicfish_cli.app.undistortion.batch import Job
-from cubicfish_cli.commands.views import Size, Views
+from cubicfish_cli.app.undistortion.batch import MAKING, Job, Size, Views
 from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.views.choose import ChosenView
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
@@ -36,12 +34,11 @@ class RigViews(Views):
 
         """
         self._body, self._view, self.interpolation = body, view, interpolation
-        self._made: Mosaic | None = None
-        self._lock = Lock()
+        self._joined: Mosaic | None = None
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Travel without the maps, which are quicker made than sent, and the lock."""
-        return RigViews, (self._body, self._view, self.interpolation)
+    def __getstate__(self) -> dict[str, Any]:
+        """Travel without the maps, which are quicker made than sent."""
+        return {**vars(self), "_joined": None}
 
     def group(self, source: Path, size: Size) -> Hashable:
         """There is but one."""
@@ -61,10 +58,10 @@ class RigViews(Views):
 
     def _mosaic(self) -> Mosaic:
         """Made once, from any thread."""
-        with self._lock:
-            if self._made is None:
-                self._made = mosaic_of(self._body, self._view.first)
-            return self._made
+        with MAKING:
+            if self._joined is None:
+                self._joined = mosaic_of(self._body, self._view.first)
+            return self._joined
 
 
 def body_for_photos(body: Body, shots: Mapping[str, Shot]) -> Body:

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of
-from cubicfish_cli.app.asked_pictures import PictureOptions
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, bundle, option, record
-from cubicfish_cli.app.terminal.progress import SchedulerOptions, running, scheduler_options
-from cubicfish_cli.commands.undistort import end_with_pictures, named_sources
-from cubicfish_cli.commands.view_options import picture_options, view_options
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
+from cubicfish_cli.commands.view_options import view_options
 from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_option
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.undistorting import UndistortedFiles
+    from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.core.views.view import View
 
 
-@dataclass(frozen=True, kw_only=True)
+@record
 class ShotOptions(PictureOptions):
     """What becomes of the shots of a rig: beside what a :class:`PictureOptions` has
 
@@ -36,15 +35,19 @@ class ShotOptions(PictureOptions):
 
     """
 
-    view: View | ViewOptions | None = None
-    distance: float | None = None
+    view: View | ViewOptions | None = view_options
+    distance: float | None = option(
+        "--distance UNITS",
+        "How far away things are that the cameras' pictures join at. [default: far away]",
+        FloatRange(0, min_open=True),
+    )
 
 
 @record
 class Asked:
     """What is asked of ``cubicfish rig undistort``."""
 
-    sources: tuple[str, ...] = options.argument(
+    sources: StrPath | Sequence[StrPath] = options.argument(
         "Photos of the rig's cameras: files, folders or globs; '-' reads their names from stdin.",
         type=options.NAME,
         nargs=-1,
@@ -58,20 +61,7 @@ class Asked:
         metavar="OUT",
     )
     rig: Path = rig_option
-    asked: ShotOptions = bundle(
-        ShotOptions,
-        view_options,
-        *picture_options,
-        option(
-            "--distance UNITS",
-            "How far away things are that the cameras' pictures join at. [default: far away]",
-            FloatRange(0, min_open=True),
-        ),
-    )
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
-    jobs: int | None = options.jobs_option
-    scheduler: SchedulerOptions = scheduler_options
+    asked: ShotOptions = bundle(ShotOptions)
 
 
 @as_rig_command(
@@ -79,8 +69,9 @@ class Asked:
     "The photos of each shot to one picture of all that they show.",
     "cubicfish rig undistort left/1.png right/1.png all.png",
     "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
+    how=("overwrite", "as_json", "jobs", "scheduler"),
 )
-def command(given: Asked) -> None:
+def command(given: Asked, how: How) -> None:
     """Render one picture OUT of the photos IN of a rig's cameras, of each shot one.
 
     A panorama in any --view (equirectangular unless another is named). A photo is of the camera
@@ -88,11 +79,12 @@ def command(given: Asked) -> None:
     the rig's order. A folder with a folder for each camera holds many shots, photos of the same
     name being one.
     """
-    given.scheduler.check(given.jobs)
-    photos = named_sources(given.sources)
-    with running(jobs=given.jobs, overwrite=given.overwrite, scheduler=given.scheduler) as run:
-        made = undistort_rig_files(photos, given.output, given.rig, given.asked, run=run)
-    end_with_pictures(made, as_json=given.as_json)
+    given = replace(given, sources=named_sources(given.sources))
+    print_pictures(how.do(_undistort, given), how)
+
+
+def _undistort(asked: Asked, *, run: Run) -> UndistortedFiles:
+    return undistort_rig_files(asked.sources, asked.output, asked.rig, asked.asked, run=run)
 
 
 def undistort_rig_files(
@@ -126,7 +118,7 @@ def undistort_rig_files(
         CubicfishError: the rig or the executor cannot be used.
 
     """
-    from cubicfish_cli.commands.undistorting import plan_pictures, write_pictures
+    from cubicfish_cli.commands.pictures import plan_jobs, write_pictures
     from cubicfish_cli.core.views.choose import chosen_view
     from cubicfish_cli.extensions.rigs.mosaic import Body
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
@@ -137,10 +129,10 @@ def undistort_rig_files(
     shots = shots_of(paths_of(photos), [one.name for one in known.cameras], run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    plan = plan_pictures("shot", jobs, Path(output), asked, run, alone=len(shots) == 1)
+    planned = plan_jobs("shot", jobs, Path(output), asked, run, alone=len(shots) == 1)
     view = asked.view
     if view is None or (isinstance(view, ViewOptions) and view.kind is None):
         view = replace(view or ViewOptions(), kind="equirectangular")
     body = body_for_photos(Body(cameras=known.cameras, distance=asked.distance), shots)
     views = RigViews(body, chosen_view(body, view), asked.interpolation)
-    return write_pictures(plan, views, asked, run, model)
+    return write_pictures("shot", planned, views, asked, run, model=model)

@@ -39,32 +39,32 @@ _RENDERING = "Rendering"
 
 look_options = bundle(
     LookOptions,
-    option(
+    noise=option(
         "--noise LEVELS",
         "Standard deviation of the sensor's noise, grey levels of 255.",
         FloatRange(*LOOKS["noise"]),
         LookOptions.noise,
     ),
-    option(
+    blur=option(
         "--blur PX",
         "Standard deviation of the lens's blur, pixels.",
         FloatRange(*LOOKS["blur"]),
         LookOptions.blur,
     ),
-    option(
+    vignetting=option(
         "--vignetting SHARE",
         "Share of the light that is lost 90° from the axis.",
         FloatRange(*LOOKS["vignetting"]),
         LookOptions.vignetting,
     ),
-    option(
+    exposure=option(
         "--exposure FACTOR",
         "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
         "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
         FloatRange(*LOOKS["exposure"]),
         LookOptions.exposure,
     ),
-    option(
+    seed=option(
         "--seed N",
         "Other poses and other noise; the same seed gives the same photos.",
         IntRange(0),
@@ -105,8 +105,9 @@ class SimulateOptions:
     target: Target | StrPath = options.needed_target
     lens: Calibrated | CubicCamera | StrPath = bundle(
         _lens,
-        options.model_option,
-        option(
+        needed=True,
+        model=options.model_option,
+        lens=option(
             "--lens FILE",
             "In place of --model: another tool's camera file, such as mrcal's .cameramodel or "
             "COLMAP's cameras.txt, as it is.",

@@ -1,0 +1,359 @@
+"""Photos, videos or the shots of a rig, in files -> files of what they show."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cubicfish_cli.app.asked import Run, path_or_none, target_in
+from cubicfish_cli.app.photos import SUFFIXES, Photo, photo_size, shown
+from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.app.undistortion.batch import Job, Size, Views, built, write_many, write_one
+from cubicfish_cli.app.undistortion.images import check_suffix
+from cubicfish_cli.app.undistortion.map_formats import part_name, view_files
+from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.codes import Code, Event, Severity
+from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
+from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.io.camera_yaml import CameraFile, PointCameraFile
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.phrases import plural
+from cubicfish_cli.core.views.choose import ChosenView, SeenField
+from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
+from cubicfish_cli.core.views.plane import PointProjector, board_with_plane, build_plane
+from cubicfish_cli.core.views.view import matrix_of_rotation
+
+if TYPE_CHECKING:
+    from cubicfish_cli.commands.undistort import PictureOptions, PlaneOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class UndistortedFiles:
+    """What became of photos or videos.
+
+    Attributes:
+        kind: what they are: ``photo``, ``video``, or what an extension calls its own.
+        written: each by its name -> its pictures or its video.
+        failures: those that could not be done, and why.
+        skipped: those whose results were there already.
+        model: the file of the camera; None of one that is in none.
+        view: what was rendered of the first; None where none was done.
+        seen: what the camera sees of the view's field; None where it has none.
+        extras: masks, virtual cameras and tables that were written.
+
+    """
+
+    kind: str
+    written: Mapping[str, Sequence[Path]]
+    failures: Mapping[str, CubicfishError]
+    skipped: tuple[str, ...] = ()
+    model: Path | None = None
+    view: ChosenView | None = None
+    seen: SeenField | None = None
+    extras: Sequence[Path] = ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The pictures or videos."""
+        return tuple(path for own in self.written.values() for path in own)
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Name -> why it could not be done, in a line."""
+        return {name: str(why) for name, why in self.failures.items()}
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish undistort --json`` prints."""
+        return {
+            **({} if self.model is None else {"model": self.model}),
+            "images": len(self.written),
+            "files": self.files,
+            "skipped": self.skipped,
+            "failed": [_failure_record(name, why) for name, why in self.failed.items()],
+            "view": self.view and self.view.as_record(),
+            "extra_files": self.extras,
+        }
+
+
+def _failure_record(name: str, problem: str) -> dict[str, Any]:
+    """What could not be done, as plain data: a finding, and its name and problem."""
+    told = Finding(
+        code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
+    )
+    return {**told.as_record(), "image": name, "problem": problem}
+
+
+Jobs = tuple[Sequence[Job], Sequence[Job]]
+"""Those that are to be done, and those that are left out since their results exist."""
+
+
+def plan_jobs(
+    kind: str,
+    sources: Mapping[str, tuple[str, Mapping[str, Path]]],
+    output: Path,
+    asked: PictureOptions,
+    run: Run,
+    *,
+    alone: bool,
+) -> Jobs:
+    """What becomes of sources, refused before any work where it cannot.
+
+    Args:
+        kind: what they are, in a word.
+        sources: name -> the name of the result in a folder, and photos.
+        output: a folder; of one that is named ``alone`` also a name for its result.
+        asked: what becomes of them.
+        run: how the work is done.
+        alone: whether there is one, named by itself.
+
+    Raises:
+        UsageError: ``output`` is none for them, or something is asked that does not go together.
+        OutputError: one would be replaced by its own result, or a result cannot be written, or
+            exists and may be neither replaced nor left.
+
+    """
+    if asked.skip_existing and run.overwrite:
+        raise UsageError("--skip-existing and --overwrite exclude each other")
+    to_folder = _is_folder(output, "" if alone else plural(len(sources), kind))
+    if kind == "video" and not to_folder and output.suffix.lower() not in VIDEO_SUFFIXES:
+        raise UsageError(
+            f"{shown(output)} is no video: name a video such as {shown(output.with_suffix('.mp4'))}"
+        )
+    jobs = []
+    for name, (result, photos) in sources.items():
+        path = output / result if to_folder else output
+        outputs = {part: part_name(path, part) for part in asked.parts}
+        for one in outputs.values():
+            if one.exists() and any(one.samefile(photo) for photo in photos.values()):
+                raise OutputError(
+                    f"{shown(one)} is the photo itself: choose another name or folder for OUT"
+                )
+        jobs.append(Job(name=name, photos=photos, outputs=outputs))
+    if to_folder:
+        refuse_outside(output, (path for job in jobs for path in job.outputs.values()))
+    asked.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
+    left: list[Job] = []
+    skipped: list[Job] = []
+    for job in jobs:
+        # A run that was killed may have left some of a cube's pictures.
+        lacking = {
+            part: path
+            for part, path in job.outputs.items()
+            if not (asked.skip_existing and path.is_file())
+        }
+        for path in lacking.values() if kind != "video" else ():
+            check_suffix(path)
+        refuse_existing(
+            *lacking.values(), overwrite=run.overwrite, can_skip=not asked.skip_existing
+        )
+        (left if lacking else skipped).append(replace(job, outputs=lacking or job.outputs))
+    return left, skipped
+
+
+def _is_folder(output: Path, several: str) -> bool:
+    """Whether results go into a folder: several do, and one where no file is named.
+
+    Args:
+        output: where they go.
+        several: how many results there are, in words; empty for one.
+
+    Raises:
+        UsageError: several are to become a file.
+
+    """
+    if not several:
+        return output.is_dir() or not output.suffix
+    if output.suffix.lower() in SUFFIXES | VIDEO_SUFFIXES and not output.is_dir():
+        raise UsageError(
+            f"{shown(output)} is the name of one file, and {several} become a folder: write "
+            f"{shown(output.with_suffix(''))}{os.sep}"
+        )
+    return True
+
+
+def write_pictures(
+    kind: str,
+    jobs: Jobs,
+    views: Views,
+    asked: PictureOptions,
+    run: Run,
+    *,
+    model: Path | None,
+    write: Callable[[Sequence[Job]], dict[str, CubicfishError]] | None = None,
+    size_of: Callable[[Path], Size] = photo_size,
+) -> UndistortedFiles:
+    """Write what was planned, and what is asked beside it.
+
+    Args:
+        kind: what the sources are, in a word.
+        jobs: which photos become which files.
+        views: what is rendered of each.
+        asked: how.
+        run: how the work is done.
+        model: the file of what took the photos, for the record.
+        write: writes the results of what are no photos, and answers which failed, and why.
+        size_of: tells how large a source is.
+
+    Raises:
+        OutputError: a file beside the results exists, and it may be neither replaced nor left.
+        ViewError: photos have a mask or a camera each.
+
+    """
+    left, skipped = jobs
+    files: dict[Path, Content] = {}
+    if (asked.mask is not None or asked.virtual_camera is not None) and (left or skipped):
+        sizes = {job.source: size_of(job.source) for job in (*left, *skipped)}
+        if len({views.group(source, size) for source, size in sizes.items()}) > 1:
+            raise ViewError(
+                "these photos have a mask and a virtual camera each, since their sizes or planes "
+                "differ: do them one at a time"
+            )
+        maps = views.maps(*next(iter(sizes.items())))
+        mask, virtual_camera = path_or_none(asked.mask), path_or_none(asked.virtual_camera)
+        files = view_files(maps, mask=mask, beside=virtual_camera)
+        if asked.skip_existing:
+            files = {path: content for path, content in files.items() if not path.is_file()}
+        refuse_existing(*files, overwrite=run.overwrite, can_skip=not asked.skip_existing)
+    extras = write_files(files, overwrite=run.overwrite)
+    if write is None:
+        failures = write_many(
+            left,
+            partial(write_one, render=views, quality=asked.quality),
+            workers=run.jobs or os.cpu_count() or 1,
+            overwrite=run.overwrite,
+            progress=run.listener.counting("Undistorting"),
+            executor=run.executor if left else None,
+        )
+    else:
+        failures = write(left)
+    for job in left if run.executor is None else ():
+        missing = next((path for path in job.outputs.values() if not path.is_file()), None)
+        if missing is not None and job.name not in failures:  # somebody removed their folder
+            why = "is gone again: was its folder removed or renamed meanwhile?"
+            failures[job.name] = OutputError(f"{missing} {why}")
+    written = {job.name: tuple(job.outputs.values()) for job in left if job.name not in failures}
+    view = seen = None
+    done = next((job.source for job in left if job.name in written), None)
+    if done is not None:
+        there, view = views.chosen(done, size_of(done))
+        seen = None if there is None else view.seen_by(there)
+    return UndistortedFiles(
+        kind=kind,
+        written=written,
+        failures=failures,
+        skipped=tuple(job.name for job in skipped),
+        model=model,
+        view=view,
+        seen=seen,
+        extras=extras,
+    )
+
+
+class PlaneViews(Views):
+    """A board's plane, whose place is another one in each photo."""
+
+    def __init__(
+        self, loaded: CameraFile | PointCameraFile, asked: PlaneOptions, interpolation: str
+    ) -> None:
+        """Prepare for the board of a target.
+
+        Args:
+            loaded: the camera, and the poses of the photos that it was calibrated from.
+            asked: of which board, and how.
+            interpolation: how pixels are blended.
+
+        Raises:
+            UsageError: the target has no such board, or the board has no plane.
+            TargetError: the target's file cannot be used.
+
+        """
+        self._loaded, self._plane, self._target = loaded, asked, target_in(asked.target)
+        self.interpolation = interpolation
+        try:
+            board_with_plane(self._target, asked.board)
+        except ViewError as problem:
+            raise UsageError(str(problem)) from None
+        self._poses = _poses_of(loaded.fit)
+        self._photos = {Path(photo.image).name for photo in loaded.fit.per_image}
+
+    def group(self, source: Path, size: Size) -> Hashable:
+        """The photo itself."""
+        return source
+
+    def find_poses(self, sources: Sequence[Path], run: Run) -> None:
+        """Find the poses of photos that the camera's file does not place, from corners in them.
+
+        Args:
+            sources: the photos.
+            run: how the work is done.
+
+        Raises:
+            CubicfishError: no corners, or too few, in all of them.
+
+        """
+        from cubicfish_cli.app.detection import detect_corners
+        from cubicfish_cli.core.fit.evaluate import evaluate
+
+        camera = self._loaded.camera
+        missing = [source for source in sources if source.name not in self._poses]
+        if not missing or not isinstance(camera, CubicCamera):
+            return
+        run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
+        photos = [Photo(name=source.name, path=source) for source in missing]
+        found = detect_corners(photos, self._target, run.work("Finding corners"))
+        self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
+
+    def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
+        """The board's plane in this photo."""
+        camera, rotation, translation = self._placed(source, size)
+        plane = build_plane(
+            camera,
+            self._target,
+            self._plane.board,
+            rotation,
+            translation,
+            pixels_per_unit=self._plane.pixels_per_unit,
+        )
+        return camera, ChosenView(views={"": plane}, unit=self._target.units)
+
+    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
+        """Another one for each photo."""
+        return built(*self.chosen(source, size))
+
+    def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
+        """A camera, and the rotation and the translation from the world to its frame."""
+        camera = self._loaded.camera
+        if not isinstance(camera, CubicCamera):
+            if size != camera.image_size:
+                raise ViewError(
+                    "a camera of lift 'point' takes photos of its own size only, "
+                    f"{camera.image_size[0]}x{camera.image_size[1]}"
+                )
+            if camera.frame == "world":
+                if self._photos and source.name not in self._photos:
+                    raise ViewError(
+                        "this camera of lift 'point' holds for the one photo that it was fitted "
+                        f"to, {min(self._photos)}: use that, or a camera of lift 'ray'"
+                    )
+                return camera, np.eye(3), np.zeros(3)
+        if source.name not in self._poses:
+            raise ViewError(
+                "nothing is known of where this photo was taken: it has no pose in the camera "
+                "file and no board was found in it"
+            )
+        vector, translation = self._poses[source.name]
+        if isinstance(camera, CubicCamera):
+            camera = camera_for_photos(camera, size)
+        return camera, matrix_of_rotation(vector), translation
+
+
+def _poses_of(fit: FitRecord) -> dict[str, tuple[Any, Any]]:
+    """Rotation vector and translation by the photo's file name, without folders."""
+    return {Path(name).name: pose for name, pose in fit.poses.items()}
