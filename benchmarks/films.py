@@ -36,6 +36,8 @@ from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.films.decoding import decode
+from cubicfish_cli.app.films.source import opened
 from cubicfish_cli.app.photos import Photo, find_photos
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.fit.alignment import aligned_difference
@@ -47,8 +49,6 @@ from cubicfish_cli.core.io.observations_csv import load_corners, save_corners
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, load_target
-from cubicfish_cli.extensions.films.decoding import decode
-from cubicfish_cli.extensions.films.source import opened
 from cubicfish_cli.extensions.simulation.options import LookOptions
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"

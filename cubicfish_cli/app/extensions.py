@@ -73,6 +73,9 @@ class Extension:
     Attributes:
         commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named;
             ``target print`` is one of the group ``target``.
+        inputs: ``module:name`` of functions (inputs, folder, target, best, run) -> (inputs, why)
+            that put photos, which go into the folder, in the place of inputs that are theirs, and
+            say why no more were chosen; None where none is theirs.
         formats: in which other tools keep cameras.
         outputs: what ``--report`` adds to a calibration: kind -> what it is.
         words: a file of its sentences, as words/catalogue.toml has them.
@@ -80,6 +83,7 @@ class Extension:
     """
 
     commands: Mapping[str, str] = field(default_factory=dict)
+    inputs: Sequence[str] = ()
     formats: Sequence[CameraFiles] = ()
     outputs: Mapping[str, Output] = field(default_factory=dict)
     words: Path | None = None
@@ -145,3 +149,8 @@ def read_formats() -> dict[str, str]:
 def outputs() -> dict[str, Output]:
     """What extensions make of a calibration, by kind."""
     return {kind: made for one in extensions() for kind, made in one.outputs.items()}
+
+
+def input_readers() -> list[str]:
+    """What makes photos of inputs that are none: ``module:function`` of all extensions."""
+    return [place for one in extensions() for place in one.inputs]

@@ -16,6 +16,7 @@ from cubicfish_cli.app.asked import (
     named_photos,
     tables_among,
 )
+from cubicfish_cli.app.films.recordings import is_recording
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import find_photos, photo_size
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
@@ -32,7 +33,6 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.target import target_text
 from cubicfish_cli.corners.identification.identified import Detection, line_of
-from cubicfish_cli.extensions.films.recordings import is_recording
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.point_fit import PointCalibration
@@ -158,7 +158,7 @@ def _from_photos(
 ) -> Inputs:
     # Tables need no finder of corners, and begin at once without it.
     from cubicfish_cli.app.detection import find_corners
-    from cubicfish_cli.extensions.films.frames import choose_photos
+    from cubicfish_cli.app.films.frame_search import choose_photos
 
     target_file = target.fingerprint()
     targets = target.load(run.listener)

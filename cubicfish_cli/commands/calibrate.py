@@ -28,7 +28,8 @@ from cubicfish_cli.app.asked import (
     refuse_unused,
     tables_among,
 )
-from cubicfish_cli.app.extensions import Output, load_place, outputs
+from cubicfish_cli.app.extensions import Output, input_readers, load_place, outputs
+from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
@@ -66,8 +67,6 @@ from cubicfish_cli.app.terminal.terminal import (
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
-from cubicfish_cli.extensions.films import MOST
-from cubicfish_cli.extensions.films.command import with_frames
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
@@ -270,7 +269,11 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
             f"{goals['target']} would be replaced, and is what this calibration is made from: "
             "choose another folder with -o"
         )
-    photos, chosen = with_frames(paths, folder / "frames", source, asked.best, run)
+    photos, chosen = paths, None
+    for reader in input_readers():
+        read_photos = load_place(reader)
+        photos, ended = read_photos(photos, folder / "frames", source, asked.best, run)
+        chosen = ended or chosen
     loaded = load_inputs(
         photos, source, run, correspondences=pairs, image_size=asked.image_size, best=asked.best
     )

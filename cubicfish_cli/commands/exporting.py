@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.conversion.to_lens import Conversion, to_lens
-from cubicfish_cli.app.foreign import (
+from cubicfish_cli.app.conversion.foreign import (
     OWN_FIELD,
     WRITTEN,
 )
+from cubicfish_cli.app.conversion.to_lens import Conversion, to_lens
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError, FitError
 from cubicfish_cli.core.io.calibrated import Calibrated

@@ -10,9 +10,9 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish_cli.app import foreign
+from cubicfish_cli.app.conversion import foreign
+from cubicfish_cli.app.conversion.foreign import WRITTEN
 from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
-from cubicfish_cli.app.foreign import WRITTEN
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.commands.exporting import _rounded_up, export_camera
 from cubicfish_cli.core.errors import FitError

@@ -15,9 +15,9 @@ import av
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
 from running import Run
 
+from cubicfish_cli.app.films import frame_search
 from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.extensions.films import frame_search
 from cubicfish_cli.extensions.films.written import PASSED_OVER
 
 pytestmark = pytest.mark.slow

@@ -41,12 +41,8 @@ def run_without(folder: Path, *args: object) -> subprocess.CompletedProcess[str]
     )
 
 
-# What still leans on another extension, and goes with it.
-NOT_YET = {"films"}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted({*TABLE} - NOT_YET))
+@pytest.mark.parametrize("name", sorted(TABLE))
 def test_nothing_else_needs_an_extension(
     name: str, calibrated: Path, run: Run, tmp_path: Path
 ) -> None:

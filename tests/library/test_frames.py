@@ -12,16 +12,16 @@ from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
 from listening import Heard
 
 from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.films import frame_search
+from cubicfish_cli.app.films.choose import Choice, Patch, Seen
+from cubicfish_cli.app.films.frame_search import Found, Search
 from cubicfish_cli.app.photos import read_picture
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.films import frame_search
-from cubicfish_cli.extensions.films.choose import Choice, Patch, Seen
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
-from cubicfish_cli.extensions.films.frame_search import Found, Search
 from cubicfish_cli.extensions.films.frames import earlier_frames
 
 

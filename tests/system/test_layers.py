@@ -11,30 +11,6 @@ import cubicfish_cli
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 
-# What does not hold yet: file -> the modules below it, or of another extension, that it imports.
-# A line goes when it is mended; none is added.
-NOT_YET: dict[str, set[str]] = {
-    "app/inputs.py": {"extensions.films.frames", "extensions.films.recordings"},
-    "app/undistortion/video.py": {"extensions.films.decoding", "extensions.films.source"},
-    "commands/calibrate.py": {"extensions.films", "extensions.films.command"},
-    "extensions/rigs/calibrate.py": {"extensions.films", "extensions.films.scan"},
-    "extensions/rigs/films.py": {
-        "extensions.films.choose",
-        "extensions.films.frame_search",
-        "extensions.films.frames",
-        "extensions.films.scan",
-        "extensions.films.source",
-    },
-    "extensions/rigs/inputs.py": {"extensions.films.recordings"},
-    "extensions/rigs/moments.py": {
-        "extensions.films.decoding",
-        "extensions.films.frame_files",
-        "extensions.films.recordings",
-        "extensions.films.scan",
-        "extensions.films.source",
-    },
-}
-
 # Parts that do not even load numpy, so that `--help` answers at once.
 LIGHT = {
     "__init__", "core/errors", "core/wording", "core/files", "core/reading", "core/plain_yaml",
@@ -125,7 +101,7 @@ def test_a_module_imports_only_what_stands_above_it() -> None:
         below = {module for module in inside if breaks(file, module)}
         if below:
             wrong[file] = below
-    assert wrong == NOT_YET
+    assert wrong == {}
 
 
 def test_every_part_is_there() -> None:

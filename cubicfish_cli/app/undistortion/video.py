@@ -20,19 +20,19 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.photos import shown
-from cubicfish_cli.app.undistortion.images import CV2_FLAGS, naming
-from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, ViewError
-from cubicfish_cli.core.files import whole_file
-from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
-from cubicfish_cli.extensions.films.decoding import decode, is_frame
-from cubicfish_cli.extensions.films.source import (
+from cubicfish_cli.app.films.decoding import decode, is_frame
+from cubicfish_cli.app.films.source import (
     announced_seconds,
     frame_count,
     library,
     missing_frames,
     opened,
 )
+from cubicfish_cli.app.photos import shown
+from cubicfish_cli.app.undistortion.images import CV2_FLAGS, naming
+from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, ViewError
+from cubicfish_cli.core.files import whole_file
+from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 
 if TYPE_CHECKING:
     import av

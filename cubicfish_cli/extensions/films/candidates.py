@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.films.choose import Scale, Seen
+from cubicfish_cli.app.films.measure import motion, small_picture
+from cubicfish_cli.app.films.scan import Measured, still_px
+from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.frame_names import frame_name
-from cubicfish_cli.extensions.films.choose import Scale, Seen
-from cubicfish_cli.extensions.films.measure import motion, small_picture
-from cubicfish_cli.extensions.films.scan import Measured, still_px
-from cubicfish_cli.extensions.films.source import Film
 
 # So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
 # so many.

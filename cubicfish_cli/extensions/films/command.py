@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos
+from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.photos import shown
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
@@ -17,7 +18,6 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, result
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.extensions.films import MOST
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
@@ -100,10 +100,10 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
             not installed.
 
     """
+    from cubicfish_cli.app.films.scan import room_for_frames
+    from cubicfish_cli.app.films.source import open_films
     from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.extensions.films import frames
-    from cubicfish_cli.extensions.films.scan import room_for_frames
-    from cubicfish_cli.extensions.films.source import open_films
     from cubicfish_cli.extensions.films.written import SHEET, TABLE, depends_on, write_chosen
 
     folder, targets = Path(asked.folder), frames.targets_of(asked.target, run.listener)

@@ -2,4 +2,7 @@
 
 from cubicfish_cli.app.extensions import Extension
 
-EXTENSION = Extension(commands={"frames": "cubicfish_cli.extensions.films.command:command"})
+EXTENSION = Extension(
+    commands={"frames": "cubicfish_cli.extensions.films.command:command"},
+    inputs=("cubicfish_cli.extensions.films.command:with_frames",),
+)

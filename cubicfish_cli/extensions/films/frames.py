@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.asked import Run, StrPath, TargetSource, paths_of
-from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.app.photos import Photo, expanded, photo_size, shown
-from cubicfish_cli.core.codes import Event
+from cubicfish_cli.app.asked import Run, StrPath, paths_of
+from cubicfish_cli.app.films import MOST
+from cubicfish_cli.app.films.frame_search import Search, both_looks, size_of, targets_of, why_ended
+from cubicfish_cli.app.films.scan import Measured, scan, tell_of_film
+from cubicfish_cli.app.films.source import Film, open_films
+from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.photos import Photo, expanded
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.extensions.films import MOST
 from cubicfish_cli.extensions.films.candidates import REPEATED, candidates, kept_of, passed_over
-from cubicfish_cli.extensions.films.choose import Choice, Seen
-from cubicfish_cli.extensions.films.frame_search import Search, both_looks
-from cubicfish_cli.extensions.films.measure import sharpness
-from cubicfish_cli.extensions.films.scan import Measured, scan
-from cubicfish_cli.extensions.films.source import Film, open_films
 from cubicfish_cli.extensions.films.written import (
     TABLE,
     Chosen,
@@ -121,65 +116,11 @@ def earlier_frames(
     return kept, ended
 
 
-def choose_photos(
-    photos: Sequence[Photo],
-    target: Target | Sequence[Target],
-    run: Run,
-    *,
-    most: int,
-) -> tuple[list[Photo], str]:
-    """Choose those of many photos that are worth calibrating from, in the order given.
-
-    Args:
-        photos: photos of one camera.
-        target: the calibration target, or what it may be.
-        run: how the work is done.
-        most: how many photos may be chosen.
-
-    Returns:
-        The photos, and why there are no more, in a sentence.
-
-    Raises:
-        DetectionError: none shows the target.
-
-    """
-    sizes = [_size(photo) for photo in photos]
-    known = Counter(size for size in sizes if size is not None)
-    if not known:
-        raise DetectionError("none of the photos can be read: check the files")
-    size = known.most_common(1)[0][0]
-    usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
-    sharp = replace(run, executor=None).work("Measuring sharpness").done(_sharpness, usual)
-    search = Search(
-        names=[photo.name for photo in usual],
-        seen=[Seen(patches=(), sharpness=one) for one in sharp],
-        size=size,
-        most=most,
-        targets=targets_of(target),
-        at_once=len(usual),
-    )
-    looks = both_looks(usual, size, "photos", run, glances=run.jobs)
-    search.look(*looks, range(len(usual)), ())
-    return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
-
-
-_WHY_ENDED = {
-    "all": Event.CHOSEN_ALL,
-    "asked": Event.CHOSEN_ASKED,
-    "enough": Event.CHOSEN_ENOUGH,
-}
-
-
-def why_ended(choice: Choice, what: str) -> str:
-    """Why no more pictures were chosen, in a sentence; ``what`` they are."""
-    return _WHY_ENDED[choice.ended].line(chosen=len(choice.order), what=what)
-
-
 def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPath]) -> None:
     """Raise :class:`PhotoError` where photos beside films are of another size."""
     film = open_films(expanded_films(films))[0]
     for photo in photos:
-        size = _size(photo)
+        size = size_of(photo)
         if size not in (None, film.size):
             raise PhotoError(
                 "{} has {}x{} pixels and {} has {}x{}: photos and films differ in crop and "
@@ -187,16 +128,6 @@ def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPa
                     photo.name, *size, film.path, *film.size
                 )
             )
-
-
-def targets_of(
-    target: TargetSource | Target | Sequence[Target] | StrPath | None, listener: Listener = SILENT
-) -> list[Target] | None:
-    """What the films show, or may show; None where nobody says."""
-    if isinstance(target, Sequence) and not isinstance(target, str):
-        return list(target) or None
-    source = TargetSource.of(target)
-    return source.load(listener) if source.is_known else None
 
 
 def fingerprint_of(targets: Sequence[Target] | None) -> str | None:
@@ -217,33 +148,6 @@ def expanded_films(films: StrPath | Sequence[StrPath]) -> list[Path]:
     if not every:
         raise PhotoError("no film was given: name one")
     return every
-
-
-def tell_of_film(measured: Measured, listener: Listener) -> None:
-    """Tell what is odd about a film."""
-    name = shown(measured.film.path)
-    if measured.problem is not None:
-        listener.tell(Event.FILM_ENDS, problem=measured.problem)
-    elif measured.missing:
-        frames, missing = len(measured), measured.missing
-        listener.tell(Event.FILM_DAMAGED, film=name, frames=frames, of=frames + missing)
-    if measured.turned_deg:
-        listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)
-
-
-def _size(photo: Photo) -> tuple[int, int] | None:
-    """Its (width, height); None for a damaged one, which is left out with a word later."""
-    try:
-        return photo_size(photo.path)
-    except PhotoError:
-        return None
-
-
-def _sharpness(photo: Photo) -> float:
-    try:
-        return sharpness(photo.read_grey())
-    except PhotoError:
-        return 0.0
 
 
 def record_of(measured: Measured) -> dict[str, Any]:

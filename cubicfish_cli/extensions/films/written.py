@@ -21,12 +21,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.films.choose import Seen
+from cubicfish_cli.app.films.scan import Measured
+from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.photos import data_uri, read_picture, shown, thumbnail
 from cubicfish_cli.core.files import whole_files, write_text
 from cubicfish_cli.extensions.films.candidates import Candidate
-from cubicfish_cli.extensions.films.choose import Seen
-from cubicfish_cli.extensions.films.scan import Measured
-from cubicfish_cli.extensions.films.source import Film
 
 TABLE, SHEET = "frames.csv", "contact_sheet.html"
 COLUMNS = ("film", "time", "sharpness", "motion", "corners", "gain", "chosen", "photo")

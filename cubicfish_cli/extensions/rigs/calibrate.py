@@ -17,6 +17,7 @@ from cubicfish_cli.app.asked import (
     made_by_record,
     paths_of,
 )
+from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
@@ -34,7 +35,6 @@ from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.films import MOST
 from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
@@ -149,8 +149,8 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
 
     """
     from cubicfish_cli.app import drawing as extra
+    from cubicfish_cli.app.films.scan import room_for_frames
     from cubicfish_cli.app.inputs import films_among
-    from cubicfish_cli.extensions.films.scan import room_for_frames
     from cubicfish_cli.extensions.rigs.films import rig_frames
     from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs

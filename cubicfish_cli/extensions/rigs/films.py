@@ -10,6 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.films.choose import Seen, choose_shots
+from cubicfish_cli.app.films.frame_search import found_in, why_ended
+from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
+from cubicfish_cli.app.films.source import open_films
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import Photo, read_grey
 from cubicfish_cli.core.codes import Event
@@ -19,11 +23,6 @@ from cubicfish_cli.core.frame_names import frame_name
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.tables import csv_text
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.films.choose import Seen, choose_shots
-from cubicfish_cli.extensions.films.frame_search import found_in
-from cubicfish_cli.extensions.films.frames import tell_of_film, why_ended
-from cubicfish_cli.extensions.films.scan import Measured, scan, still_px
-from cubicfish_cli.extensions.films.source import open_films
 from cubicfish_cli.extensions.rigs.film_clocks import film_offset
 from cubicfish_cli.extensions.rigs.fit.clocks import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out

@@ -9,12 +9,12 @@ from glob import has_magic
 from pathlib import Path
 
 from cubicfish_cli.app.asked import Run, TargetSource
+from cubicfish_cli.app.films.recordings import is_recording, label_of
 from cubicfish_cli.app.inputs import Inputs, load_inputs
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.files import fingerprint
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
-from cubicfish_cli.extensions.films.recordings import is_recording, label_of
 
 
 def named_by(path: Path) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.app.asked import StrPath
-from cubicfish_cli.app.foreign import is_foreign, read_foreign
+from cubicfish_cli.app.conversion.foreign import is_foreign, read_foreign
 from cubicfish_cli.app.viewpoints.truth import Pose, load_poses
 from cubicfish_cli.app.viewpoints.views import NearLens, WholeLens
 from cubicfish_cli.core.arrays import Refusal

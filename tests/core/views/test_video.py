@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
+from cubicfish_cli.app.films import source as source_of_frames
 from cubicfish_cli.app.undistortion.video import (
     _chroma_maps,
     undistort_video,
@@ -18,7 +19,6 @@ from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 from cubicfish_cli.core.views.projections import PerspectiveView
 from cubicfish_cli.core.views.view import rotation_from_angles
-from cubicfish_cli.extensions.films import source as source_of_frames
 
 av = pytest.importorskip("av")
 

@@ -10,11 +10,11 @@ pytest.importorskip("av")
 import av
 from filming import SIZE, photos
 
+from cubicfish_cli.app.films.choose import Seen
+from cubicfish_cli.app.films.frame_files import brightness, write_frame
+from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.extensions.films.candidates import REPEATED, Candidate, kept_of, passed_over
-from cubicfish_cli.extensions.films.choose import Seen
-from cubicfish_cli.extensions.films.frame_files import brightness, write_frame
-from cubicfish_cli.extensions.films.source import Film
 
 
 @pytest.mark.slow

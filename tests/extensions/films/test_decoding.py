@@ -14,10 +14,10 @@ pytest.importorskip("av")
 import av
 from filming import RATE, write_film
 
+from cubicfish_cli.app.films.decoding import Times, decode, frames
+from cubicfish_cli.app.films.scan import Measured, scan
+from cubicfish_cli.app.films.source import open_films, opened
 from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.extensions.films.decoding import Times, decode, frames
-from cubicfish_cli.extensions.films.scan import Measured, scan
-from cubicfish_cli.extensions.films.source import open_films, opened
 
 SIZE = (128, 96)
 COUNT, GROUP = 40, 20  # frames, and every how many of them one stands by itself

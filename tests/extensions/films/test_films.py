@@ -8,8 +8,8 @@ pytest.importorskip("av")
 
 from filming import photos
 
-from cubicfish_cli.extensions.films.choose import FEWEST, Patch, Seen, _tilt, choose
-from cubicfish_cli.extensions.films.measure import motion, sharpness, small_picture
+from cubicfish_cli.app.films.choose import FEWEST, Patch, Seen, _tilt, choose
+from cubicfish_cli.app.films.measure import motion, sharpness, small_picture
 
 SIZE = (480, 360)
 

@@ -16,9 +16,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from cubicfish_cli.app.films.recordings import Recording, file_and_topic, is_recording
 from cubicfish_cli.app.terminal.main import cli
 from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.extensions.films.recordings import Recording, file_and_topic, is_recording
 
 RGB = np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)
 GREY = RGB[:, :, 1]

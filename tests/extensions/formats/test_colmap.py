@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
+from cubicfish_cli.app.conversion.foreign import sniffed
 from cubicfish_cli.app.conversion.from_lens import from_lens
 from cubicfish_cli.app.conversion.to_lens import to_lens
-from cubicfish_cli.app.foreign import sniffed
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.thin_prism import RadTanThinPrismLens

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
 
-from cubicfish_cli.app.foreign import sniffed
+from cubicfish_cli.app.conversion.foreign import sniffed
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.lenses.sphere import cone_rays

@@ -9,7 +9,7 @@ import fuzz_foreign as foreign
 import pytest
 from fuzz_readers import READERS
 
-from cubicfish_cli.app.foreign import read_foreign
+from cubicfish_cli.app.conversion.foreign import read_foreign
 from cubicfish_cli.core import plain_yaml, tables
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.io import camera_format

@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.app.films.decoding import frames
+from cubicfish_cli.app.films.frame_files import brightness, write_frame
+from cubicfish_cli.app.films.measure import motion, sharpness, small_picture
+from cubicfish_cli.app.films.source import Film, missing_frames, opened
+from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import shown
+from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.extensions.films.decoding import frames
-from cubicfish_cli.extensions.films.frame_files import brightness, write_frame
-from cubicfish_cli.extensions.films.measure import motion, sharpness, small_picture
-from cubicfish_cli.extensions.films.source import Film, missing_frames, opened
 
 # One frame is kept of so many, or where they come more slowly than the film says, of those in so
 # many times the time that they should take.
@@ -34,7 +36,7 @@ class Measured:
     Attributes:
         film: the film.
         time: seconds from its beginning, of each frame.
-        sharpness: see :mod:`cubicfish_cli.extensions.films.measure`.
+        sharpness: see :mod:`cubicfish_cli.app.films.measure`.
         motion: to the nearer of both neighbours, pixels.
         lost: how many frames could not be decoded.
         kept: frames (by index) that were kept -> their pictures.
@@ -177,3 +179,15 @@ def still_px(size: tuple[int, int]) -> float:
 def quality(sharp: float, moved: float, size: tuple[int, int]) -> float:
     """How good a frame is beside its neighbours: sharp, and still."""
     return sharp / (1 + (moved / still_px(size)) ** 2) ** 0.5
+
+
+def tell_of_film(measured: Measured, listener: Listener) -> None:
+    """Tell what is odd about a film."""
+    name = shown(measured.film.path)
+    if measured.problem is not None:
+        listener.tell(Event.FILM_ENDS, problem=measured.problem)
+    elif measured.missing:
+        frames, missing = len(measured), measured.missing
+        listener.tell(Event.FILM_DAMAGED, film=name, frames=frames, of=frames + missing)
+    if measured.turned_deg:
+        listener.tell(Event.FILM_TURNED, film=name, turned_deg=measured.turned_deg)

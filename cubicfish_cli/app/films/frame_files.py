@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from cubicfish_cli.app.films.measure import Grey
 from cubicfish_cli.core.errors import OutputError
 from cubicfish_cli.core.files import whole_file
-from cubicfish_cli.extensions.films.measure import Grey
 
 # Compressing a picture well takes as long as decoding twenty.
 _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]

@@ -13,14 +13,14 @@ from os.path import realpath
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.photos import MAX_PIXELS, shown
-from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
-from cubicfish_cli.extensions.films.recordings import (
+from cubicfish_cli.app.films.recordings import (
     Recording,
     file_and_topic,
     is_recording,
     label_of,
 )
+from cubicfish_cli.app.photos import MAX_PIXELS, shown
+from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
 # Lists of other files, and whatever else would make a video of what is not in the file, stay shut.
 _ONLY = {

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from cubicfish_cli.app.films.recordings import Recording
+from cubicfish_cli.app.films.source import library
 from cubicfish_cli.app.photos import shown
 from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.extensions.films.recordings import Recording
-from cubicfish_cli.extensions.films.source import library
 
 # Times that go back further, or forward further, are of another film that was joined to this one,
 # seconds.
@@ -26,7 +26,7 @@ def frames(
 
     Args:
         source: the file, for messages.
-        container: as :class:`~cubicfish_cli.extensions.films.source.opened` gives it.
+        container: as :class:`~cubicfish_cli.app.films.source.opened` gives it.
         stream: its pictures.
         lost: called for each frame that cannot be decoded; it is left out.
 
@@ -54,7 +54,7 @@ def decode(
 
     Args:
         source: the file, for messages.
-        container: as :class:`~cubicfish_cli.extensions.films.source.opened` gives it.
+        container: as :class:`~cubicfish_cli.app.films.source.opened` gives it.
         stream: its pictures.
         lost: called for each frame that cannot be decoded; None refuses the film there.
 
@@ -119,7 +119,7 @@ class Times:
     """
 
     def __init__(self, container: Any, stream: Any) -> None:
-        """Of a film as :class:`~cubicfish_cli.extensions.films.source.opened` gives it."""
+        """Of a film as :class:`~cubicfish_cli.app.films.source.opened` gives it."""
         second = 1 / stream.time_base
         self._back, self._ahead = round(_JOINED_BACK * second), round(_JOINED_AHEAD * second)
         rate = stream.average_rate

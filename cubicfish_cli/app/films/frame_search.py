@@ -7,6 +7,7 @@ glance, in small squares for example, they are looked for as `detect` does.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -15,15 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.asked import Run, StrPath, TargetSource
 from cubicfish_cli.app.detection import first_look
 from cubicfish_cli.app.diagnosis.corner_count import squares_of_grids
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
 from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.films.choose import FEWEST, Choice, Patch, Seen, choose
+from cubicfish_cli.app.films.measure import sharpness
+from cubicfish_cli.app.films.scan import still_px
+from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.app.look import GridCache, nameless_grids
-from cubicfish_cli.app.photos import Photo
+from cubicfish_cli.app.photos import Photo, photo_size
 from cubicfish_cli.app.sufficiency.worth import Worth
-from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.codes import Code, Event, Severity
 from cubicfish_cli.core.errors import DetectionError, FitError, PhotoError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
@@ -34,8 +39,6 @@ from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.markers import glance_at_markers
 from cubicfish_cli.corners.identification.identified import marked_corners
 from cubicfish_cli.corners.identification.name_grids import name_grids
-from cubicfish_cli.extensions.films.choose import FEWEST, Choice, Patch, Seen, choose
-from cubicfish_cli.extensions.films.scan import still_px
 
 # Where fewer than these of the pictures show the target, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -323,3 +326,82 @@ class Search:
             for one, name in zip(self.seen, self.names, strict=True)
         ]
         self.choice = choose_by_worth(self.names, self.seen, found, self.size, self.most)
+
+
+def choose_photos(
+    photos: Sequence[Photo],
+    target: Target | Sequence[Target],
+    run: Run,
+    *,
+    most: int,
+) -> tuple[list[Photo], str]:
+    """Choose those of many photos that are worth calibrating from, in the order given.
+
+    Args:
+        photos: photos of one camera.
+        target: the calibration target, or what it may be.
+        run: how the work is done.
+        most: how many photos may be chosen.
+
+    Returns:
+        The photos, and why there are no more, in a sentence.
+
+    Raises:
+        DetectionError: none shows the target.
+
+    """
+    sizes = [size_of(photo) for photo in photos]
+    known = Counter(size for size in sizes if size is not None)
+    if not known:
+        raise DetectionError("none of the photos can be read: check the files")
+    size = known.most_common(1)[0][0]
+    usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
+    sharp = replace(run, executor=None).work("Measuring sharpness").done(_sharpness, usual)
+    search = Search(
+        names=[photo.name for photo in usual],
+        seen=[Seen(patches=(), sharpness=one) for one in sharp],
+        size=size,
+        most=most,
+        targets=targets_of(target),
+        at_once=len(usual),
+    )
+    looks = both_looks(usual, size, "photos", run, glances=run.jobs)
+    search.look(*looks, range(len(usual)), ())
+    return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
+
+
+_WHY_ENDED = {
+    "all": Event.CHOSEN_ALL,
+    "asked": Event.CHOSEN_ASKED,
+    "enough": Event.CHOSEN_ENOUGH,
+}
+
+
+def why_ended(choice: Choice, what: str) -> str:
+    """Why no more pictures were chosen, in a sentence; ``what`` they are."""
+    return _WHY_ENDED[choice.ended].line(chosen=len(choice.order), what=what)
+
+
+def targets_of(
+    target: TargetSource | Target | Sequence[Target] | StrPath | None, listener: Listener = SILENT
+) -> list[Target] | None:
+    """What the films show, or may show; None where nobody says."""
+    if isinstance(target, Sequence) and not isinstance(target, str):
+        return list(target) or None
+    source = TargetSource.of(target)
+    return source.load(listener) if source.is_known else None
+
+
+def size_of(photo: Photo) -> tuple[int, int] | None:
+    """Its (width, height); None for a damaged one, which is left out with a word later."""
+    try:
+        return photo_size(photo.path)
+    except PhotoError:
+        return None
+
+
+def _sharpness(photo: Photo) -> float:
+    try:
+        return sharpness(photo.read_grey())
+    except PhotoError:
+        return 0.0
