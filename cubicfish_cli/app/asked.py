@@ -117,7 +117,7 @@ class TargetSource:
         """
         if not self.is_known:
             raise UsageError(
-                "the photos show an unknown target: name it with --target target.yaml (make and "
+                "name the target that the photos show with --target target.yaml (make and "
                 "print one with 'cubicfish target print --object corner'), or a flat checkerboard "
                 "with --board 9x6 --square 25mm (inner corners, side of a square)"
             )

@@ -170,7 +170,9 @@ class UndistortOptions(PictureOptions):
     camera: StrPath | Calibrated | CubicCamera = options.model_options
     view: View | ViewOptions | PlaneOptions | None = view_or_plane_options
     crf: int | None = option(
-        "--crf 0-63", "Of videos: lower is better and larger. [default: 18]", IntRange(0, 63)
+        "--crf 0-63",
+        "Quality of a video: a lower number is better, and makes a larger file. [default: 18]",
+        IntRange(0, 63),
     )
 
     def __post_init__(self) -> None:

@@ -92,7 +92,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
                 inputs=CORNERS, target=TARGET, folder=tmp_path, lift="point", compare=True
             )
         )
-    with pytest.raises(UsageError, match="the photos show an unknown target"):
+    with pytest.raises(UsageError, match="name the target that the photos show"):
         detect_files(
             DetectOptions(photos=SAMPLE / "photos", target=None, table=tmp_path / "corners.csv")
         )

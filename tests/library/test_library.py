@@ -219,6 +219,24 @@ def test_arrays_give_the_camera_that_named_corners_give(
     assert compare(calibration.camera, fitted.camera).statistics.max_px < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("ask", "says"),
+    [
+        (lambda camera: undistort(np.zeros((72, 96), np.uint8), "known"), "'known' is neither"),
+        (lambda camera: camera.project([[1, 2]]), "the shape is (1, 2), where (..., 3) is wanted"),
+        (lambda camera: camera.unproject([1, 2, 3]), "the shape is (3,), where (..., 2)"),
+        (lambda camera: camera.unproject("x"), "numbers are wanted"),
+    ],
+)
+def test_wrong_arguments_end_in_one_line(
+    calibrated: Path, ask: Callable[[Any], object], says: str
+) -> None:
+    with pytest.raises(ViewError) as refused:
+        ask(load_camera(calibrated).camera)
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
 def test_a_size_far_beyond_the_corners_is_refused(corners: Observations, target: Target) -> None:
     with pytest.raises(FitError, match="correct the image size"):
         calibrate(replace(corners, image_size=(9600, 7200)), target)

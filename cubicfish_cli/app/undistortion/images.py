@@ -132,6 +132,11 @@ def undistort(
             raise ViewError("a map has its view already: leave the view out, or pass the camera")
         undistort_map = by
     else:
+        if not isinstance(by, CubicCamera):
+            given = quoted(by) if isinstance(by, str | Path) else f"a {type(by).__name__}"
+            raise ViewError(
+                f"{given} is neither a camera nor a map: load_camera(...).camera is a camera"
+            )
         camera = camera_for_photos(by, (picture.shape[1], picture.shape[0]))
         undistort_map = build_map(camera, build_view(camera) if view is None else view)
     flat = remap_picture(np.ascontiguousarray(picture), undistort_map, interpolation)

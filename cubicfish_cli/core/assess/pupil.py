@@ -36,7 +36,7 @@ class PupilEffect:
     def meaning(self) -> str:
         """Behind ``rim_px``."""
         away = length_words(self.distance, self.units or "")
-        return f"outward at the rim for things as near as corners were, {away}"
+        return f"outward at the rim, for things as near as the corners were: {away}"
 
 
 def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> PupilEffect:

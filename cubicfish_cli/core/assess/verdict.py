@@ -38,8 +38,9 @@ WORDS: Mapping[Level, str] = {
     "bad": "not to be trusted",
 }
 _SIDE = 2000.0
-# Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere.
-_ERROR_PX = (1.0, 3.0)
+# Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere,
+# of which no camera comes that is worth using.
+_ERROR_PX = (1.0, 1.0)
 # A camera that is right to this on photos it never saw is not blamed for being righter on others.
 _RIGHT_PX = 0.25
 # Held-out error over that of the fit, and the held-out error from which that matters.
@@ -53,7 +54,7 @@ _COVERAGE = (0.5, 0.2)
 _SEEN_SHARE = 0.3
 # How far pixels may be off by all that photos say, of which corners' noise is the least: where a
 # camera counts as certain, and where it is as bad as corners that are off by so much.
-_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, _ERROR_PX[1])
+_MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, 3.0)
 _RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
 _REJECTED_SHARE = (1 / 3, 1 / 2)
@@ -194,7 +195,7 @@ def photo_verdicts(
     photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
 ) -> list[tuple[Finding, ...]]:
     """What is told of each photo: its errors, also beside those of the others."""
-    most = _ERROR_PX[0] * max(1.0, max(image_size) / _SIDE)
+    most = _ERROR_PX[1] * max(1.0, max(image_size) / _SIDE)
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     lost = Counter(corner.image for corner in dropped)

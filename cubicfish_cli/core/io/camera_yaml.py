@@ -106,6 +106,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
 
     """
     path = Path(path)
+    path = path / "camera.yaml" if path.is_dir() else path
     text = read_text(path, max_bytes=MAX_BYTES, error=CameraFileError)
     none = CameraFileError(
         f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "

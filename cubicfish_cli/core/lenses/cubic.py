@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.angles import angle_from_axis, azimuth, unit_rays
+from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift
 from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -79,7 +80,7 @@ class CubicCamera(Brief):
             near: how near they are counts: they are in ``units``.
 
         """
-        points = np.asarray(points, float)
+        points = _numbers(points, 3)
         if near:
             points = from_pupil(points, self.pupil_travel)
         rays = unit_rays(points)
@@ -136,7 +137,7 @@ class CubicCamera(Brief):
         Newton's method on the sphere, from the reference's ray. A result counts only when it
         reprojects within :data:`UNPROJECT_TOLERANCE_PX` from inside the cone.
         """
-        pixel = np.asarray(pixel, float)
+        pixel = _numbers(pixel, 2)
         flat = pixel.reshape(-1, 2)
         rays = np.full((len(flat), 3), np.nan)
         candidates = np.flatnonzero(self._may_be_inside(flat))
@@ -202,6 +203,22 @@ class CubicCamera(Brief):
     def edge(self, count: int = 180) -> FloatArray:
         """Unit rays (count, 3) at the edge of the valid field, evenly by their azimuths from x."""
         return _edge(self, count)
+
+
+def _numbers(given: npt.ArrayLike, count: int) -> FloatArray:
+    """An array (..., count).
+
+    Raises:
+        ViewError: it has another shape, or holds no numbers.
+
+    """
+    try:
+        numbers = np.asarray(given, float)
+    except (TypeError, ValueError) as problem:
+        raise ViewError(f"(..., {count}) numbers are wanted: {problem}") from problem
+    if numbers.shape[-1:] != (count,):
+        raise ViewError(f"the shape is {numbers.shape}, where (..., {count}) is wanted")
+    return numbers
 
 
 @lru_cache(maxsize=4)
