@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.errors import CubicfishError
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.assess.verdict import Verdict
 
 PAGE = "report.html"
 
