@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos
 from cubicfish_cli.app.films import MOST
-from cubicfish_cli.app.photos import shown
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record, target_options
@@ -183,6 +182,8 @@ def command(given: FramesOptions, how: How) -> None:
     They are sharp, still, and each shows something that the others do not: corners in another
     part of the picture, or a board from another side.
     """
+    from cubicfish_cli.app.photos import shown
+
     chosen = how.do(choose_frames, given)
     if not how.print(chosen):
         _print(chosen, given)
