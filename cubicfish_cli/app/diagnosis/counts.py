@@ -95,6 +95,7 @@ def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> di
     scene = identified.scene
     if scene is None or scene.camera is None or not doubtful:
         return {}
+    scene.place_grids()
     alone = len(boards_with_squares(target)) == 1
     seen = defaultdict[int, list[Size]](list)
     whole = defaultdict[int, list[tuple[Size, BoolArray]]](list)

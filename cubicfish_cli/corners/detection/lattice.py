@@ -81,19 +81,6 @@ class LocalFit(Rows):
     sound: BoolArray
 
     @classmethod
-    def of_shape(cls, pixel: FloatArray, step: FloatArray, bend: FloatArray) -> LocalFit:
-        """Fits whose place and shape are known."""
-        side = np.hypot(step[:, 0], step[:, 1]).min(1)
-        return cls(
-            pixel=pixel,
-            step=step,
-            bend=bend,
-            leverage=np.zeros(len(pixel)),
-            side=side,
-            sound=(side > 2.0) & (np.abs(np.linalg.det(step)) > 2.0) & np.isfinite(side),
-        )
-
-    @classmethod
     def of_terms(
         cls,
         terms: FloatArray,

@@ -162,10 +162,14 @@ class BoardLattice(CornerMap):
         # Small squares: a window must hold enough pixels, even if a marker's rim enters it.
         scale = np.clip(_SMALLEST_CELL_PX / np.maximum(fit.side, 1e-6), quiet, 1.0)
         sign = self.sign(cells)
-        shape = LocalFit.of_shape(
-            pixel, fit.step * scale[:, None, None], fit.bend * np.square(scale)[:, None, None]
+        refined, good = refine_corners(
+            pyramid,
+            pixel,
+            fit.step * scale[:, None, None],
+            sign,
+            fit.bend * np.square(scale)[:, None, None],
+            self.quiet / scale,
         )
-        refined, good = refine_corners(pyramid, shape, sign, self.quiet / scale)
         rows = np.nonzero(good)[0]
         good[rows] = self._arms_seen(pyramid, refined[rows], sign[rows], fit.select(rows))
         return refined, good

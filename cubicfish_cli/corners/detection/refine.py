@@ -195,7 +195,12 @@ def refine_at_full_size(
 
 
 def refine_corners(
-    pyramid: Pyramid, fit: LocalFit, sign: IntArray, quiet: FloatArray | None = None
+    pyramid: Pyramid,
+    pixel: FloatArray,
+    jacobians: FloatArray,
+    sign: IntArray,
+    bends: FloatArray,
+    quiet: FloatArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Move predicted corners to where the photo has them, and tell which are really there.
 
@@ -203,29 +208,42 @@ def refine_corners(
 
     Args:
         pyramid: built from a grey photo.
-        fit: N predictions, within about a tenth of a square, with their shapes.
+        pixel: (N, 2) predictions, within about a tenth of a square.
+        jacobians: (N, 2, 2) columns dp/di and dp/dj: pixels per step along the grid's i and j.
         sign: (N,) +1 where the square between the steps +i and +j is bright, -1 where it is
             dark.
+        bends: (N, 2, 3) second derivatives d2p/di2, d2p/didj, d2p/dj2.
         quiet: (N,) how far from both of its edges a bright square is clean, steps; None: wholly.
 
     Returns:
         (N, 2) refined pixels (the prediction itself where not ok) and (N,) ok.
 
     """
-    refined, good = fit.pixel.copy(), np.zeros(len(sign), bool)
-    rows = np.flatnonzero(pyramid.inside(fit.pixel, 3.0) & fit.sound)
+    refined, good = pixel.copy(), np.zeros(len(pixel), bool)
+    side = np.hypot(jacobians[:, 0], jacobians[:, 1]).min(1)
+    area = np.abs(np.linalg.det(jacobians))
+    usable = pyramid.inside(pixel, 3.0) & (side > 2.0) & (area > 2.0) & np.isfinite(side)
+    rows = np.nonzero(usable)[0]
     if not len(rows):
         return refined, good
-    fit, sign = fit.select(rows), sign[rows]
-    clean = None if quiet is None else Quiet(sign=sign, steps=quiet[rows])
-    found = refine_pixels(pyramid, fit.pixel, fit, clean)
-    _, index = nearest(fit.pixel, fit.pixel, 12)
+    fit = LocalFit(
+        pixel=pixel[rows],
+        step=jacobians[rows],
+        bend=bends[rows],
+        leverage=np.zeros(len(rows)),
+        side=side[rows],
+        sound=np.ones(len(rows), bool),
+    )
+    seen = sign[rows]
+    clean = None if quiet is None else Quiet(sign=seen, steps=quiet[rows])
+    found = refine_pixels(pyramid, pixel[rows], fit, clean)
+    _, index = nearest(pixel[rows], pixel[rows], 12)
     ok = whole_corners(
         found,
-        sign,
-        fit.side,
-        np.hypot(*(found.pixel - fit.pixel).T),
-        np.median(found.contrast(sign)[index], axis=1),
+        seen,
+        side[rows],
+        np.hypot(*(found.pixel - pixel[rows]).T),
+        np.median(found.contrast(seen)[index], axis=1),
         np.median(found.blur.max(1)[index], axis=1),
         np.median(found.spread[index], axis=1),
         pyramid.noise,

@@ -28,13 +28,19 @@ from cubicfish_cli.corners.identification.identified import Decided, GridReport,
 from cubicfish_cli.corners.identification.scene import (
     Decisions,
     Scene,
+    named_lens,
+    nameless_lens,
     rigid,
     spread,
 )
 
+# Times the lens is fitted again with the names so far, before what is left is given up.
+_ROUNDS = 3
 # Named grids must be this many before their RMS says which is too large, and how much that is.
 _LEAST_GRIDS_TO_COMPARE = 6
 _MISFIT_RATIO = 6.0
+# A lens whose focal length is known this well, as a share of it, gains nothing from names.
+_GOOD_FOCAL = 0.005
 
 
 @one_blas_thread()
@@ -47,7 +53,8 @@ def name_grids(
     """Name every grid that can be named beyond doubt; the others are left out and reported.
 
     A radial lens is fitted to all grids as nameless planes first. Photo by photo, the places
-    of all grids on the target are then searched with that lens.
+    of all grids on the target are then searched with that lens; where a photo stays unsettled,
+    the lens is fitted again with the names found so far and the search repeated.
 
     Args:
         grids: for each photo, its grids.
@@ -57,7 +64,7 @@ def name_grids(
 
     """
     scene = Scene.of(grids, target, image_size)
-    decisions = scene.decide_all(scene.sides)
+    decisions = _decided(scene)
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
         decisions = _without_misfits(scene, sides, decisions)
@@ -82,6 +89,28 @@ def name_again(
     corners = identified.corners
     own = [identified.found[photo] for photo in photos] if grids is None else grids
     return name_grids(own, target, corners.image_size, [corners.images[i] for i in photos])
+
+
+def _decided(scene: Scene) -> Decisions:
+    """The names as the boards are drawn, under the best lens that they give."""
+    reference = nameless_lens(scene)
+    decisions: Decisions = []
+    before: Sequence[object] = []
+    for _ in range(_ROUNDS):
+        scene.see_through(reference.camera if reference else None)
+        scene.place_grids()
+        decisions = scene.decide_all(scene.sides)
+        names = [(one.verdict, one.side.tolist(), one.offset.tolist()) for one in decisions]
+        verdicts = {verdict for one in decisions for verdict in one.verdict}
+        unsettled = not verdicts.isdisjoint((Decided.AMBIGUOUS, Decided.NO_FIT))
+        if reference is None or not unsettled or names == before:
+            break
+        if reference.focal_uncertainty < _GOOD_FOCAL:
+            break
+        before = names
+        reference = named_lens(scene, reference, decisions) or reference
+    scene.see_through(reference.camera if reference else None)
+    return decisions
 
 
 def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> Decisions:

@@ -19,7 +19,7 @@ from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.known_lens import fit_poses
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.radial_reference import fit_radial
+from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial, refit_radial
 from cubicfish_cli.core.fit.robust import wide_px
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
@@ -48,7 +48,7 @@ class Scene:
         reach: where on the target each of them can lie.
         photos: for each photo, indices into the list, largest grid first.
         other_colours: whether the photos show the only board's colours exchanged.
-        camera: the lens that all grids give as planes without names; None where there is none.
+        camera: the lens so far; None where there is none.
         poses: where each grid is under that lens; None where it is no plane of squares.
 
     """
@@ -88,11 +88,17 @@ class Scene:
             scene.reach += [reach_of(grid.cells, grid.parity, sides) for grid in own]
             order = sorted(range(first, len(scene.grids)), key=lambda k: -len(scene.grids[k]))
             scene.photos.append(order)
-        scene.camera = _nameless_lens(scene.grids, image_size)
-        scene.poses = [None] * len(scene.grids)
-        if scene.camera is not None:
-            scene.poses = grid_poses(scene.camera, scene.grids, image_size)
         return scene
+
+    def see_through(self, camera: RadialCamera | None) -> None:
+        """Take another lens; grids stay where they are until they are placed again."""
+        self.camera, self._farthest = camera, None
+
+    def place_grids(self) -> None:
+        """Find where all grids are under the lens."""
+        self.poses = [None] * len(self.grids)
+        if self.camera is not None:
+            self.poses = grid_poses(self.camera, self.grids, self.image_size)
 
     def decide(self, sides: Placement, own: Sequence[int]) -> Decision:
         """What becomes of one photo's grids, in the order of ``own``.
@@ -221,14 +227,47 @@ def _has_other_colours(grids: Sequence[Sequence[Grid]], sides: Placement) -> boo
     return votes > 0
 
 
-def _nameless_lens(grids: Sequence[Grid], image_size: tuple[int, int]) -> RadialCamera | None:
+def nameless_lens(scene: Scene) -> RadialReference | None:
     """A lens from all grids as planes without names; None when they do not determine one."""
-    if not grids:
+    if not scene.grids:
         return None
     try:
-        return fit_radial(anonymous_pairs(grids, image_size)).camera
+        return fit_radial(anonymous_pairs(scene.grids, scene.image_size))
     except FitError:
         return None
+
+
+def named_lens(
+    scene: Scene, reference: RadialReference, decisions: Decisions
+) -> RadialReference | None:
+    """The lens fitted to settled photos as whole targets and to all other grids as planes."""
+    world: list[FloatArray] = []
+    pixel: list[FloatArray] = []
+    rotation, translation = [], []
+    for own, decision in zip(scene.photos, decisions, strict=True):
+        together = rigid(decision)
+        if together:
+            world.append(np.concatenate([_world(scene, own[n], decision, n) for n in together]))
+            pixel.append(np.concatenate([scene.grids[own[n]].pixel for n in together]))
+            rotation.append(decision.rotation)
+            translation.append(decision.translation)
+        for n, index in enumerate(own):
+            pose = scene.poses[index]
+            if n in together or pose is None:
+                continue
+            world.append(on_plane(scene.grids[index]))
+            pixel.append(scene.grids[index].pixel)
+            rotation.append(pose.rotation[0])
+            translation.append(pose.translation[0])
+    if not world:
+        return None
+    start = Poses(rotation=np.stack(rotation), translation=np.stack(translation))
+    return refit_radial(reference, pairs_of_parts(world, pixel, scene.image_size), start)
+
+
+def _world(scene: Scene, index: int, decision: Decision, n: int) -> FloatArray:
+    board = scene.target.boards[scene.sides.board[decision.side[n]]]
+    return board.world_points(*scene.cells(index, decision, n).T)
 
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of

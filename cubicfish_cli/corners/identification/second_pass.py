@@ -23,7 +23,6 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import settled
-from cubicfish_cli.corners.detection.lattice import LocalFit
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
@@ -58,7 +57,8 @@ class _Prediction:
     Attributes:
         photo: the photo.
         corners: names and pixels (N, 2) of the corners.
-        fit: the same pixels, and the board's shape around each, along column and row.
+        step: (N, 2, 2) columns dp/d column and dp/d row.
+        bend: (N, 2, 3) second derivatives by column², column·row, row².
         sign: (N,) +1 where the square towards +column and +row is bright, else -1.
         known: (N,) whether the first pass has it.
         limit_px: how far from its prediction a corner may be.
@@ -67,7 +67,8 @@ class _Prediction:
 
     photo: Picture
     corners: Observations
-    fit: LocalFit
+    step: FloatArray
+    bend: FloatArray
     sign: IntArray
     known: BoolArray
     limit_px: float
@@ -128,16 +129,13 @@ def _predicted(
     corners = detection.corners
     rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]
     parts = [
-        (index, *_of_board(board, fit.camera, rotation, translation))
+        _of_board(index, board, fit.camera, rotation, translation)
         for index, board in enumerate(target.boards)
         if board.has_squares
     ]
-    shape = LocalFit.joined([part for *_, part in parts])
-    board = np.repeat([index for index, *_ in parts], [len(cells) for _, cells, _ in parts])
-    column, row = np.concatenate([cells for _, cells, _ in parts]).T
-    # The square down-right of corner (0, 0) has the colour of the one up-left of it.
-    light = np.array([one.first_square == "light" for one in target.boards])[board]
-    sign = np.where(light ^ ((column + row) % 2 == 1), 1, -1)
+    board, column, row, pixel, step, bend, sign = (
+        np.concatenate([part[field] for part in parts]) for field in range(7)
+    )
     predicted = Observations(
         image_size=corners.image_size,
         images=(photo.name,),
@@ -146,12 +144,13 @@ def _predicted(
         board=board,
         column=column,
         row=row,
-        pixel=shape.pixel,
+        pixel=pixel,
     ).with_target(target)
     return _Prediction(
         photo=photo,
         corners=predicted,
-        fit=shape,
+        step=step,
+        bend=bend,
         sign=-sign if detection.other_colours else sign,
         known=np.isin(_places(predicted), _places(corners.of(photo.name))),
         limit_px=gross_px(fit.residual),
@@ -164,9 +163,9 @@ def _places(corners: Observations) -> IntArray:
 
 
 def _of_board(
-    board: Board, camera: CubicCamera, rotation: FloatArray, translation: FloatArray
-) -> tuple[IntArray, LocalFit]:
-    """Cells (N, 2) and local shape of the corners that face the camera in its field."""
+    index: int, board: Board, camera: CubicCamera, rotation: FloatArray, translation: FloatArray
+) -> tuple[npt.NDArray, ...]:
+    """Names, pixels, local shape and colour of the corners that face the camera in its field."""
     row, column = (part.ravel() for part in np.mgrid[: board.rows, : board.columns])
 
     def seen(columns: FloatArray, rows: FloatArray) -> FloatArray:
@@ -196,8 +195,17 @@ def _of_board(
     width, height = camera.image_size
     use = (slant > _FLATTEST) & np.isfinite(step).all(axis=(1, 2)) & np.isfinite(bend).all((1, 2))
     use &= (middle > 0).all(axis=1) & (middle < (width - 1, height - 1)).all(axis=1)
-    return np.stack([column, row], axis=-1)[use], LocalFit.of_shape(
-        middle[use], step[use], bend[use]
+    # The square down-right of corner (0, 0) has the colour of the one up-left of it.
+    bright = (board.first_square == "light") ^ ((column + row) % 2 == 1)
+    sign = np.where(bright, 1, -1)
+    return (
+        np.full(int(use.sum()), index),
+        column[use],
+        row[use],
+        middle[use],
+        step[use],
+        bend[use],
+        sign[use],
     )
 
 
@@ -205,9 +213,12 @@ def _look(prediction: _Prediction) -> Observations:
     """The unknown corners that the photo shows."""
     pyramid, predicted = build_pyramid(prediction.photo.read_grey()), prediction.corners.pixel
     # Known corners take part: a corner is judged by those around it.
-    pixel, ok = refine_corners(pyramid, prediction.fit, prediction.sign)
+    pixel, ok = refine_corners(
+        pyramid, predicted, prediction.step, prediction.sign, prediction.bend
+    )
+    side = np.hypot(prediction.step[:, 0], prediction.step[:, 1]).min(axis=1)
     moved = np.hypot(*(pixel - predicted).T)
-    ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * prediction.fit.side)
+    ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * side)
     shown = replace(prediction.corners, pixel=settled(pixel))
     return shown.select(ok & ~prediction.known)
 

@@ -67,7 +67,7 @@ def without_last(grids, lines):
     for (grid,), less in zip(grids, lines, strict=True):
         axis = int(np.argmax(grid.cells.max(axis=0)))
         kept = grid.cells[:, axis] <= grid.cells[:, axis].max() - less
-        cut = {name: getattr(grid, name)[kept] for name in ("cells", "pixel")}
+        cut = {name: getattr(grid, name)[kept] for name in ("cells", "pixel", "contrast")}
         shorter.append((replace(grid, **cut),))
     return shorter
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cubicfish_cli.corners.detection.lattice import LocalFit
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 
@@ -34,7 +33,7 @@ def colours(cells):
 
 def refined(image, pixel, shapes, sign):
     bends = np.zeros((len(pixel), 2, 3))
-    return refine_corners(build_pyramid(image), LocalFit.of_shape(pixel, shapes, bends), sign)
+    return refine_corners(build_pyramid(image), pixel, shapes, sign, bends)
 
 
 def test_predictions_a_pixel_off_come_to_their_corners(board):
