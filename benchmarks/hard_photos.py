@@ -315,7 +315,7 @@ PLAIN = {"cubicfish": ours, "cv2 SB": sectors, "cv2 classic": classic}
 
 
 def our_marked(photo):
-    return [find_marked_corners(photo, board(True), find_grids(photo).candidates).pixel]
+    return [find_marked_corners(photo, board(True), find_grids(photo)).pixel]
 
 
 def charuco(photo):

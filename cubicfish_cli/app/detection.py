@@ -20,7 +20,6 @@ from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.app.look import GridCache, Look, look_at, refused
 from cubicfish_cli.app.photos import MAX_PIXELS, Photo, Picture, find_photos
 from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.core.arrays import Refusal
@@ -31,6 +30,7 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import FoundGrids
+from cubicfish_cli.corners.detection.look import GridCache, Look, look_at, refused
 from cubicfish_cli.corners.detection.markers import MarkedCorners
 from cubicfish_cli.corners.identification.identified import (
     FEWEST_CORNERS,
@@ -98,8 +98,7 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
     detection = first_look(photos, targets, run.work("Finding corners"), run.cache)
     target = detection.corners.target
     if target is not None:
-        work = run.work("Looking again")
-        detection = second_pass(_for(work, photos), detection, target, work.done)
+        detection = second_pass(photos, detection, target, run.work("Looking again"))
     added = sum(photo.added for photo in detection.photos)
     if added:
         run.listener.tell(Event.LOOKED_AGAIN, corners=added)
@@ -204,7 +203,8 @@ def detect_corners(
 
     """
     look = partial(look_at, target=target, cache=cache)
-    found = work.done(look, _for(work, photos))
+    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
+    found = work.done(look, seen)
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))
@@ -259,11 +259,6 @@ def detect_corners(
         findings=tuple(findings),
         other_colours=identified is not None and identified.other_colours,
     )
-
-
-def _for(work: Work, photos: Sequence[Photo]) -> Sequence[Photo]:
-    """Photos by paths that whoever does the work can read."""
-    return photos if work.executor is None else [photo.absolute() for photo in photos]
 
 
 def _refuse(findings: Sequence[Finding], *, named: bool) -> None:

@@ -17,6 +17,7 @@ def grid(columns: int, rows: int, parity: int) -> Grid:
         pixel=cells * 10.0,
         parity=parity,
         step=10.0,
+        contrast=np.full(len(cells), 100.0),
     )
 
 

@@ -32,7 +32,10 @@ def fate(verdict: Decided, place: Place | None) -> GridReport:
 
 @pytest.fixture
 def report() -> PhotoReport:
-    grids = [Grid(cells=CELLS, pixel=pixels(left), parity=1, step=STEP) for left in LEFT]
+    grids = [
+        Grid(cells=CELLS, pixel=pixels(left), parity=1, step=STEP, contrast=np.ones(25))
+        for left in LEFT
+    ]
     return PhotoReport(
         name="a.png",
         corners=51,

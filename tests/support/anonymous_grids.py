@@ -33,6 +33,7 @@ def anonymous(
         pixel=pixel,
         parity=parity,
         step=float(np.median(distance.min(axis=1))),
+        contrast=np.full(len(pixel), 100.0),
     )
     return grid, Place(board=board, turn=turn, column=int(offset[0]), row=int(offset[1]))
 

@@ -10,8 +10,9 @@ from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.errors import DetectionError
 from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.corners.detection.grids import negative_photo
-from tests.corners.detection.test_markers import errors, find, photo_of, wall
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.detection.grids import negative_grids, negative_photo
+from tests.corners.detection.test_markers import errors, find, mixed_photo, photo_of, wall
 
 PLAIN = Target(
     units="mm",
@@ -125,3 +126,19 @@ def test_markers_that_are_nowhere_are_not_explained(tmp_path):
     )
     with pytest.raises(DetectionError, match="none of the target's markers"):
         detect_corners(photos_of(tmp_path, photo_of(PLAIN)), other, Work(jobs=1))
+
+
+@pytest.mark.slow
+def test_grids_of_the_negative_have_its_colours():
+    photo = mixed_photo()
+    negative = negative_photo(photo)
+    found = negative_grids(find_grids(photo)).grids
+    assert found
+    for grid in found:
+        at = {tuple(cell): pixel for cell, pixel in zip(grid.cells, grid.pixel, strict=True)}
+        for i, j in at:
+            square = [at.get(cell) for cell in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1))]
+            if not any(corner is None for corner in square):
+                x, y = np.rint(np.mean(square, axis=0)).astype(int)
+                bright = negative[y, x] > 128
+                assert bright == (grid.parity * (-1) ** (i + j) > 0)

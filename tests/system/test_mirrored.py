@@ -213,9 +213,9 @@ def test_the_printed_face_is_the_mirrors_turned_round():
 def test_markers_are_read_in_mirrored_photos():
     photo = mixed_photo()
     mirrored = np.ascontiguousarray(photo[:, ::-1])
-    plain = find_marked_corners(photo, MIXED, find_grids(photo).candidates)
+    plain = find_marked_corners(photo, MIXED, find_grids(photo))
     shown = MIXED.in_mirror()
-    found = find_marked_corners(mirrored, shown, find_grids(mirrored).candidates)
+    found = find_marked_corners(mirrored, shown, find_grids(mirrored))
     assert len(plain) > 50
     true = {
         (int(b), shown.boards[b].columns - 1 - int(c), int(r)): pixel
@@ -237,7 +237,7 @@ def test_mirrored_markers_are_drawn_as_they_are_read():
     rotation = flip @ Rotation.from_rotvec(POSE[0]).as_matrix() @ mirror
     pose = (Rotation.from_matrix(rotation).as_rotvec(), flip @ POSE[1])
     photo = photo_of(shown, pose=pose, supersample=3)
-    found = find_marked_corners(photo, shown, find_grids(photo).candidates)
+    found = find_marked_corners(photo, shown, find_grids(photo))
     error, recall = errors(found, shown, pose)
     assert error.max() < 0.5
     assert recall > 0.97

@@ -30,7 +30,7 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
     Ids run row by row, so the markers that follow each other across rows tell how long rows are.
     """
     from cubicfish_cli.corners.detection.markers import find_marked_corners  # for photos alone
-    from cubicfish_cli.corners.detection.markers_read import agreeing_markers
+    from cubicfish_cli.corners.detection.markers_measure import agreeing_markers
 
     target, findings = evidence.target, []
     none = hardly_named(evidence)
@@ -42,18 +42,15 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         drawings = [target.with_boards({index: other}) for other in boards]
         photos = list(islice(richest(evidence), _PHOTOS))
         counts: IntArray = np.zeros(len(boards), np.intp)
-        for picture, _ in photos:
-            counts = np.maximum(counts, agreeing_markers(picture, drawings, index))
+        for picture, grids in photos:
+            counts = np.maximum(counts, agreeing_markers(picture, drawings, index, grids))
         best = int(counts.argmax())
         if _lies_alike(boards[best], board):
             continue
         longer = np.array([other.columns != boards[best].columns for other in boards])
         if counts[best] < max(_LEAST_MARKERS, _CLEARLY * int(counts[longer].max(initial=0))):
             continue
-        seen = [
-            find_marked_corners(picture, drawings[best], grids.candidates)
-            for picture, grids in photos
-        ]
+        seen = [find_marked_corners(picture, drawings[best], grids) for picture, grids in photos]
         rows = np.concatenate([one.row[one.board == index] for one in seen])
         if len(rows):
             some = len(evidence.corners.pixel) > 0 and not none

@@ -158,7 +158,7 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
         return []
     for picture, grids in islice(richest(evidence), _PHOTOS):
         for other in others:
-            found = find_marked_corners(picture, other, grids.candidates)
+            found = find_marked_corners(picture, other, grids)
             boards = [index for index in unseen if (found.board == index).any()]
             if np.isin(found.board, unseen).sum() >= _TELLING_CORNERS:
                 return [_describe_print(target, other, boards, len(found))]
@@ -190,7 +190,9 @@ def _read_any_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
 
     A board's ids follow each other, those that something else is mistaken for do not.
     """
-    from cubicfish_cli.corners.detection.markers_read import markers_of_any_kind  # for photos alone
+    from cubicfish_cli.corners.detection.markers_measure import (
+        markers_of_any_kind,  # for photos alone
+    )
 
     seen = [markers_of_any_kind(picture) for picture, _ in islice(richest(evidence), _PHOTOS)]
     rows = []

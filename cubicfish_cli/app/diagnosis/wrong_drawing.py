@@ -216,7 +216,7 @@ _PHOTOS = 3
 
 def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
     """Boards of tags with another spacing, by gaps between corners or between tags themselves."""
-    from cubicfish_cli.corners.detection.markers_read import tags_apart  # for photos alone
+    from cubicfish_cli.corners.detection.markers_measure import tags_apart  # for photos alone
 
     target, findings = evidence.target, []
     for index, board in enumerate(target.boards):
@@ -225,7 +225,7 @@ def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
         gaps, off = _measure_gaps(evidence.corners, index), _OFF
         if len(gaps) < _LEAST_GAPS and not target.mirrored:
             photos = islice(richest(evidence), _PHOTOS)
-            apart = [tags_apart(picture, target, index) for picture, _ in photos]
+            apart = [tags_apart(picture, target, index, grids) for picture, grids in photos]
             gaps, off = np.concatenate([np.zeros(0), *apart]) - 1, _OFF_OUTLINES
         if len(gaps) < _LEAST_GAPS:
             continue

@@ -10,9 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +23,6 @@ from cubicfish_cli.app.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.app.films.measure import sharpness
 from cubicfish_cli.app.films.scan import still_px
 from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.app.look import GridCache, nameless_grids
 from cubicfish_cli.app.photos import Photo, photo_size
 from cubicfish_cli.app.sufficiency.worth import Worth
 from cubicfish_cli.core.codes import Code, Event, Severity
@@ -34,11 +31,9 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.corners.detection.finder import glance_at_grids
 from cubicfish_cli.corners.detection.grids import FoundGrids
-from cubicfish_cli.corners.detection.markers import glance_at_markers
-from cubicfish_cli.corners.identification.identified import marked_corners
-from cubicfish_cli.corners.identification.name_grids import name_grids
+from cubicfish_cli.corners.detection.look import GridCache, nameless_grids
+from cubicfish_cli.corners.identification.glance import glance, named_at_a_glance
 
 # Where fewer than these of the pictures show the target, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -96,19 +91,14 @@ def found_at_a_glance(
         work: who looks at them.
 
     """
-    marked = targets[0] if targets and targets[0].has_markers else None
-    seen = work.done(partial(_glance, marked=marked), photos)
+    seen = glance(photos, targets[0] if targets else None, work)
     names = [photo.name for photo in photos]
     if not targets:
-        return _of_grids({name: one for name, one in zip(names, seen, strict=True) if one})
-    if marked is not None:
-        pictures = [one or glance_at_markers(np.zeros((1, 1), np.uint8), marked) for one in seen]
-        return _of_corners(marked_corners(pictures, marked, size, names))
-    grids = [one.grids if one and one.image_size == size else () for one in seen]
-    named = [name_grids(grids, target, size, names) for target in targets]
-    identified = max(named, key=lambda one: len(one.corners.pixel))
-    found = _of_corners(identified.corners)
-    if found.target is None:
+        grids = zip(names, seen, strict=True)
+        return _of_grids({name: one for name, one in grids if isinstance(one, FoundGrids)})
+    corners, identified = named_at_a_glance(seen, targets, size, names)
+    found = _of_corners(corners)
+    if identified is None or found.target is None:
         return found
     evidence = GridEvidence(
         photos=len(names),
@@ -120,15 +110,6 @@ def found_at_a_glance(
         identified=identified,
     )
     return replace(found, findings=tuple(squares_of_grids(evidence)))
-
-
-def _glance(photo: Photo, *, marked: Target | None) -> Any:
-    """What markers of a target name, or grids; None where the photo cannot be read."""
-    try:
-        grey = photo.read_grey()
-    except PhotoError:
-        return None
-    return glance_at_grids(grey) if marked is None else glance_at_markers(grey, marked)
 
 
 def found_in(

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.corners.detection.grids import Float32Array, Rows, nearest
+from cubicfish_cli.corners.detection.grids import Float32Array, Rows
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid, bilinear
 from cubicfish_cli.corners.detection.saddle import fit_saddles
 

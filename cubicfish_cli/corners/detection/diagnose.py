@@ -12,8 +12,10 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.detection.accept import USUAL_BLUR, is_regular
 from cubicfish_cli.corners.detection.corners import find_corners
 from cubicfish_cli.corners.detection.finder import MOST_PIXELS
-from cubicfish_cli.corners.detection.grids import Float32Array, FoundGrids, nearest
+from cubicfish_cli.corners.detection.grids import Float32Array, FoundGrids
+from cubicfish_cli.corners.detection.growth import clean
 from cubicfish_cli.corners.detection.links import find_patches
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import (
     SMALLEST_SIDE,
     Pyramid,
@@ -85,7 +87,7 @@ def _not_accepted(pyramid: Pyramid) -> tuple[float, float]:
     corners = find_corners(pyramid)
     for patch in find_patches(pyramid, corners)[:1]:
         lattice = patch.lattice(corners)
-        lattice.clean()
+        clean(lattice)
         cells = lattice.cells()
         if is_regular(lattice, cells):
             fit = lattice.fit(cells)

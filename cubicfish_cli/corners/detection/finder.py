@@ -18,23 +18,23 @@ from cubicfish_cli.corners.detection.accept import (
 )
 from cubicfish_cli.corners.detection.corners import XCorners, find_corners
 from cubicfish_cli.corners.detection.crossing import Crossings
-from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, nearest, settled
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
+from cubicfish_cli.corners.detection.growth import clean, grow, measure_contrast
 from cubicfish_cli.corners.detection.lattice import Lattice, window
 from cubicfish_cli.corners.detection.links import Patch, find_patches
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import (
+    CLOSE,
     SMALLEST_SIDE,
     Pyramid,
     build_pyramid,
     enlarged,
     reduced,
-    zoom_to,
 )
 from cubicfish_cli.corners.detection.refine import refine_at_full_size, refine_pixels, whole_corners
 
 # A photo of more pixels is searched at half its size, or a quarter...
 MOST_PIXELS = 16_000_000
-# At a glance photos are reduced to fewer: squares show at 6 px.
-_MOST_AT_A_GLANCE = 250_000
 # Texture has squares by the hundred. Boards have the largest pieces, so they come first; after
 # this many pieces that did not grow into a board the search is over.
 _MOST_FAILURES = 40
@@ -48,7 +48,7 @@ _GROWN, _GROWN_LEAST, _HELD = 2, 64, 0.25
 _LIKE_REACH, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
 
 
-def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
+def find_grids(image: npt.NDArray[np.generic], *, closely: bool = False) -> FoundGrids:
     """Find all checkerboard grids, whole or in part, in a grey photo.
 
     Boards may be cut by the photo's border, the image circle or each other, bent by a fisheye
@@ -58,13 +58,15 @@ def find_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
 
     Args:
         image: (H, W) grey levels, uint8, uint16 or float.
+        closely: search a photo of at most MOST_PIXELS / 4 at twice its size, for squares half as
+            small.
 
     """
     height, width = image.shape
     size = (width, height)
     if min(height, width) < SMALLEST_SIDE:
         return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=size)
-    zoom = 1
+    zoom = CLOSE if closely else 1.0
     while height * width > MOST_PIXELS * zoom * zoom:
         zoom *= 2
     pyramid = build_pyramid(reduced(image, zoom))
@@ -117,15 +119,16 @@ def _raise(
 ) -> Lattice | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
     lattice = patch.lattice(corners)
+    measure_contrast(pyramid, lattice)
     for _ in range(_PASSES):
-        lattice.clean()
+        clean(lattice)
         if lattice.known.sum() < 4:
             return None
         before = lattice.known.sum()
-        while lattice.grow(pyramid, candidates, max(_GROWN_LEAST, _GROWN * lattice.known.sum())):
+        while grow(pyramid, lattice, candidates, max(_GROWN_LEAST, _GROWN * lattice.known.sum())):
             if not _is_board_so_far(pyramid, lattice):
                 return None
-        lattice.clean()
+        clean(lattice)
         if not is_large_enough(lattice):
             return None
         grown = lattice.known.sum() > before
@@ -140,7 +143,7 @@ def _raise(
 def _is_board_so_far(pyramid: Pyramid, lattice: Lattice) -> bool:
     """Judge what still grows: over dots it would grow on and on."""
     trial = copy.deepcopy(lattice)
-    trial.clean()
+    clean(trial)
     found, _ = refine_and_verify(pyramid, trial)
     held = trial.known.sum() >= _HELD * lattice.known.sum()
     return bool(held) and is_large_enough(trial) and _is_board_at_last(trial, found)
@@ -166,8 +169,7 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
     contrast = found.contrast(sign)
-    lattice.put(cells, found.pixel)
-    lattice.contrast[cells[:, 0], cells[:, 1]] = contrast
+    lattice.put(cells, found.pixel, contrast)
     measures = np.stack([contrast, found.blur.max(1), found.spread], axis=-1)
     contrast_around, blur_around, spread_around = _median_around(measures, lattice, cells).T
     good = whole_corners(
@@ -181,7 +183,7 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
         pyramid.noise,
     )
     lattice.drop(cells[~good])
-    lattice.clean()
+    clean(lattice)
     kept = lattice.known[cells[:, 0], cells[:, 1]]
     return found.select(kept), int((~kept).sum())
 
@@ -204,7 +206,7 @@ def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray
     return distance[:, 0] < 0.3 * side[index[:, 0]]
 
 
-def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: int) -> Grid:
+def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: float) -> Grid:
     lattice.make_room()
     if zoom != 1:
         cells = lattice.cells()
@@ -212,39 +214,6 @@ def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zo
         found = refine_at_full_size(
             image, lattice.at(cells), lattice.fit(cells), zoom, pyramid.noise / pyramid.gain
         )
-        lattice.put(cells, found)
+        lattice.put(cells, found, lattice.contrast[cells[:, 0], cells[:, 1]])
     grid = lattice.as_grid()
-    return replace(grid, pixel=settled(grid.pixel))
-
-
-def glance_at_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
-    """Find checkerboards as :func:`find_grids` does, roughly: on a reduced photo, and not grown.
-
-    Corners are good to a few tenths of a pixel, and boards with small squares are missing.
-    """
-    height, width = image.shape
-    zoom = zoom_to(image, _MOST_AT_A_GLANCE)
-    small = reduced(image, zoom)
-    if min(small.shape) < SMALLEST_SIDE:
-        return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
-    pyramid = build_pyramid(small)
-    corners = find_corners(pyramid)
-    free = np.ones(len(corners.pixel), bool)
-    found = []
-    for patch in find_patches(pyramid, corners):
-        lattice = patch.lattice(corners)
-        lattice.clean()
-        if is_large_enough(lattice):
-            found.append(lattice)
-            free[patch.corner] = False
-    grids = [lattice.as_grid() for lattice in found]
-    grids = [
-        replace(grid, pixel=enlarged(grid.pixel, zoom), step=zoom * grid.step)
-        for grid in grids
-        if is_beyond_chance(len(grid), int(free.sum()))
-    ]
-    return FoundGrids(
-        grids=tuple(sorted(grids, key=lambda grid: -len(grid))),
-        refused=enlarged(corners.pixel[free], zoom),
-        image_size=(width, height),
-    )
+    return replace(grid, contrast=grid.contrast / pyramid.gain)

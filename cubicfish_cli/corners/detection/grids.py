@@ -11,12 +11,10 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
-_DIGITS = 5  # of a pixel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +44,7 @@ class Grid:
         parity: +1 when the square between (0, 0), (1, 0), (0, 1) and (1, 1) is bright, -1 when
             it is dark; every step along i or j flips it.
         step: median distance of neighbouring corners, pixels.
+        contrast: (N,) bright minus dark level around each corner, in grey levels of the photo.
 
     """
 
@@ -53,6 +52,7 @@ class Grid:
     pixel: FloatArray
     parity: int
     step: float
+    contrast: FloatArray
 
     def __len__(self) -> int:
         """Return the number of corners."""
@@ -75,42 +75,6 @@ class FoundGrids:
     refused: FloatArray
     image_size: tuple[int, int]
 
-    @property
-    def candidates(self) -> FloatArray:
-        """(N, 2) all that looks like corners, in grids or not."""
-        return np.concatenate([self.refused, *(grid.pixel for grid in self.grids)])
-
-
-def nearest(
-    points: FloatArray, others: FloatArray | cKDTree, count: int
-) -> tuple[FloatArray, IntArray]:
-    """Distances and indices of the nearest others of each point, nearest first.
-
-    Args:
-        points: (N, 2).
-        others: (M, 2), M at least 1; or the tree of them, which serves many calls.
-        count: how many K; fewer when there are fewer others.
-
-    Returns:
-        (N, K) distances and (N, K) indices into ``others``.
-
-    """
-    tree = others if isinstance(others, cKDTree) else cKDTree(others)
-    count = min(count, tree.n)
-    if not len(points):
-        return np.zeros((0, count)), np.zeros((0, count), int)
-    distance, index = tree.query(points, k=np.arange(1, count + 1))
-    return np.asarray(distance, float), np.asarray(index, np.intp)
-
-
-def settled(pixel: FloatArray) -> FloatArray:
-    """Pixels without the digits that differ from one process to another.
-
-    Their last bits, far below any noise, depend on how memory happens to be aligned, and no result
-    may depend on the processes used.
-    """
-    return np.asarray(np.round(pixel, _DIGITS))
-
 
 def negative_photo(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A grey photo (H, W) with light and dark exchanged."""
@@ -119,11 +83,30 @@ def negative_photo(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.asarray(top - image)
 
 
+def negative_grids(found: FoundGrids) -> FoundGrids:
+    """Grids of the negative photo."""
+    return replace(found, grids=tuple(replace(grid, parity=-grid.parity) for grid in found.grids))
+
+
+def grids_in_mirror(found: FoundGrids) -> FoundGrids:
+    """Grids of the photo with left and right exchanged."""
+    width = found.image_size[0]
+    return replace(
+        found,
+        grids=tuple(grid_in_mirror(grid, width) for grid in found.grids),
+        refused=_pixels_in_mirror(found.refused, width),
+    )
+
+
 def grid_in_mirror(grid: Grid, width: int) -> Grid:
     """One grid in the mirror image of a photo that is so many pixels wide."""
     return replace(
         grid,
         # Exchanging i and j keeps the grid right-handed, and the square at (0, 0) where it is.
         cells=grid.cells[:, ::-1].copy(),
-        pixel=grid.pixel * (-1, 1) + (width - 1, 0),
+        pixel=_pixels_in_mirror(grid.pixel, width),
     )
+
+
+def _pixels_in_mirror(pixel: FloatArray, width: int) -> FloatArray:
+    return np.stack([width - 1 - pixel[:, 0], pixel[:, 1]], axis=-1)

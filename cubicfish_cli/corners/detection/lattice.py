@@ -1,21 +1,15 @@
-"""A growing grid: maps of cells to pixels, the local fit that predicts neighbours, and growth.
-
-What is there is judged by the brightness of the four squares, seen through the grid's local shape.
-"""
+"""A growing grid: dense maps of cells to pixels, and the local fit that predicts neighbours."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.corners.detection.grids import Grid, Rows, nearest
-from cubicfish_cli.corners.detection.pyramid import Pyramid
-from cubicfish_cli.corners.detection.saddle import fit_saddles
+from cubicfish_cli.corners.detection.grids import Grid, Rows
 
 
 def window(reach: int) -> IntArray:
@@ -43,17 +37,6 @@ _RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
 _CENTRE = len(_WINDOW) // 2
 _MARGIN = _REACH + 1
 _MOST_CLEANINGS = 10
-_MOST_ROUNDS = 80
-# How far from its prediction a saddle may be that is no candidate, in squares.
-_TRAVEL = 0.3
-# Along the diagonal of each square, in sides: within the white margin that ChArUco boards leave
-# around a marker (0.1 to 0.15 of a square), but beyond the blur where squares are small.
-_DIAGONAL, _LEAST_DIAGONAL_PX, _LONGEST_DIAGONAL = 0.09, 1.2, 0.25
-_ALONG_DIAGONAL = np.array([0.7, 1.0, 1.3])
-# Quadrants (+,+), (-,+), (-,-), (+,-): clockwise; the first and third share their colour.
-_QUADRANTS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
-_LEAST_CONTRAST = 0.15  # of the contrast around
-_SEPARATION = 0.30  # darker bright minus brighter dark quadrant, of the corner's contrast
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,28 +128,13 @@ class CornerMap(ABC):
     Attributes:
         pixel: (I, J, 2) position of each cell, NaN where there is none.
         tried: (I, J) what was known about an empty cell when it was last tried.
-        closest: the shortest distance of neighbouring corners, cells.
 
     """
 
     pixel: FloatArray
     tried: IntArray
-    closest: float
     reach: ClassVar[int]
     """A cell is tried again when so many cells to each side have changed."""
-    outlier: ClassVar[float]
-    """Leave-one-out: a corner that many shortest distances from what its neighbours say is none;
-    more where the neighbours lie on one side only."""
-
-    @property
-    def search(self) -> float:
-        """How far from its prediction a corner may be, cells.
-
-        A prediction extrapolates by one cell. From two rows it is linear, and near a board held
-        close to the lens one square can be 1.6 times as long as the last: half way to the next
-        corner, whose squares have the opposite colours.
-        """
-        return 0.5 * self.closest
 
     @property
     def known(self) -> BoolArray:
@@ -181,10 +149,6 @@ class CornerMap(ABC):
         """Pixels (N, 2) of (N, 2) cells, NaN where there is none."""
         return self.pixel[cells[:, 0], cells[:, 1]]
 
-    def put(self, cells: IntArray, pixel: FloatArray) -> None:
-        """Set corners; NaN removes them."""
-        self.pixel[cells[:, 0], cells[:, 1]] = pixel
-
     def drop(self, cells: IntArray) -> None:
         """Remove corners."""
         self.pixel[cells[:, 0], cells[:, 1]] = np.nan
@@ -192,16 +156,6 @@ class CornerMap(ABC):
     @abstractmethod
     def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
         """Position as a function of the cell around (N, 2) cells."""
-
-    @abstractmethod
-    def look(
-        self, pyramid: Pyramid, cells: IntArray, fit: LocalFit, free: cKDTree
-    ) -> tuple[FloatArray, BoolArray]:
-        """Where the photo shows corners (N, 2) near what the fit predicts, and which it shows."""
-
-    @abstractmethod
-    def make_room(self) -> None:
-        """Widen the maps where corners come near their border."""
 
     def neighbour_sum(self, values: FloatArray) -> FloatArray:
         """Sum of a map over the cells within :attr:`reach` of each cell."""
@@ -223,45 +177,8 @@ class CornerMap(ABC):
         self.tried[fresh] = count[fresh]
         return np.argwhere(fresh)
 
-    def grow(self, pyramid: Pyramid, free: cKDTree, most: float = np.inf) -> bool:
-        """Add the corners beside the known ones until nothing changes.
-
-        Args:
-            pyramid: the photo.
-            free: candidates to snap to.
-            most: corners, beyond which it stops.
-
-        Returns:
-            Whether it may grow on.
-
-        """
-        for _ in range(_MOST_ROUNDS):
-            if self.known.sum() > most:
-                return True
-            self.make_room()
-            cells = self.frontier()
-            fit = self.fit(cells)
-            usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
-            cells, fit = cells[usable], fit.select(usable)
-            if not len(cells):
-                return False
-            pixel, good = self.look(pyramid, cells, fit, free)
-            good[good] = ~self._crowded(pixel[good], fit.select(good))
-            if not good.any():
-                return False
-            self.put(cells[good], pixel[good])
-        return False
-
-    def _crowded(self, pixel: FloatArray, fit: LocalFit) -> BoolArray:
-        """Which positions lie on top of a corner that is there already, or of an earlier one."""
-        limit = 0.4 * self.closest * fit.side
-        distance, index = nearest(pixel, pixel, 2)
-        twice = (distance < limit[:, None]) & (index < np.arange(len(pixel))[:, None])
-        return (nearest(pixel, self.pixel[self.known], 1)[0][:, 0] < limit) | twice.any(axis=1)
-
-    def clean(self) -> None:
-        """Drop corners that have no neighbours, or contradict them."""
-        self.make_room()
+    def clean(self, most_miss: float) -> None:
+        """Drop corners that have no neighbours, or are so many cells from what these say."""
         for _ in range(_MOST_CLEANINGS):
             cells = self.cells()
             if not len(cells):
@@ -275,7 +192,7 @@ class CornerMap(ABC):
             spread = np.zeros(known.shape)
             spread[cells[:, 0], cells[:, 1]] = miss
             worst = np.lib.stride_tricks.sliding_window_view(np.pad(spread, 1), (3, 3)).max((2, 3))
-            bad = (miss > self.outlier * self.closest) & (miss >= worst[cells[:, 0], cells[:, 1]])
+            bad = (miss > most_miss) & (miss >= worst[cells[:, 0], cells[:, 1]])
             bad |= neighbours(known)[cells[:, 0], cells[:, 1]] == 0
             if not bad.any():
                 return
@@ -297,21 +214,20 @@ class Lattice(CornerMap):
         contrast: (I, J) bright minus dark level, grey levels.
         tried: (I, J) number of neighbours at the last failed try of an empty cell.
         parity: +1 when the quadrant (+, +) of array cell (0, 0) is bright, else -1.
+        half_gap: how far dark squares draw back from their edges where white bleeds, pixels.
 
     """
 
     reach: ClassVar[int] = 2
-    outlier: ClassVar[float] = 0.15
-    closest: float = 1.0
     pixel: FloatArray
-    contrast: FloatArray = field(init=False)
+    contrast: FloatArray
     tried: IntArray = field(init=False)
     parity: int
+    half_gap: float = 0.0
 
     def __post_init__(self) -> None:
         """Start with no cell tried."""
         self.tried = np.zeros(self.pixel.shape[:2], int)
-        self.contrast = np.zeros(self.pixel.shape[:2])
 
     @classmethod
     def from_cells(
@@ -322,15 +238,25 @@ class Lattice(CornerMap):
         shape = cells.max(0) - low + 1 + _MARGIN
         lattice = cls(
             pixel=np.full((*shape, 2), np.nan),
+            contrast=np.zeros(shape),
             parity=parity if low.sum() % 2 == 0 else -parity,
         )
-        lattice.put(cells - low, pixel)
-        lattice.contrast[tuple((cells - low).T)] = contrast
+        lattice.put(cells - low, pixel, contrast)
         return lattice
 
     def sign(self, cells: IntArray) -> IntArray:
         """Parity at (N, 2) cells: +1 where the quadrant (+, +) is bright."""
         return np.where(cells.sum(-1) % 2 == 0, self.parity, -self.parity)
+
+    def put(self, cells: IntArray, pixel: FloatArray, contrast: FloatArray) -> None:
+        """Set corners."""
+        self.pixel[cells[:, 0], cells[:, 1]] = pixel
+        self.contrast[cells[:, 0], cells[:, 1]] = contrast
+
+    def drop(self, cells: IntArray) -> None:
+        """Remove corners."""
+        super().drop(cells)
+        self.contrast[cells[:, 0], cells[:, 1]] = 0
 
     def make_room(self) -> None:
         """Widen the maps where corners come near their border."""
@@ -351,28 +277,14 @@ class Lattice(CornerMap):
         self.contrast = np.pad(self.contrast, pad)
         self.tried = np.pad(self.tried, pad)
 
-    def look(
-        self, pyramid: Pyramid, cells: IntArray, fit: LocalFit, free: cKDTree
-    ) -> tuple[FloatArray, BoolArray]:
-        """Saddle points between four squares of which two are bright, as they should be."""
-        pixel, good = snap(pyramid, self, fit.pixel, fit, free)
-        away = np.clip(_LEAST_DIAGONAL_PX / fit.side, _DIAGONAL, _LONGEST_DIAGONAL)
-        offset = (_QUADRANTS[:, None, :] * _ALONG_DIAGONAL[:, None]).reshape(-1, 2)
-        points = replace(fit, pixel=pixel).at(away[:, None, None] * offset)
-        level = pyramid.sample(points, fit.side).reshape(len(pixel), 4, -1).astype(float).mean(2)
-        level *= self.sign(cells)[:, None]
-        first, second = level[:, 0::2], level[:, 1::2]  # the first are to be larger
-        contrast = first.mean(1) - second.mean(1)
-        good &= first.min(1) - second.max(1) > _SEPARATION * contrast
-        known, place = self.known, tuple(cells.T)
-        around = self.neighbour_sum(known * self.contrast)[place]
-        around /= self.neighbour_sum(known.astype(float))[place]
-        self.contrast[place] = contrast
-        least = np.maximum(_LEAST_CONTRAST * around, 3.0 * pyramid.noise)
-        return pixel, good & (contrast > least)
+    def contrast_around(self, cells: IntArray) -> FloatArray:
+        """Mean contrast (N,) of the corners about (N, 2) cells."""
+        row, column = cells.T
+        count = self.neighbour_sum(self.known.astype(float))[row, column]
+        return np.asarray(self.neighbour_sum(self.contrast)[row, column] / np.maximum(count, 1))
 
     def as_grid(self) -> Grid:
-        """The grid."""
+        """The grid, its contrast in the levels of the maps."""
         cells = self.cells()
         origin = cells.min(0)
         steps = np.concatenate([np.diff(self.pixel, axis=axis).reshape(-1, 2) for axis in (0, 1)])
@@ -381,6 +293,7 @@ class Lattice(CornerMap):
             pixel=self.at(cells),
             parity=int(self.sign(origin[None])[0]),
             step=float(np.nanmedian(np.hypot(steps[:, 0], steps[:, 1]))),
+            contrast=self.contrast[cells[:, 0], cells[:, 1]],
         )
 
     def fit(self, cells: IntArray, *, without_itself: bool = False) -> LocalFit:
@@ -405,29 +318,3 @@ class Lattice(CornerMap):
         answer = np.linalg.solve(products.reshape(-1, 6, 6) + _RIDGE, right)
         solution = answer[..., :2].transpose(0, 2, 1)
         return LocalFit.of_terms(solution, mean, answer[:, 0, 2] * _WEIGHT[_CENTRE + 1], known)
-
-
-def snap(
-    pyramid: Pyramid, lattice: CornerMap, start: FloatArray, fit: LocalFit, free: cKDTree
-) -> tuple[FloatArray, BoolArray]:
-    """Saddle points near (N, 2) starts: the nearest candidate, else what the photo shows there.
-
-    Returns:
-        (N, 2) where they are, and (N,) which were found.
-
-    """
-    pixel, found = start.copy(), np.zeros(len(start), bool)
-    if free.n:
-        _, index = nearest(start, free, 4)
-        place = np.asarray(free.data)[index]
-        away = fit.cells_away(place - (start - fit.pixel)[:, None])
-        rows, best = np.arange(len(start)), away.argmin(1)
-        found = away[rows, best] < lattice.search
-        pixel[found] = place[rows, best][found]
-    rest = ~found
-    if rest.any():
-        side = fit.side[rest]
-        half = np.clip(0.2 * lattice.closest * side, 2.0, 6.0)
-        most = np.maximum(min(lattice.search, _TRAVEL) * side, 1.0)
-        pixel[rest], found[rest] = fit_saddles(pyramid.levels[0], start[rest], half, most)
-    return pixel, found & pyramid.inside(pixel, 2.0)

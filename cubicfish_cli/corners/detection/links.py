@@ -10,8 +10,8 @@ import numpy as np
 from cubicfish_cli.core.angles import azimuth
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.corners import XCorners
-from cubicfish_cli.corners.detection.grids import nearest
 from cubicfish_cli.corners.detection.lattice import Lattice
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 
 # The four nearest corners along the arms are among this many even when markers inside the
@@ -27,12 +27,12 @@ _NO_ARC = 4.0
 _CONTRAST_RATIO = 3.0
 # Where an edge is looked at: this far along it and, of its length, to either side. Edges that meet
 # at 27 degrees or more are then not mixed up.
-_ALONG_EDGE = np.linspace(0.2, 0.8, 7)
-_ASIDE, _LEAST_ASIDE = 0.1, 1.2  # of the length, px
+ALONG_EDGE = np.linspace(0.2, 0.8, 7)
+ASIDE, LEAST_ASIDE = 0.1, 1.2  # of the length, px
 # The same where white bleeds, and how much dearer such a link is: no other is left for it.
 _FAR_ASIDE, _BLEEDING = 0.22, 1e3
 # Of the corner's contrast: what an edge shows, in the middle of its samples and at worst.
-_EDGE_MEDIAN, _EDGE_LEAST = 0.30, 0.10
+EDGE_MEDIAN, EDGE_LEAST = 0.30, 0.10
 # Step of arm 0, 1, 2, 3 of a corner that is not rotated: clockwise on screen.
 _DIRECTIONS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 
@@ -64,17 +64,17 @@ def _find_links(pyramid: Pyramid, corners: XCorners) -> IntArray:
     scale = np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
     scale *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
     start, end = corners.pixel[p], corners.pixel[q]
-    difference = _edge(pyramid, start, end, along_p, along_q, length, _ASIDE) / scale
-    seen = _edge_is_seen(difference)
+    difference = _edge(pyramid, start, end, along_p, along_q, length, ASIDE) / scale
+    seen = edge_is_seen(difference)
     # Where white bleeds the dark squares draw back from the line between their corners.
     rest = np.nonzero(~seen)[0]
     far = _edge(
         pyramid, start[rest], end[rest], along_p[rest], along_q[rest], length[rest], _FAR_ASIDE
     )
     difference[rest] = far / scale[rest]
-    seen[rest] = _edge_is_seen(difference[rest])
+    seen[rest] = edge_is_seen(difference[rest])
     cost[rest] *= _BLEEDING
-    cost /= np.clip(difference.min(1), _EDGE_LEAST, 1.0)  # an edge that is seen all along is one
+    cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
     ends, back = (p, q), (arm_p, arm_q)
     return _mutual(
@@ -117,12 +117,12 @@ def _nearest(
     return np.repeat(of, index.shape[1]), among[index.ravel()], length.ravel()
 
 
-def _edge_is_seen(difference: FloatArray) -> BoolArray:
+def edge_is_seen(difference: FloatArray) -> BoolArray:
     """Judge (N, 7) differences across an edge, relative to the corner's contrast."""
-    return (np.median(difference, axis=1) > _EDGE_MEDIAN) & (difference.min(1) > _EDGE_LEAST)
+    return (np.median(difference, axis=1) > EDGE_MEDIAN) & (difference.min(1) > EDGE_LEAST)
 
 
-def _edge_difference(
+def edge_difference(
     pyramid: Pyramid, points: FloatArray, aside: FloatArray, length: FloatArray
 ) -> FloatArray:
     """Brightness on one side of a curve minus that on the other.
@@ -162,7 +162,7 @@ def _edge(
     aside: float,
 ) -> FloatArray:
     """Difference across the cubic Hermite curve with the given unit tangents at its ends."""
-    t = _ALONG_EDGE[:, None]
+    t = ALONG_EDGE[:, None]
     leaving, arriving = leaving * length[:, None], arriving * length[:, None]
     points = (
         (1 + t * t * (2 * t - 3)) * start[:, None]
@@ -177,8 +177,8 @@ def _edge(
     )
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)  # clockwise of the curve
     normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]
-    offset = np.maximum(aside * length, _LEAST_ASIDE)
-    return _edge_difference(pyramid, points, normal * offset[:, None, None], length)
+    offset = np.maximum(aside * length, LEAST_ASIDE)
+    return edge_difference(pyramid, points, normal * offset[:, None, None], length)
 
 
 def _mutual(

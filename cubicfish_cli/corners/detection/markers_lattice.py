@@ -14,7 +14,9 @@ from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.corners.detection.lattice import CornerMap, LocalFit, snap, taylor_terms, window
+from cubicfish_cli.corners.detection.growth import snap
+from cubicfish_cli.corners.detection.lattice import CornerMap, LocalFit, taylor_terms, window
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 
@@ -26,9 +28,12 @@ _CENTRE = len(_WINDOW) // 2
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, *[1e-4] * 3, *[1e-3] * 4])
 _SOFTEN = 0.3  # weights of neighbours stay finite, square squares from the cell
 _WEIGHT_BESIDE = 1 / (_SOFTEN + 1) ** 2
-# How far from its prediction a corner may be, in squares or tags, so as not to reach a marker's
-# inner modules.
-_SEARCH_SQUARES = 0.3
+# How far from its prediction a corner may be: half way to the next one (whose squares have the
+# opposite colours), and in squares or tags, so as not to reach a marker's inner modules.
+_SEARCH, _SEARCH_SQUARES = 0.5, 0.3
+# Leave-one-out: a corner that many such distances from what its neighbours say is not one.
+_OUTLIER = 0.2
+_MOST_ROUNDS = 80
 # Sub-pixel windows end at 0.45 cells, fading from 0.35 on.
 _WINDOW_CELLS = 0.4
 _SMALLEST_CELL_PX = 8.0
@@ -43,9 +48,7 @@ class BoardLattice(CornerMap):
     """The corners of a board that are known in a photo.
 
     Attributes:
-        board: the board, and
-        index: which of the target's it is.
-        markers: how many markers agree about where it is.
+        board: the board.
         pixel: (columns, rows, 2) where each corner is, NaN where unknown.
         x, y: (columns,), (rows,) places of columns and rows, in squares (tags).
         closest: the shortest distance of neighbouring corners, squares (tags).
@@ -55,10 +58,7 @@ class BoardLattice(CornerMap):
     """
 
     reach: ClassVar[int] = 3
-    outlier: ClassVar[float] = 0.2
     board: Board
-    index: int = 0
-    markers: int = 0
     pixel: FloatArray = field(init=False)
     x: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
@@ -84,7 +84,11 @@ class BoardLattice(CornerMap):
     @property
     def search(self) -> float:
         """How far from its prediction a corner may be, squares (tags)."""
-        return min(super().search, _SEARCH_SQUARES)
+        return min(_SEARCH * self.closest, _SEARCH_SQUARES)
+
+    def put(self, cells: IntArray, pixel: FloatArray) -> None:
+        """Set corners; NaN removes them."""
+        self.pixel[cells[:, 0], cells[:, 1]] = pixel
 
     def inside(self, cells: IntArray) -> BoolArray:
         """Which of (N, 2) cells are corners of the board."""
@@ -133,27 +137,6 @@ class BoardLattice(CornerMap):
         share = np.where(anchor[:, None] == 1, place, 1 - place).prod(axis=-1)
         return np.asarray((seen * share[:, :, None]).sum(axis=1), float)
 
-    def look(
-        self, pyramid: Pyramid, cells: IntArray, fit: LocalFit, free: cKDTree
-    ) -> tuple[FloatArray, BoolArray]:
-        """Whole corners where the fit predicts them, or at the saddle that is nearest."""
-        pixel, good = self.refined(pyramid, cells, fit.pixel, fit)
-        # Where the prediction is too far off, the nearest saddle is the next best start.
-        start, found = snap(pyramid, self, fit.pixel, fit, free)
-        rows = np.flatnonzero(found & ~good)
-        pixel[rows], good[rows] = self.refined(pyramid, cells[rows], start[rows], fit.select(rows))
-        return pixel, good & (fit.cells_away(pixel) < self.search)
-
-    def make_room(self) -> None:
-        """Nothing: beyond its map a board has no corners."""
-
-    def verify(self, pyramid: Pyramid) -> None:
-        """Refine all corners together, each judged among its neighbours; drop those that fail."""
-        cells = self.cells()
-        if len(cells):
-            pixel, good = self.refined(pyramid, cells, self.at(cells), self.fit(cells))
-            self.put(cells, np.where(good[:, None], pixel, np.nan))
-
     def refined(
         self, pyramid: Pyramid, cells: IntArray, pixel: FloatArray, fit: LocalFit
     ) -> tuple[FloatArray, BoolArray]:
@@ -196,3 +179,61 @@ class BoardLattice(CornerMap):
         shown *= np.array([1, 1, -1, -1])[:, None]
         shown = shown.reshape(len(pixel), 4 * len(_ARM_PX))
         return shown.min(axis=1) > _ARM_CONTRAST * np.median(shown, axis=1)
+
+
+def grow(pyramid: Pyramid, lattice: BoardLattice, free: cKDTree) -> None:
+    """Add the corners beside the known ones until nothing changes; ``free``: candidates."""
+    for _ in range(_MOST_ROUNDS):
+        cells = lattice.frontier()
+        if not len(cells) or not try_cells(pyramid, lattice, cells, free):
+            return
+
+
+def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: cKDTree) -> bool:
+    """Look for (N, 2) unknown cells where their neighbours say; whether any was found."""
+    fit = lattice.fit(cells)
+    usable = fit.sound & pyramid.inside(fit.pixel, 2.0)
+    cells, fit = cells[usable], fit.select(usable)
+    if not len(cells):
+        return False
+    pixel, good = lattice.refined(pyramid, cells, fit.pixel, fit)
+    # Where the prediction is too far off, the nearest saddle is the next best start.
+    start, found = snap_named(pyramid, lattice, fit.pixel, fit, free)
+    rows = np.nonzero(found & ~good)[0]
+    pixel[rows], good[rows] = lattice.refined(pyramid, cells[rows], start[rows], fit.select(rows))
+    good &= fit.cells_away(pixel) < lattice.search
+    good[good] &= _alone(lattice, pixel[good], fit.select(good))
+    lattice.put(cells[good], pixel[good])
+    return bool(good.any())
+
+
+def snap_named(
+    pyramid: Pyramid, lattice: BoardLattice, start: FloatArray, fit: LocalFit, free: cKDTree
+) -> tuple[FloatArray, BoolArray]:
+    """Saddle points near (N, 2) starts: the nearest candidate, else what the photo shows there."""
+    near, travel = fit.side * lattice.closest, lattice.search * fit.side
+    return snap(pyramid, start, fit, free, lattice.search, near, travel)
+
+
+def clean(lattice: BoardLattice) -> None:
+    """Drop corners that contradict their neighbours or have none."""
+    lattice.clean(_OUTLIER * lattice.closest)
+
+
+def verify(pyramid: Pyramid, lattice: BoardLattice) -> None:
+    """Refine all corners together, each judged among its neighbours, and drop those that fail."""
+    cells = lattice.cells()
+    if not len(cells):
+        return
+    pixel, good = lattice.refined(pyramid, cells, lattice.at(cells), lattice.fit(cells))
+    lattice.put(cells, np.where(good[:, None], pixel, np.nan))
+
+
+def _alone(lattice: BoardLattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
+    """Which new corners are not on top of a known one or of each other."""
+    limit = 0.4 * lattice.closest * fit.side
+    known = lattice.pixel[lattice.known]
+    alone: BoolArray = nearest(pixel, known, 1)[0][:, 0] > limit
+    if len(pixel) > 1:
+        alone &= nearest(pixel, pixel, 2)[0][:, 1] > limit
+    return alone

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -18,6 +17,9 @@ _MOST_HALVINGS = 6
 # Standard deviation, pixels, at full size: just enough that a photo sharpened by its camera is not
 # undersampled for the sub-pixel fit.
 SMOOTHING = 0.5
+# Zoom of a second look at twice the photo's size: windows and rings that cannot be smaller than
+# some pixels then fit into squares, margins of markers and modules half as large.
+CLOSE = 0.5
 # cv2.remap takes no more rows than fit a short.
 _MOST_ROWS = 30_000
 
@@ -133,21 +135,19 @@ def build_pyramid(grey: npt.NDArray[np.generic]) -> Pyramid:
     return Pyramid(levels=tuple(levels), noise=noise, gain=gain)
 
 
-def zoom_to(image: npt.NDArray[np.generic], most: int) -> int:
-    """By which whole factor a photo is reduced to at most so many pixels."""
-    return max(1, math.ceil(math.sqrt(image.size / most)))
-
-
-def reduced(image: npt.NDArray[np.generic], zoom: int) -> npt.NDArray[np.generic]:
-    """Reduce a photo by a whole factor, each pixel the mean of zoom x zoom."""
+def reduced(image: npt.NDArray[np.generic], zoom: float) -> npt.NDArray[np.generic]:
+    """Reduce a photo by a whole factor, each pixel the mean of zoom x zoom; CLOSE doubles it."""
     if zoom == 1:
         return image
-    height, width = image.shape[0] // zoom, image.shape[1] // zoom
+    block = max(round(zoom), 1)
+    height, width = image.shape[0] // block * block, image.shape[1] // block * block
     source: npt.NDArray[np.uint8 | np.uint16 | np.float32]
-    source = np.asarray(image[: height * zoom, : width * zoom])
+    source = np.asarray(image[:height, :width])
     if source.dtype not in (np.uint8, np.uint16, np.float32):
         source = source.astype(np.float32)
-    return np.asarray(cv2.resize(source, (width, height), interpolation=cv2.INTER_AREA))
+    size = round(width / zoom), round(height / zoom)
+    how = cv2.INTER_AREA if zoom > 1 else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(source, size, interpolation=how))
 
 
 def enlarged(pixel: FloatArray, zoom: float) -> FloatArray:

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.crossing import Crossings, Gaps, Quiet, fit_crossings
-from cubicfish_cli.corners.detection.grids import nearest
 from cubicfish_cli.corners.detection.lattice import LocalFit
+from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid
 from cubicfish_cli.corners.detection.saddle import fit_saddles
 

@@ -1,8 +1,9 @@
 """Grids -> named corners: which grid is which board of the target, and which corner is (0, 0).
 
-`app/detection.py` is the recipe. `app/look.py` reads one photo and finds its nameless grids, or why
-there are none, and remembers what was found in it (`GridCache`). Markers are looked for at twice a
-photo's size where it shows none; the photo itself then says where their
+`app/detection.py` is the recipe. `corners/detection/look.py` reads one photo and finds its nameless
+grids, or why there are none, and remembers what was found in it (`GridCache`). A photo in which
+nothing is found is searched at twice its size, for smaller squares and markers, and so is what lies
+around a part of a board of small squares (`closer.py`); the photo itself then says where their
 corners are. `app/executors/pool.py` shares photos out to processes. `corners/identification/`
 decides which board each grid is. Markers name their boards' corners at once (`identified.py`).
 Plain boards are named by geometry (`name_grids.py`): all grids as nameless planes give the lens

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.core.geometry import similarity
-from cubicfish_cli.core.placement import SAME, Placement, Reach
+from cubicfish_cli.core.placement import SAME, Placement, Reach, reach_of
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.identification.ends import Ends, clearly_more
+from cubicfish_cli.corners.identification.ends import Ends, clearly_more, doubtful_rims
 from cubicfish_cli.corners.identification.identified import Decided
 from cubicfish_cli.corners.identification.search import Labelings
 
@@ -275,6 +275,23 @@ def decide_alone(grid: Grid, sides: Placement, reach: Reach, ends: Ends | None) 
     verdict = Decided.NAMED if settled else _unsettled(photo, places[np.array(same)])
     row = slice(chosen, chosen + 1)
     return replace(unnamed(1), verdict=(verdict,), side=side[row], offset=offset[row])
+
+
+def rim_in_doubt(grid: Grid, sides: Placement, board: int, ends: Ends | None) -> bool:
+    """Whether a grid may lie a line further along its board, one of its lines being a stray.
+
+    Few corners speak for that line, and the board may go on at the other side: there it is cut.
+    """
+    reach = reach_of(grid.cells, grid.parity, sides)
+    for rim in doubtful_rims(grid):
+        side, offset = reach_of(grid.cells[~rim], grid.parity, sides).places()
+        rival = (sides.board[side] == board) & ~reach.allows(side, offset)
+        if ends is not None:
+            gaps = int(ends.table[0, 0, 0, 0])  # within the grid, wherever it lies
+            rival &= ~clearly_more(ends.missing(sides, side, offset) - gaps, 0)
+        if rival.any():
+            return True
+    return False
 
 
 def _unsettled(photo: _Photo, left: Labelings) -> Decided:

@@ -93,7 +93,8 @@ class GridReport:
         verdict: named, or why not.
         place: where it lies, None when it was left out.
         corners: how many corners it has.
-        size: columns and rows of its bounding box.
+        size: columns and rows of its bounding box; where it was left out, without lines of one or
+            two corners at its rim.
         ratio: how many times worse the best other name fits; inf without a rival.
         rms_px: how well it fits its name under the lens of :class:`Identified`; NaN when unknown.
 
@@ -118,7 +119,7 @@ class Identified:
 
     Attributes:
         corners: the named corners; photos without any are listed in ``images`` all the same.
-        found: for each photo, its grids.
+        found: for each photo, its grids, without the strays that were cut off.
         grids: for each photo, what became of each of its grids.
         lens: the radial lens that the names were checked with, None when none could be fitted.
         exact: (M,) whether the photo's corners are surely these corners of the target. False

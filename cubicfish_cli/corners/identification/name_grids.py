@@ -17,17 +17,20 @@ from typing import NamedTuple
 import numpy as np
 
 from cubicfish_cli.core.geometry import mean_rotation
+from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.placement import Placement
+from cubicfish_cli.core.placement import Placement, reach_of
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.identification.decide import Decision
+from cubicfish_cli.corners.identification.decide import Decision, rim_in_doubt
+from cubicfish_cli.corners.identification.ends import solid, solid_size
 from cubicfish_cli.corners.identification.identified import Decided, GridReport, Identified, Place
 from cubicfish_cli.corners.identification.scene import (
     Decisions,
     Scene,
+    grid_poses,
     named_lens,
     nameless_lens,
     rigid,
@@ -67,8 +70,9 @@ def name_grids(
     decisions = _decided(scene)
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
+        _cut_unnamed(scene, scene.camera, sides, decisions)
         decisions = _without_misfits(scene, sides, decisions)
-    return _identified(scene, decisions, tuple(images))
+    return _identified(scene, _with_doubts(scene, decisions), tuple(images))
 
 
 def name_again(
@@ -113,12 +117,42 @@ def _decided(scene: Scene) -> Decisions:
     return decisions
 
 
+def _cut_unnamed(
+    scene: Scene, camera: RadialCamera, sides: Placement, decisions: Decisions
+) -> None:
+    """Cut what may be strays off grids that have no name, where they have one without them.
+
+    With strays a grid may still fit a larger board of the target, and then nothing is in its way.
+    """
+    for photo, own in enumerate(scene.photos):
+        before = decisions[photo]
+        cut = {
+            index: part
+            for n, index in enumerate(own)
+            if before.verdict[n] is not Decided.NAMED
+            and len(part := solid(scene.grids[index])) < len(scene.grids[index])
+        }
+        if not cut:
+            continue
+        kept = {
+            index: (scene.grids[index], scene.reach[index], scene.poses[index]) for index in cut
+        }
+        poses = grid_poses(camera, list(cut.values()), scene.image_size)
+        for (index, part), pose in zip(cut.items(), poses, strict=True):
+            scene.put(index, part, reach_of(part.cells, part.parity, scene.sides), pose)
+        after = scene.decide(sides, own)
+        if scene.named_corners(own, after) > scene.named_corners(own, before):
+            decisions[photo] = after
+            continue
+        for index, whole in kept.items():
+            scene.put(index, *whole)
+
+
 def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> Decisions:
-    """Decide photos again without the grid that fits far worse than those of the other photos.
+    """Decide photos again without grids that fit far worse than the grids of the other photos.
 
     A grid that is no board of the target may fit a place by chance, within the width of the
-    first gate, which must allow for targets that are not as drawn. It spoils the pose, and with it
-    the fit of all others.
+    first gate, which must allow for targets that are not as drawn.
     """
     rms = np.concatenate([np.empty(0), *(decision.rms_px for decision in decisions)])
     rms = rms[np.isfinite(rms)]
@@ -127,14 +161,40 @@ def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> De
     limit = _MISFIT_RATIO * float(np.median(rms))
     checked = list(decisions)
     for photo, (own, decision) in enumerate(zip(scene.photos, decisions, strict=True)):
-        trials = [
-            spread(scene.decide(sides, [index for index in own if index != own[n]]), good, len(own))
-            for n in np.flatnonzero(decision.rms_px > limit).tolist()
-            for good in ([k for k in range(len(own)) if k != n],)
-        ]
-        if trials:
-            checked[photo] = min(trials, key=lambda one: np.nan_to_num(one.rms_px).max())
+        bad = np.flatnonzero(decision.rms_px > limit).tolist()
+        if not bad:
+            continue
+        # One grid in a wrong place spoils the pose, and with it the fit of all others.
+        trials = [[n] for n in bad] + ([bad] if len(bad) > 1 else [])
+        again = [_decide_without(scene, sides, own, trial) for trial in trials]
+        sound = [one for one in again if not (one.rms_px > limit).any()]
+        checked[photo] = max(sound or again[-1:], key=lambda one: scene.named_corners(own, one))
     return checked
+
+
+def _with_doubts(scene: Scene, decisions: Decisions) -> Decisions:
+    """Take a grid that may hold a stray line for placed by convention.
+
+    Only where it is alone: other boards of the target would not fit if it lay elsewhere.
+    """
+    checked = list(decisions)
+    for photo, (own, decision) in enumerate(zip(scene.photos, decisions, strict=True)):
+        if decision.verdict.count(Decided.NAMED) != 1:
+            continue
+        n = decision.verdict.index(Decided.NAMED)
+        board = int(scene.sides.board[decision.side[n]])
+        if rim_in_doubt(scene.grids[own[n]], scene.sides, board, scene.ends(own, own[n])):
+            verdict = list(decision.verdict)
+            verdict[n] = Decided.CONVENTION
+            checked[photo] = replace(decision, verdict=tuple(verdict))
+    return checked
+
+
+def _decide_without(
+    scene: Scene, sides: Placement, own: Sequence[int], without: Sequence[int]
+) -> Decision:
+    good = [n for n in range(len(own)) if n not in without]
+    return spread(scene.decide(sides, [own[n] for n in good]), good, len(own))
 
 
 def _identified(
@@ -195,7 +255,7 @@ def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
         verdict=verdict,
         place=place,
         corners=len(grid),
-        size=(int(width), int(height)),
+        size=(int(width), int(height)) if place is not None else solid_size(grid),
         ratio=float(decision.ratio[n]),
         rms_px=float(decision.rms_px[n]),
     )
@@ -225,8 +285,9 @@ def decided_as_built(scene: Scene, decisions: Decisions) -> tuple[Placement, Dec
         built = built_sides(built, sightings)
         trial = scene.decide_all(built)
     others = [photo for photo in photos if photo != reference]
-    better = _merit(scene, trial, others) > _merit(scene, decisions, others)
-    return (built, trial) if better else (scene.sides, decisions)
+    if _merit(scene, trial, others) > _merit(scene, decisions, others):
+        return built, trial
+    return scene.sides, decisions
 
 
 class Sighting(NamedTuple):

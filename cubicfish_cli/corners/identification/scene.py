@@ -28,7 +28,7 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.decide import Decision, decide, decide_alone, unnamed
-from cubicfish_cli.corners.identification.ends import Ends, ends_of, farthest_radius
+from cubicfish_cli.corners.identification.ends import Ends, ends_of, farthest_radius, without_strays
 from cubicfish_cli.corners.identification.identified import Decided
 from cubicfish_cli.corners.identification.search import GridView, grid_moments, search
 
@@ -68,7 +68,7 @@ class Scene:
     def of(
         cls, grids: Sequence[Sequence[Grid]], target: Target, image_size: tuple[int, int]
     ) -> Scene:
-        """The grids of each photo, and where they can lie."""
+        """The grids of each photo, cut where strays are in the way."""
         sides = placement_of(target)
         other_colours = _has_other_colours(grids, sides)
         if other_colours:
@@ -84,8 +84,14 @@ class Scene:
         )
         for own in grids:
             first = len(scene.grids)
-            scene.grids += own
-            scene.reach += [reach_of(grid.cells, grid.parity, sides) for grid in own]
+            for found in own:
+                grid, room = found, reach_of(found.cells, found.parity, sides)
+                if not room.wide_enough:
+                    cut = without_strays(grid, sides.sizes_seen)
+                    if cut is not None:
+                        grid, room = cut, reach_of(cut.cells, cut.parity, sides)
+                scene.grids.append(grid)
+                scene.reach.append(room)
             order = sorted(range(first, len(scene.grids)), key=lambda k: -len(scene.grids[k]))
             scene.photos.append(order)
         return scene
@@ -99,6 +105,11 @@ class Scene:
         self.poses = [None] * len(self.grids)
         if self.camera is not None:
             self.poses = grid_poses(self.camera, self.grids, self.image_size)
+
+    def put(self, index: int, grid: Grid, reach: Reach, pose: GridPose | None) -> None:
+        """Another grid in the place of one."""
+        self.grids[index], self.reach[index], self.poses[index] = grid, reach, pose
+        self._farthest = None
 
     def decide(self, sides: Placement, own: Sequence[int]) -> Decision:
         """What becomes of one photo's grids, in the order of ``own``.
@@ -154,6 +165,14 @@ class Scene:
             np.column_stack([pose.rotation[0][:, :2], pose.translation[0]]),
             np.concatenate([np.empty((0, 2)), *(self.grids[k].pixel for k in own if k != index)]),
             self._farthest,
+        )
+
+    def named_corners(self, own: Sequence[int], decision: Decision) -> int:
+        """How many corners of a photo's grids have surely a name."""
+        return sum(
+            len(self.grids[index])
+            for index, verdict in zip(own, decision.verdict, strict=True)
+            if verdict is Decided.NAMED
         )
 
     def cells(self, index: int, decision: Decision, n: int) -> IntArray:

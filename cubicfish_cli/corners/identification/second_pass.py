@@ -6,13 +6,14 @@ corner there, by the same tests as in the first pass, it is added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.executors.pool import Work, settled
+from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.calibrate import calibrate
@@ -22,7 +23,6 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.corners.detection.grids import settled
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
@@ -35,19 +35,6 @@ _FLATTEST = 0.03
 _MOST_COUNT = 1_000_000
 # Parts of a square in which the board's local shape is measured.
 _STEP = 0.5
-
-
-class Picture(Protocol):
-    """A photo that can be looked at once more, here or in another process."""
-
-    @property
-    def name(self) -> str:
-        """What the detection calls it."""
-        ...
-
-    def read_grey(self) -> npt.NDArray[Any]:
-        """Its brightness (H, W)."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +52,7 @@ class _Prediction:
 
     """
 
-    photo: Picture
+    photo: Photo
     corners: Observations
     step: FloatArray
     bend: FloatArray
@@ -79,22 +66,21 @@ class _Prediction:
         return self.photo.name
 
 
-Done = Callable[[Callable[[_Prediction], Observations], Sequence[_Prediction]], list[Observations]]
-"""Makes the answers of a function for all items of a list, in order."""
-
-
 def second_pass(
-    photos: Sequence[Picture], detection: Detection, target: Target, done: Done
+    photos: Sequence[Photo],
+    detection: Detection,
+    target: Target,
+    work: Work,
 ) -> Detection:
     """Add the corners that a camera fitted to the first pass predicts and the photos show.
 
     Photos in which a board was placed by convention only are left as they are.
 
     Args:
-        photos: the photos that ``detection`` is of.
+        photos: the photos that ``detection`` is of, in its order.
         detection: the first pass.
         target: the calibration target.
-        done: who looks at the photos.
+        work: who looks at the photos.
 
     Returns:
         The detection with the added corners; the same one where no camera can be fitted.
@@ -112,19 +98,20 @@ def second_pass(
         )
     except FitError:
         return detection
-    by_name = {photo.name: photo for photo in photos}
+    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
+    by_name = {photo.name: photo for photo in seen}
     exact = {report.name for report in detection.photos if report.exact}
     predictions = [
         _predicted(by_name[name], number, fit, detection, target)
         for number, name in enumerate(fit.pairs.images)
         if name in exact
     ]
-    found = done(_look, predictions)
+    found = work.done(_look, predictions)
     return _with_added(detection, found)
 
 
 def _predicted(
-    photo: Picture, number: int, fit: Calibration, detection: Detection, target: Target
+    photo: Photo, number: int, fit: Calibration, detection: Detection, target: Target
 ) -> _Prediction:
     corners = detection.corners
     rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]

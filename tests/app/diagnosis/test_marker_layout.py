@@ -69,7 +69,7 @@ def photos(kind, counts, first_square="dark"):
 def evidence(photos, target):
     pictures, grids = zip(*photos, strict=True)
     marked = [
-        find_marked_corners(picture, target, found.candidates)
+        find_marked_corners(picture, target, found)
         for picture, found in zip(pictures, grids, strict=True)
     ]
     return MarkerEvidence(
@@ -211,6 +211,6 @@ def test_one_marker_that_cannot_be_read_does_not_outweigh_those_that_agree():
     sheet[105:135, 165:195] = 255 - code
     picture = cv2.GaussianBlur(sheet, (0, 0), 0.8)
     target = drawing("charuco", (4, 6))
-    found = find_marked_corners(picture, target, find_grids(picture).candidates)
+    found = find_marked_corners(picture, target, find_grids(picture))
     assert len(found) == 12
     assert found.contradictory == ()

@@ -6,7 +6,8 @@ import pytest
 from running import SAMPLE
 
 from cubicfish_cli.app.photos import read_grey
-from cubicfish_cli.corners.detection.finder import find_grids, glance_at_grids
+from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.identification.glance import glance_at_grids
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def test_every_kind_of_board_is_named_and_calibrates(photos):
     assert all(report.problem is None for report in first.photos)
     assert sum(report.corners for report in first.photos) == len(first.corners.pixel)
     # The plain board follows once the marked ones have told the lens and the poses.
-    corners = second_pass(files, first, target, Work(jobs=1).done).corners
+    corners = second_pass(files, first, target, Work(jobs=1)).corners
     assert set(np.unique(corners.board)) == {0, 1, 2}
     assert (corners.board == 2).sum() > 4 * 20
     miss = distances(corners, truth)

@@ -125,6 +125,7 @@ def false_grid(camera: RadialCamera, ray: np.ndarray, seed: int, size: tuple[int
         pixel=camera.project(plane + 12 * ray),
         parity=1,
         step=25.0,
+        contrast=np.full(len(cells), 100.0),
     )
 
 
@@ -366,6 +367,7 @@ def test_a_lone_board_is_the_same_whichever_side_is_called_x(size):
                 cells=part.cells[keep] - first_cell,
                 pixel=part.pixel[keep],
                 parity=part.parity * (-1) ** int(first_cell.sum()),
+                contrast=part.contrast[keep],
             )
         ]
     )

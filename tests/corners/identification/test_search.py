@@ -45,7 +45,7 @@ def plane(seed: int, *, columns: int = 6, rows: int = 5) -> tuple[Grid, np.ndarr
     middle = np.array([*rng.uniform(-4, 4, 2), rng.uniform(6, 10)])
     form = np.column_stack([turn[:, :2], middle - turn[:, :2] @ cells.mean(axis=0)])
     pixel = LENS.project(np.column_stack([cells, np.ones(len(cells))]) @ form.T)
-    grid = Grid(cells=cells, pixel=pixel, parity=1, step=30.0)
+    grid = Grid(cells=cells, pixel=pixel, parity=1, step=30.0, contrast=np.full(len(cells), 100.0))
     return grid, form
 
 
@@ -152,7 +152,7 @@ def test_corners_are_missing_where_a_board_goes_on_unseen(lost, count):
     form = np.column_stack([np.eye(3)[:, :2], [-5.0, -3.5, 10.0]])
     pixel = LENS.project(np.column_stack([cells, np.ones(len(cells))]) @ form.T)
     # the colours of place (0, 0): the square down-right of corner (0, 0) is dark
-    grid = Grid(cells=cells, pixel=pixel, parity=-1, step=26.0)
+    grid = Grid(cells=cells, pixel=pixel, parity=-1, step=26.0, contrast=np.full(len(cells), 9.0))
     ends = ends_of(LENS, grid, form, NO_PIXEL, farthest=2.0)
     missing = ends.missing(sides, np.array([0]), np.array([[0, 0]]))
     assert missing[0] == count
@@ -166,7 +166,7 @@ def test_places_are_charged_for_the_room_that_they_leave():
     cells = np.indices((5, 4)).reshape(2, -1).T
     form = np.column_stack([np.eye(3)[:, :2], [-2.0, -1.5, 6.0]])
     pixel = LENS.project(np.column_stack([cells, np.ones(len(cells))]) @ form.T)
-    grid = Grid(cells=cells, pixel=pixel, parity=-1, step=40.0)
+    grid = Grid(cells=cells, pixel=pixel, parity=-1, step=40.0, contrast=np.full(20, 9.0))
     ends = ends_of(LENS, grid, form, NO_PIXEL, farthest=2.0)
     side, offset = reach_of(grid.cells, grid.parity, sides).places()
     missing = ends.missing(sides, side, offset)
@@ -183,7 +183,9 @@ def test_corners_of_another_grid_are_not_missing():
     form = np.column_stack([np.eye(3)[:, :2], [-5.0, -3.5, 10.0]])
     pixel = LENS.project(np.column_stack([cells, np.ones(len(cells))]) @ form.T)
     left = cells[:, 0] < 6
-    piece = Grid(cells=cells[left], pixel=pixel[left], parity=-1, step=26.0)
+    piece = Grid(
+        cells=cells[left], pixel=pixel[left], parity=-1, step=26.0, contrast=np.full(48, 9.0)
+    )
     place = np.array([0]), np.array([[0, 0]])
     alone = ends_of(LENS, piece, form, NO_PIXEL, farthest=2.0)
     assert alone.missing(sides, *place)[0] == 16
@@ -265,7 +267,9 @@ def test_a_grid_that_fills_a_board_is_that_board():
     sides = placement_of(target)
     for size, verdict in (((8, 5), Decided.NAMED), ((7, 5), Decided.SLIDE)):
         cells = np.indices(size).reshape(2, -1).T
-        grid = Grid(cells=cells, pixel=10.0 * cells, parity=-1, step=10.0)
+        grid = Grid(
+            cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
+        )
         alone = decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None)
         assert alone.verdict == (verdict,)
         if verdict is Decided.NAMED:
@@ -279,7 +283,9 @@ def test_one_of_two_boards_alike_is_not_guessed(size, verdict):
     target = Target(units="mm", boards=(*twins, checkerboard("c", 4, 3, 30.0, (70, 0, 100))))
     sides = placement_of(target)
     cells = np.indices(size).reshape(2, -1).T
-    grid = Grid(cells=cells, pixel=10.0 * cells, parity=-1, step=10.0)
+    grid = Grid(
+        cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
+    )
     assert decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None).verdict == (
         verdict,
     )
@@ -301,7 +307,7 @@ def test_a_narrow_lens_leaves_two_poses_of_a_plane_and_a_wide_one_does_not():
         points = np.column_stack([cells - cells.mean(axis=0), np.zeros(len(cells))]) @ turn.T
         pixel = camera.project(points + np.array([0.1, 0.2, distance]))
         pixel += 0.2 * rng.standard_normal(pixel.shape)
-        grid = Grid(cells=cells, pixel=pixel, parity=1, step=25.0)
+        grid = Grid(cells=cells, pixel=pixel, parity=1, step=25.0, contrast=np.full(42, 9.0))
         (pose,) = grid_poses(camera, [grid], IMAGE_SIZE)
         assert len(pose.rotation) == count
         angles = [np.degrees(np.arccos((np.trace(r @ turn.T) - 1) / 2)) for r in pose.rotation]
@@ -311,7 +317,7 @@ def test_a_narrow_lens_leaves_two_poses_of_a_plane_and_a_wide_one_does_not():
 def test_corners_on_no_plane_have_no_pose():
     grid, _ = plane(0)
     bent = grid.pixel + 8.0 * np.sin(grid.cells)
-    both = [grid, Grid(cells=grid.cells, pixel=bent, parity=1, step=30.0)]
+    both = [grid, Grid(cells=grid.cells, pixel=bent, parity=1, step=30.0, contrast=grid.contrast)]
     good, bad = grid_poses(LENS, both, IMAGE_SIZE)
     assert good is not None
     assert good.rms_px < 0.01

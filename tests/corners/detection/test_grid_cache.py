@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cubicfish_cli.app import look
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.look import GridCache
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.target import load_target
+from cubicfish_cli.corners.detection import look
+from cubicfish_cli.corners.detection import look as cache_module
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
+from cubicfish_cli.corners.detection.look import GridCache
 
-SAMPLE = Path(__file__).parents[2] / "sample_data"
+SAMPLE = Path(__file__).parents[3] / "sample_data"
 TARGET = load_target(SAMPLE / "target.yaml")
 
 
@@ -32,6 +33,7 @@ def found(count=2):
                 pixel=rng.uniform(0, 900, (5 + n, 2)),
                 parity=(-1) ** n,
                 step=17.5 + n,
+                contrast=rng.uniform(0, 99, 5 + n),
             )
             for n in range(count)
         ),
@@ -52,6 +54,7 @@ def test_round_trip_is_exact(cache, count):
     for one, other in zip(loaded.grids, saved.grids, strict=True):
         np.testing.assert_array_equal(one.cells, other.cells)
         np.testing.assert_array_equal(one.pixel, other.pixel)
+        np.testing.assert_array_equal(one.contrast, other.contrast)
         assert (one.parity, one.step) == (other.parity, other.step)
 
 
@@ -68,7 +71,7 @@ def test_key_follows_the_bytes_and_the_finder(cache, monkeypatch):
     key = cache.key(b"photo")
     assert cache.key(b"photo") == key
     assert cache.key(b"photO") != key
-    monkeypatch.setattr(look, "_searcher", lambda: "another")
+    monkeypatch.setattr(cache_module, "_searcher", lambda: "another")
     assert cache.key(b"photo") != key
 
 

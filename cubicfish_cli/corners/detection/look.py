@@ -9,26 +9,27 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app import photos, picture_headers
-from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.photos import Photo, decode_picture, grey, read_file
+from cubicfish_cli.app.executors.pool import Work, settled
+from cubicfish_cli.app.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import OutputError, PhotoError
 from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners import detection, mosaic
+from cubicfish_cli.corners.detection.closer import is_part, look_closer
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
-from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, settled
+from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
 from cubicfish_cli.corners.detection.markers import MarkedCorners, find_marked_corners
 
 _OF_GRID = [field.name for field in fields(Grid)]
@@ -121,6 +122,12 @@ class Look:
     refusal: Finding | None = None
     marked: MarkedCorners | None = None
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no corner was found: none that markers name, where the target has any."""
+        named = self.marked
+        return not (len(named) if named is not None else self.grids and self.grids.grids)
+
 
 def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> Look:
     """Read a photo and search it.
@@ -164,25 +171,61 @@ def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Find
 
 
 def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache | None) -> Look:
+    @lru_cache(maxsize=1)
+    def picture() -> Picture:
+        return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
+
     key = cache.key(data) if cache and data else ""  # in memory there are no bytes to know it by
-    grids = cache.load(key) if cache and key else None
-    if grids is not None and not (target and (target.has_markers or not grids.grids)):
-        return Look(grids=grids)
-    picture = grey(decode_picture(photo.path, data)) if data else photo.read_grey()
-    if grids is None:
-        grids = find_grids(picture)
+
+    def remembered(search: Callable[[], FoundGrids], name: str = "") -> FoundGrids:
+        entry = key + name
+        known = cache.load(entry) if cache and key else None
+        if known is not None:
+            return known
+        found = search()
+        found = replace(
+            found, grids=tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
+        )
         if cache and key:
-            cache.save(key, grids)
+            cache.save(entry, found)
+        return found
+
+    grids = remembered(lambda: find_grids(picture()))
     if target is None:
         return Look(grids=grids)
-    marked = None
+    look = _looked(picture, target, grids)
+    width, height = grids.image_size
+    if look.is_empty and 4 * width * height <= MOST_PIXELS:
+        closer = remembered(lambda: find_grids(picture(), closely=True), "-close")
+        closer_look = _looked(picture, target, closer, closely=True)
+        look = look if closer_look.is_empty else closer_look
+    if look.is_empty:
+        why = _why_no_markers if target.has_markers else _why_nothing
+        return replace(look, refusal=why(photo, picture(), grids))
     if target.has_markers:
-        marked = find_marked_corners(picture, target, grids.candidates)
-        marked = replace(marked, pixel=settled(marked.pixel))
-    look = Look(grids=grids, marked=marked)
-    if marked is not None and not len(marked) and grids.grids:
-        return replace(look, refusal=refused(photo.name, Code.NO_MARKERS))
-    if not (grids.grids if marked is None else len(marked)):
-        why = explain_no_grids(picture, grids)
-        return replace(look, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
-    return look
+        return look
+    sizes = sorted({(board.columns, board.rows) for board in target.boards})
+    if not any(is_part(grid, sizes) for grid in grids.grids):
+        return look
+    name = "-" + "-".join(f"{columns}x{rows}" for columns, rows in sizes)
+    return Look(grids=remembered(lambda: look_closer(picture(), grids, sizes), name))
+
+
+def _looked(
+    picture: Callable[[], Picture], target: Target, grids: FoundGrids, *, closely: bool = False
+) -> Look:
+    if not target.has_markers:
+        return Look(grids=grids)
+    marked = find_marked_corners(picture(), target, grids, closely=closely)
+    return Look(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
+
+
+def _why_nothing(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
+    why = explain_no_grids(picture, found)
+    return replace(why, severity=Severity.CARE, images=(photo.name,))
+
+
+def _why_no_markers(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
+    if not found.grids:
+        return _why_nothing(photo, picture, found)
+    return refused(photo.name, Code.NO_MARKERS)

@@ -1,0 +1,307 @@
+"""Boards, or parts of them, that markers place in a photo: grown, checked and joined.
+
+A piece begins with the corners around markers that agree, takes in grids that share corners with
+it and grows along the board. Its markers are read again through its corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.corners.detection.grids import Grid
+from cubicfish_cli.corners.detection.markers_detect import Family, SeenMarkers
+from cubicfish_cli.corners.detection.markers_lattice import (
+    BoardLattice,
+    clean,
+    grow,
+    snap_named,
+    verify,
+)
+from cubicfish_cli.corners.detection.markers_read import (
+    NamedGrid,
+    cell_corners,
+    marker_ratio,
+    module_places,
+    quarter_turns,
+    read_modules,
+    shortest_side,
+    squares,
+    surely_alike,
+    wrong_modules,
+)
+from cubicfish_cli.corners.detection.nearby import nearest
+from cubicfish_cli.corners.detection.pyramid import Pyramid
+
+# A grid takes its names from at least this many of a board's corners, and from this share of
+# those that it shares with the board.
+_LEAST_VOTES, _LEAST_SHARE = 3, 0.8
+# A marker that stands alone must have this many of its corners seen as corners.
+_ALONE = 3
+# Of the markers that are clearly seen through a board's corners, so many times more must be
+# its own than others; and a marker that nothing else vouched for must not be the only one.
+_OWN_FOR_ANOTHER = 4
+# Blurred markers lose a few of their modules; of another one's about half are wrong, and hardly
+# ever less than this share.
+_BLURRED = 0.25
+_SAME_CORNER = 0.3  # of the distance to the next corner
+
+
+class How(IntEnum):
+    """What named a corner."""
+
+    MARKER = 0
+    """It belongs to a marker that was read, or to a grid whose markers were read together."""
+    GRID = 1
+    """A found grid, named by corners that it shares with markers, has it."""
+    GROWN = 2
+    """It is where its board continues."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Piece:
+    """A board, or a part of it, at one place in the photo."""
+
+    board: int
+    lattice: BoardLattice
+    how: IntArray = field(init=False)  # (columns, rows)
+    markers: int  # how many agree
+    grids: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        """Take what is known for what markers name, the rest for what will have grown."""
+        self.how = np.where(self.lattice.known, int(How.MARKER), int(How.GROWN))
+
+
+def piece_of(
+    pyramid: Pyramid,
+    target: Target,
+    index: int,
+    markers: SeenMarkers,
+    chosen: BoolArray,
+    grids: tuple[Grid, ...],
+    free: cKDTree,
+) -> Piece | None:
+    """The board as the chosen markers place it, grown as far as it can be seen."""
+    lattice = placed(pyramid, target, index, markers, chosen, free)
+    verify(pyramid, lattice)
+    agreeing = len(np.unique(markers.cell[chosen], axis=0))
+    if lattice.known.sum() < (_ALONE if agreeing == 1 else 4):
+        return None
+    piece = Piece(board=index, lattice=lattice, markers=agreeing)
+    _extend(pyramid, piece, grids, free)
+    return piece if lattice.known.sum() >= 4 else None
+
+
+def placed(
+    pyramid: Pyramid,
+    target: Target,
+    index: int,
+    markers: SeenMarkers,
+    chosen: BoolArray,
+    free: cKDTree,
+) -> BoardLattice:
+    """The corners around the chosen markers, each where a saddle is seen nearby."""
+    board = target.boards[index]
+    lattice = BoardLattice(board=board)
+    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen], target, index)
+    lattice.put(cells, pixel)
+    cells = lattice.cells()
+    fit = lattice.fit(cells)
+    pixel, found = snap_named(pyramid, lattice, lattice.at(cells), fit, free)
+    lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
+    clean(lattice)
+    return lattice
+
+
+def _extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
+    """Add what else of the board can be seen, and drop what is no corner."""
+    lattice = piece.lattice
+    for _ in range(2):
+        _absorb(piece, grids)
+        grow(pyramid, lattice, free)
+        clean(lattice)
+        verify(pyramid, lattice)
+        clean(lattice)
+
+
+def blurred(
+    pyramid: Pyramid,
+    target: Target,
+    one: NamedGrid,
+    number: int,
+    grids: tuple[Grid, ...],
+    free: cKDTree,
+) -> Piece:
+    """The board of a grid that is named by all of its markers together."""
+    lattice = BoardLattice(board=target.boards[one.board])
+    lattice.put(one.cells, grids[number].pixel)
+    piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
+    _extend(pyramid, piece, grids, free)
+    return piece
+
+
+def _seeds(
+    board: Board, cell: IntArray, outline: FloatArray, target: Target, index: int
+) -> tuple[IntArray, FloatArray]:
+    """Where markers put the corners around them: cells (K, 2), pixels (K, 2)."""
+    square = squares(outline, marker_ratio(target, index))
+    corner = cell_corners(board, cell).reshape(-1, 2)
+    pixel = square.reshape(-1, 2)
+    inside = ((corner >= 0) & (corner < (board.columns, board.rows))).all(axis=1)
+    cells, same = np.unique(corner[inside], axis=0, return_inverse=True)
+    same = same.ravel()
+    count = np.bincount(same, minlength=len(cells))
+    mean = np.stack(
+        [np.bincount(same, pixel[inside, k], minlength=len(cells)) / count for k in (0, 1)], axis=-1
+    )
+    return cells, mean
+
+
+def _absorb(piece: Piece, grids: tuple[Grid, ...]) -> None:
+    """Take the corners of grids that share corners with the piece, by majority vote."""
+    lattice = piece.lattice
+    for number, grid in enumerate(grids):
+        names = _name_grid(lattice, grid)
+        if names is None:
+            continue
+        piece.grids.add(number)
+        fresh = ~lattice.known[names[:, 0], names[:, 1]]
+        lattice.put(names[fresh], grid.pixel[fresh])
+        piece.how[names[fresh, 0], names[fresh, 1]] = How.GRID
+
+
+def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
+    """Names (N, 2) of a grid's corners, or None when the piece does not name it for sure."""
+    known = lattice.cells()
+    if not len(known):
+        return None
+    distance, index = nearest(grid.pixel, lattice.at(known), 1)
+    shared = distance[:, 0] < max(1.0, 0.1 * grid.step)
+    if shared.sum() < _LEAST_VOTES:
+        return None
+    names = known[index[shared, 0]]
+    most, named = 0, None
+    for cells, turned in quarter_turns(grid):
+        offsets, votes = np.unique(names - cells[shared], axis=0, return_counts=True)
+        if votes.max() > most:
+            most, named = int(votes.max()), cells + offsets[votes.argmax()]
+            sign = turned
+    if named is None or most < max(_LEAST_VOTES, _LEAST_SHARE * shared.sum()):
+        return None
+    fits = lattice.inside(named).all() and (lattice.sign(named) == sign).all()
+    return named if fits else None
+
+
+def agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: Piece) -> bool:
+    """Whether the markers that can be read through the piece's corners are the board's own."""
+    board = target.boards[piece.board]
+    corner = cell_corners(board, board.marker_cells()[:, 1:])
+    whole = np.asarray(piece.lattice.inside(corner).all(axis=1))
+    whole[whole] = ~np.isnan(piece.lattice.at(corner[whole].reshape(-1, 2))[:, 0]).reshape(
+        -1, 4
+    ).any(axis=1)
+    if not whole.any():
+        return False
+    corner = corner[whole]
+    ratio = marker_ratio(target, piece.board)
+    side_px = ratio * shortest_side(piece.lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2))
+    own, other = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
+    for family in all_families:
+        row = np.nonzero(family.board == piece.board)[0]
+        if not len(row):
+            continue
+        points = piece.lattice.inside_squares(corner, module_places(family, ratio))
+        white, clear = read_modules(pyramid, points, side_px, family)
+        wrong = wrong_modules(white, family)[:, 0]
+        wrong = wrong[np.arange(len(wrong)), row[whole]]
+        own |= clear & (wrong <= family.corrected)
+        other |= clear & (wrong > max(family.corrected, _BLURRED * family.size**2))
+    least = 2 if piece.markers == 1 else 1
+    # Those that place the piece were read in the same squares, or beyond the known corners.
+    agreeing = max(int(own.sum()), piece.markers)
+    if own.sum() >= least and agreeing >= _OWN_FOR_ANOTHER * (other & ~own).sum():
+        return True
+    # Modules of a pixel or two are misread one by one where all together leave no doubt.
+    return any(
+        surely_alike(pyramid, target, family, piece.board, piece.lattice)
+        for family in all_families
+        if (family.board == piece.board).any()
+    )
+
+
+def settle(pieces: list[Piece]) -> tuple[list[Piece], set[int]]:
+    """Merge pieces that continue each other; leave out boards that are in two places."""
+    kept: list[Piece] = []
+    contradictory: set[int] = set()
+    for piece in pieces:
+        rivals = [other for other in kept if _share_pixels(piece, other)]
+        same = [other for other in kept if other.board == piece.board]
+        if any(other.board != piece.board for other in rivals):
+            continue  # what more markers name otherwise
+        if not same:
+            kept.append(piece)
+        elif all(_continue_each_other(piece, other) for other in same):
+            _merge(same[0], piece)
+        else:
+            contradictory.add(piece.board)
+    return [piece for piece in kept if piece.board not in contradictory], contradictory
+
+
+def _share_pixels(one: Piece, other: Piece) -> bool:
+    """Whether a good part of the smaller piece is where the other piece has corners."""
+    few, many = sorted((one.lattice, other.lattice), key=lambda lattice: int(lattice.known.sum()))
+    cells = few.cells()
+    near = nearest(few.at(cells), many.pixel[many.known], 1)[0][:, 0]
+    limit = _SAME_CORNER * few.closest * few.fit(cells).side
+    return bool((near < limit).mean() > 0.1)
+
+
+def _continue_each_other(one: Piece, other: Piece) -> bool:
+    """Whether two pieces of a board can be parts of one board in one place."""
+    both = np.argwhere(one.lattice.known & other.lattice.known)
+    if len(both):
+        apart = np.hypot(*(one.lattice.at(both) - other.lattice.at(both)).T)
+        limit = _SAME_CORNER * one.lattice.closest * one.lattice.fit(both).side
+        return bool((apart < limit).all()) and not _names_differ(one, other)
+    if _share_pixels(one, other):
+        return False
+    # The way between their nearest cells must be as long, and lead where, both pieces say.
+    a, b = one.lattice.cells(), other.lattice.cells()
+    distance, index = nearest(a.astype(float), b.astype(float), 1)
+    start = a[distance[:, 0].argmin()][None]
+    end = b[index[distance[:, 0].argmin(), 0]][None]
+    lattice = one.lattice
+    way = np.array(
+        [
+            lattice.x[end[0, 0]] - lattice.x[start[0, 0]],
+            lattice.y[end[0, 1]] - lattice.y[start[0, 1]],
+        ]
+    )
+    steps = 0.5 * (one.lattice.fit(start).step[0] + other.lattice.fit(end).step[0])
+    expected = steps @ way
+    seen = other.lattice.at(end)[0] - one.lattice.at(start)[0]
+    return bool(np.linalg.norm(seen - expected) < 0.5 * np.linalg.norm(expected))
+
+
+def _names_differ(one: Piece, other: Piece) -> bool:
+    """Whether a corner of one piece is where the other has a corner of another name."""
+    cells, names = one.lattice.cells(), other.lattice.cells()
+    distance, index = nearest(one.lattice.at(cells), other.lattice.at(names), 1)
+    limit = _SAME_CORNER * one.lattice.closest * one.lattice.fit(cells).side
+    near = distance[:, 0] < limit
+    return bool((names[index[near, 0]] != cells[near]).any())
+
+
+def _merge(into: Piece, piece: Piece) -> None:
+    cells = np.argwhere(piece.lattice.known & ~into.lattice.known)
+    into.lattice.put(cells, piece.lattice.at(cells))
+    into.how[cells[:, 0], cells[:, 1]] = piece.how[cells[:, 0], cells[:, 1]]
+    into.markers += piece.markers
+    into.grids |= piece.grids
