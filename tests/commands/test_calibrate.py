@@ -190,7 +190,7 @@ def test_pairs_may_stand_where_corners_do(run: Run, tmp_path: Path, quick_fit: N
     ("args", "message"),
     [
         ([], "name photos, a folder of photos, or a corners.csv"),
-        ([CORNERS], "name it with --target target.yaml"),
+        ([CORNERS], "name the target that the photos show with --target target.yaml"),
         ([SAMPLE / "photos"], "'cubicfish target print --object corner'), or a flat"),
         ([CORNERS, CORNERS, "-t", TARGET], "must be the only input"),
         ([CORNERS, "--correspondences", CORNERS, "-t", TARGET], "not both"),

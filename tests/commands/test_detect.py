@@ -153,7 +153,7 @@ def test_a_camera_is_calibrated_from_one_photo_of_several_boards(run: Run, tmp_p
     ("args", "code", "message"),
     [
         (["detect", "-t", TARGET], 2, "Missing argument"),
-        (["detect", *PHOTOS], 2, "name it with --target target.yaml"),
+        (["detect", *PHOTOS], 2, "name the target that the photos show with --target target.yaml"),
         (["detect", "black.png", "-t", TARGET], 1, "expose it longer"),
         (["detect", "text.png", "-t", TARGET], 1, "text.png"),
         (["detect", "empty", "-t", TARGET], 1, "empty"),

@@ -94,15 +94,15 @@ def test_photos_of_the_fit_are_no_worse_than_the_drawn_target_was(run: Run, tmp_
             assert "calibrate again" not in said.stdout
 
 
-def test_what_does_not_go_together_is_wrong_usage(run: Run, tmp_path: Path) -> None:
+def test_what_does_not_go_together_is_wrong_usage(run: Run, calibrated: Path) -> None:
     line = ("calibrate", CORNERS)
     assert "add --square" in run(*line, "--board", "9x6", code=2).stderr
     assert "--square is of --board" in run(*line, "--square", "3cm", code=2).stderr
     both = ("-t", SAMPLE / "target.yaml", "--board", "9x6", "--square", "1in")
     assert "leave --board out" in run(*line, *both, code=2).stderr
     assert "no length" in run(*line, "--board", "9x6", "--square", "wide", code=1).stderr
-    for name in ("calibrate", "detect", "evaluate"):
-        said = run(name, SAMPLE / "photos", code=2).stderr
+    for name, more in (("calibrate", ()), ("detect", ()), ("evaluate", ("-m", calibrated))):
+        said = run(name, SAMPLE / "photos", *more, code=2).stderr
         assert "cubicfish target print" in said
         assert "--board 9x6" in said
 

@@ -132,9 +132,9 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
             "and what would lower it, cannot be worked out; calibrate with --lift ray for this"
         )
     if facts.errors is None:
-        raise CubicfishError(
-            f"{path}: {facts.lack}: name the corners with --corners, and the target with --target"
-        )
+        beside = (path.parent / "corners.csv").is_file() and facts.target is None
+        do = "name the target with --target" if beside else "name the corners with --corners"
+        raise CubicfishError(f"{path}: {facts.lack}: {do}")
     run.listener.progress("Looking for photos that would help")
     advice = advise(
         facts.camera,
