@@ -15,7 +15,7 @@ from running import SAMPLE, Run
 from cubicfish_cli import __version__
 from cubicfish_cli.app.terminal import terminal
 from cubicfish_cli.app.terminal.main import COMMANDS, cli
-from cubicfish_cli.core.errors import CameraFileError, FitError
+from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.io import camera_yaml
 
 CUBICFISH = [sys.executable, "-m", "cubicfish_cli"]
@@ -144,8 +144,13 @@ def test_a_known_error_is_one_line_on_stderr(run: Run, tmp_path: Path) -> None:
 def test_debug_shows_where_an_error_came_from(tmp_path: Path, place: str) -> None:
     args = ["project", "-m", str(tmp_path / "no.yaml")]
     args = ["--debug", *args] if place == "before" else [*args, "--debug"]
-    result = CliRunner().invoke(cli, args, input="0,0,1\n")
-    assert isinstance(result.exception, CameraFileError)
+    command = [sys.executable, "-m", "cubicfish_cli", *args]
+    done = subprocess.run(command, input="0,0,1\n", capture_output=True, text=True)
+    assert done.returncode == 1
+    trace, _, error = done.stderr.rpartition("Error: ")
+    assert trace.startswith("Traceback")
+    assert "CameraFileError" in trace
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import io
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -101,8 +102,10 @@ class Program(LazyGroup):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 ctx.exit(EXIT_BROKEN_PIPE)
             why = _why(error)
-            if why is None or ctx.meta.get(DEBUG_KEY):
+            if why is None:
                 raise
+            if ctx.meta.get(DEBUG_KEY):
+                traceback.print_exception(error)
             raise Failure(why) from error
         return result
 

@@ -119,8 +119,8 @@ def export_rig_files(
     if holds_rigs is None:
         first = path.parent / known.cameras[0].path
         raise UsageError(
-            f"--to {to} holds one camera: name one of the rig's, such as {first}, or choose one of "
-            + ", ".join(name for name, made in WRITTEN.items() if made.rig)
+            f"--to {to} holds one camera: write each with 'cubicfish export {first} --to {to}', or "
+            "choose one of " + ", ".join(name for name, made in WRITTEN.items() if made.rig)
         )
     run.listener.progress("Fitting the other lenses")
     goal = Path(output or holds_rigs[0])
