@@ -43,7 +43,7 @@ def test_calibrate_writes_the_page_that_report_writes(run: Run, tmp_path: Path) 
     folder = tmp_path / "c"
     said = run("calibrate", CORNERS, "-t", TARGET, "-o", folder, *QUICK, "-v")
     assert f"wrote {folder / 'report.html'}" in said.stdout
-    assert "verdict: usable with care: it is not known how right" in said.stdout
+    assert "verdict: usable with care: no error was measured" in said.stdout
     assert "report.html took" in said.stderr
     page = (folder / "report.html").read_bytes()
     assert b"<!DOCTYPE html>" in page
