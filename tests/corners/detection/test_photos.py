@@ -9,7 +9,7 @@ import pytest
 
 from cubicfish_cli.corners.detection.finder import find_grids
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 
 
 @pytest.mark.slow
