@@ -11,10 +11,12 @@ import concurrent.futures
 import logging
 import pickle
 import platform
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from typing import Any, TypeVar
 
 import cv2
@@ -33,7 +35,9 @@ CANCELLED = (concurrent.futures.CancelledError, asyncio.CancelledError)
 WAIT_S = 60.0
 """How long to wait for a worker where there is none."""
 
-_CONNECT_S = _CLOSE_S = 5.0  # a scheduler that is there answers within milliseconds
+# A scheduler that is there answers within milliseconds.
+_CONNECT_S, _SLACK_S = 5.0, 1.0
+_CLOSE_S = 5.0
 _POLL_S, _LOOK_S = 1.0, 0.01
 
 
@@ -182,8 +186,9 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
         stack.enter_context(warnings.catch_warnings())
         # It compares versions too, of more than what matters here.
         warnings.filterwarnings("ignore", message="Mismatched versions found")
+        reach = partial(Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
         try:
-            client = Client(address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
+            client = _within(_CONNECT_S + _SLACK_S, reach)
         except Exception as problem:  # whatever the other side does not understand
             said = " ".join(str(problem).split()) or "it is silent"
             raise ClusterError(
@@ -202,3 +207,22 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
 def _close(client: Any) -> None:
     with suppress(OSError, RuntimeError, *CANCELLED):
         client.close(timeout=_CLOSE_S)
+
+
+def _within(limit_s: float, start: Callable[[], Any]) -> Any:
+    """Call a function that may never return, as where something else listens.
+
+    Raises:
+        TimeoutError: it did not return in time.
+
+    """
+    outcome: concurrent.futures.Future[Any] = concurrent.futures.Future()
+
+    def run() -> None:
+        try:
+            outcome.set_result(start())
+        except Exception as problem:
+            outcome.set_exception(problem)
+
+    threading.Thread(target=run, daemon=True).start()
+    return outcome.result(limit_s)

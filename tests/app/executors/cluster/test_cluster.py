@@ -4,6 +4,7 @@ import gc
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -364,6 +365,24 @@ def test_a_scheduler_that_is_not_there_is_one_line(
     assert not (tmp_path / "out").exists()
     del result
     gc.collect()  # dask hangs where a client that was never connected goes while one is made
+
+
+@pytest.mark.slow
+def test_a_listener_that_is_no_scheduler_is_one_line_too() -> None:
+    code = (
+        "import sys\nfrom cubicfish_cli.app.executors import cluster\n"
+        "cluster._CONNECT_S = cluster._SLACK_S = 0.3\n"
+        "with cluster.connect(sys.argv[1]):\n    pass"
+    )
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        done = subprocess.run(
+            [sys.executable, "-c", code, address], capture_output=True, text=True, timeout=20
+        )
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(
+        f"cubicfish_cli.core.errors.ClusterError: no scheduler answers at {address}"
+    )
 
 
 @pytest.mark.slow
