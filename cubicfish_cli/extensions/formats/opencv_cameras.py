@@ -271,10 +271,13 @@ class _Keys:
 def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
     entry = keys.find(_MATRIX, arrays=True)
     if entry is None:
-        there = ", ".join(quoted(key)[1:-1] for key in keys.candidates()[:10])
+        named = [quoted(key)[1:-1] for key in keys.candidates()[:10]]
+        there = ", ".join(named)
+        numbered = any(name[-1].isdigit() for name in named)
+        such = "--camera 1 for M1 and D1" if numbered else f"--camera {named[0]}" if named else ""
         raise CameraFileError(
-            f"{keys.path}: which of its cameras is meant? Add --camera, such as --camera 1 for M1 "
-            f"and D1; it holds {there}"
+            f"{keys.path}: which of its cameras is meant? Add --camera, such as {such}; it holds "
+            f"{there}"
             if there
             else f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and "
             "data"

@@ -75,6 +75,13 @@ def test_cameras_of_a_pair_are_told_apart(tmp_path, syntax):
         read_opencv(path, camera="3")
 
 
+def test_a_camera_that_is_called_otherwise_is_named_as_it_is(tmp_path):
+    path = tmp_path / "profile.json"
+    path.write_text(json.dumps({"fisheye_params": {"camera_matrix": K.tolist()}}))
+    with pytest.raises(CameraFileError, match="such as --camera fisheye_params; it holds fish"):
+        read_opencv(path)
+
+
 @pytest.mark.parametrize(
     ("matrix", "coefficients"),
     [
