@@ -180,6 +180,9 @@ def test_what_is_no_recording_is_refused_in_one_line(
     assert path.name in str(refused.value)
 
 
+# rosbags 0.10 leaves such a file open, which Python says when the file is forgotten.
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("length", [2**40, 2**63 - 1, 2**64 - 1])
 def test_a_record_of_any_length_is_refused_in_one_line(length: int, tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
