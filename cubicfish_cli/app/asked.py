@@ -187,17 +187,17 @@ def in_folder(path: Path) -> Path:
     if not path.is_dir():
         return path
     inside = path / "camera.yaml"
-    if not inside.exists() and (path / "rig.yaml").exists():
+    if inside.exists():
+        return inside
+    if (path / "rig.yaml").exists():
         raise CameraFileError(
             f"{path} is the folder of a rig: name one of its cameras, a folder in it, or do this "
             "with 'cubicfish rig'"
         )
-    if not inside.exists():
-        raise CameraFileError(
-            f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
-            "calibrate' wrote, or a camera file"
-        )
-    return inside
+    raise CameraFileError(
+        f"{path} is a folder without a {inside.name}: name the folder that 'cubicfish "
+        "calibrate' wrote, or a camera file"
+    )
 
 
 def paths_of(given: StrPath | Iterable[StrPath]) -> list[Path]:

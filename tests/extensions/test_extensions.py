@@ -88,6 +88,7 @@ def test_a_rig_is_no_camera_and_the_command_says_what_is(run: Run, tmp_path: Pat
                 said = run(*line, code=1).stderr
                 assert "camera" in said
                 assert said.count("\n") == 1
+                assert ("is the folder of a rig" in said) == (given == tmp_path)
         assert "rig.yaml is of a rig" in said
 
 

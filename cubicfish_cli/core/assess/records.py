@@ -33,11 +33,6 @@ def recorded_number(value: object) -> float | None:
         return None
 
 
-def recorded_mappings(value: object) -> list[Mapping[str, Any]]:
-    """The mappings of a list; none of anything else."""
-    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
-
-
 def read_record(kind: type[R], value: object) -> R | None:
     """A record of plain data; None where they are no mapping, or lack a field without default."""
     if not isinstance(value, Mapping):
