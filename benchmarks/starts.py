@@ -3,11 +3,11 @@
     python benchmarks/starts.py CORNERS.csv TARGET.yaml [CORNERS.csv TARGET.yaml ...]
 
 Each camera is calibrated as ``calibrate`` does it unasked. At the prior that it chose, with the
-target as it refined it, P and all poses are then fitted from five starts: the end itself, the
-cubic nearest to the radial reference, and three linear solutions whose P3Φ is pulled to a constant
-more and more. Prints RMS and radial RMS (pixels, held out), how near a cubic comes to the reference
-among the corners, and by which share each cost is above the least. Exit status 1 where a start
-leads further down than the fit's own end, by more than 0.1 %.
+target as it refined it, P and all poses are then fitted from five starts: the end itself, the cubic
+nearest to the radial reference, and three linear solutions whose P3Φ is pulled to a constant more
+and more, each followed to where no step leads further down. Prints RMS and radial RMS (pixels, held
+out), how near a cubic comes to the reference among the corners, and by which share each cost is
+above the least. Exit status 1 where the five do not agree to 0.1 %.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from cubicfish_cli.core.target import load_target
 STARTS = 5
 AGREES = 1e-3
 LOOSER = (0.1, 1.0, 10.0)
+STEPS = 1000  # starts from far away go down a narrow valley that bends
 
 
 def costs(fit) -> list[float]:
@@ -48,7 +49,13 @@ def costs(fit) -> list[float]:
         for tried in (*(replace(prior, weight=weight) for weight in looser), prior):
             lens = held(lens, reference, tried, cubic.errors)
             end = adjust(
-                lens, poses, reference.pairs, huber_px=limit, world=world, damping=WARM_DAMPING
+                lens,
+                poses,
+                reference.pairs,
+                huber_px=limit,
+                world=world,
+                damping=WARM_DAMPING,
+                max_iterations=STEPS,
             )
             lens, poses, world = end.lens, end.poses, end.world
         found.append(end.cost)
@@ -72,7 +79,7 @@ def main() -> int:
         fit = kept[-1].fit
         found = np.array(costs(fit))
         share = found / found.min() - 1
-        worst = max(worst, float(share[0]))
+        worst = max(worst, float(share.max()))
         held_out, prior = result.held_out, result.prior
         print(
             f"{drawing.parent.name + '/' + corners.stem:<22.22}{held_out.rms_px:>8.4f}"
@@ -81,7 +88,7 @@ def main() -> int:
             + " ".join(f"{one:.1e}" for one in share),
             flush=True,
         )
-    print(f"farthest of the ends above the least cost: {100 * worst:.3f} %")
+    print(f"farthest of the five above the least cost: {100 * worst:.3f} %")
     return 1 if worst > AGREES else 0
 
 
