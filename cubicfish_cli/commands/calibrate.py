@@ -418,9 +418,10 @@ def _output(
     "cubicfish calibrate film.mp4 --target target.yaml",
     "cubicfish calibrate corners.csv --target target.yaml -o lens_a --max-rms 0.5",
     "cubicfish calibrate --correspondences pairs.csv --size 1280x800",
+    do=calibrate_files,
     how=("max_rms", "overwrite", "as_json", "jobs", "no_cache"),
 )
-def command(given: CalibrateOptions, how: How) -> None:
+def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     """Calibrate a camera from PHOTOS (files, folders or globs) of the target in target.yaml.
 
     One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
@@ -429,7 +430,6 @@ def command(given: CalibrateOptions, how: How) -> None:
     at the end, or nothing is. With --overwrite, what an earlier calibration left in the
     folder goes.
     """
-    made = how.do(calibrate_files, given)
     from cubicfish_cli.core.fit.calibration import Calibration
 
     fitted, printed = made.fitted, how.print(made)

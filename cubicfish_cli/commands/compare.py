@@ -108,9 +108,10 @@ def _picture(comparison: Comparison) -> Any:
     "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
     "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
     "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",
+    do=compare_files,
     how=("max_rms", "overwrite", "as_json"),
 )
-def command(given: CompareOptions, how: How) -> None:
+def command(made: ComparedFiles, given: CompareOptions, how: How) -> None:
     """Say how far from A's pixels the camera B sees the same rays, over their common field.
 
     A and B are camera.yaml files, such as the true_camera.yaml that simulate writes beside its
@@ -118,7 +119,6 @@ def command(given: CompareOptions, how: How) -> None:
     the differences smallest is taken out first, since poses make up for it. Photos of one size, or
     of sizes that are an exact rescale; differences are in A's pixels.
     """
-    made = how.do(compare_files, given)
     if not how.print(made):
         _print(made.comparison)
         if made.picture is not None:

@@ -132,14 +132,14 @@ def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     "Find and name the corners of the target in photos.",
     "cubicfish detect photos/ --target target.yaml",
     "cubicfish detect 'run7/*.png' --target target.yaml -o run7.csv --draw seen/",
+    do=detect_files,
     how=("overwrite", "as_json", "jobs", "scheduler", "no_cache"),
 )
-def command(given: DetectOptions, how: How) -> None:
+def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
     """Find the corners of the target in PHOTOS (files, folders or globs) and name them.
 
     The result is a table, one corner per line: image, board, column, row, x, y.
     """
-    made = how.do(detect_files, given)
     detection, printed = made.detection, how.print(made)
     say_found([one for photo in detection.photos for one in photo.findings])
     for finding in detection.findings:

@@ -155,14 +155,14 @@ def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) ->
     "Measure a camera on other photos, poses refitted.",
     "cubicfish evaluate new_photos/ --target target.yaml",
     "cubicfish evaluate corners.csv --target target.yaml --max-rms 0.5",
+    do=evaluate_files,
     how=("max_rms", "as_json", "jobs", "no_cache"),
 )
-def command(given: EvaluateOptions, how: How) -> None:
+def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     """Measure the reprojection error of a camera on PHOTOS, corners.csv or correspondences.csv.
 
     The camera stays as it is; only the pose of each photo is fitted. No corner is dropped.
     """
-    made = how.do(evaluate_files, given)
     evaluation = made.evaluation
     if evaluation.outside:
         say(

@@ -144,12 +144,13 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     "cubicfish export --to opencv",
     "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",
+    do=export_files,
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: ExportOptions, how: How) -> None:
+def command(made: ExportedFiles, given: ExportOptions, how: How) -> None:
     """See ``_HELP``."""
-    print_exported(how.do(export_files, given), how)
+    print_exported(made, how)
 
 
 def print_exported(made: ExportedFiles, how: How) -> None:

@@ -66,16 +66,16 @@ def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
     "cubicfish info",
     "cubicfish info lens_a/",
     "cubicfish info camera.yaml --json",
+    do=info_files,
     how=("as_json",),
 )
-def command(given: InfoOptions, how: How) -> None:
+def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
     """Say what the camera in FOLDER (by default: calibration) is.
 
     Size, focal length and principal point with one standard deviation, the field of view that a
     photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
     what it was made. The focal length is in pixels per radian, on the axis.
     """
-    made = how.do(info_files, given)
     if how.print(made):
         return
     result(made.facts.line + "\n")

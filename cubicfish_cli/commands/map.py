@@ -178,11 +178,12 @@ def write_maps(
     "cubicfish map redistort.exr --fit outer --redistort",
     "cubicfish map flat.pgm --size 1920x1080",
     help=_HELP,
+    do=map_files,
     how=("overwrite", "as_json"),
 )
-def command(given: MapOptions, how: How) -> None:
+def command(made: MapFiles, given: MapOptions, how: How) -> None:
     """See ``_HELP``."""
-    print_maps(how.do(map_files, given), how)
+    print_maps(made, how)
 
 
 def print_maps(made: MapFiles, how: How, more: str = "") -> None:

@@ -186,9 +186,10 @@ def project_points(asked: ProjectOptions, *, run: Run = RUN) -> Points:
     "cubicfish project 0.2,0.1,1",
     "cubicfish project points.csv --model lens_a/",
     "echo 0.5,0,1 | cubicfish project",
+    do=project_points,
     cls=PointsCommand,
 )
-def project(given: ProjectOptions, how: How) -> None:
+def project(made: Points, given: ProjectOptions, how: How) -> None:
     """Project POINTS to pixels: X,Y,Z a line (a CSV file or stdin) in, x,y a line out. One
     point may stand on the command line: 0.2,0.1,1.
 
@@ -198,7 +199,7 @@ def project(given: ProjectOptions, how: How) -> None:
     lift 'point' the points are in its own frame (world or camera) and unit, and a point off the
     boards is refused where they did not determine the camera.
     """
-    print_points(how.do(project_points, given), ("x", "y"))
+    print_points(made, ("x", "y"))
 
 
 @record
@@ -237,9 +238,10 @@ def unproject_points(asked: UnprojectOptions, *, run: Run = RUN) -> Points:
     "Pixels to unit viewing rays in the camera frame.",
     "cubicfish unproject 640,400",
     "echo 640,400 | cubicfish unproject --model lens_a/",
+    do=unproject_points,
     cls=PointsCommand,
 )
-def unproject(given: UnprojectOptions, how: How) -> None:
+def unproject(made: Points, given: UnprojectOptions, how: How) -> None:
     """Turn PIXELS into viewing rays: x,y a line (a CSV file or stdin) in, X,Y,Z a line out.
     One pixel may stand on the command line: 640,400.
 
@@ -247,4 +249,4 @@ def unproject(given: UnprojectOptions, how: How) -> None:
     negative for rays more than 90 degrees off the axis. Pixels outside the camera's valid
     field give nan,nan,nan. A header in gives a header out.
     """
-    print_points(how.do(unproject_points, given), ("X", "Y", "Z"))
+    print_points(made, ("X", "Y", "Z"))

@@ -15,7 +15,7 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none
 from cubicfish_cli.app.extensions import extension_commands
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
-from cubicfish_cli.app.terminal.group import LazyGroup
+from cubicfish_cli.app.terminal.main import LazyGroup
 from cubicfish_cli.app.terminal.options import (
     as_command,
     common_options,
@@ -98,17 +98,17 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     "Say what a target is worth, and draw it.",
     "cubicfish target check target.yaml",
     "cubicfish target check target.yaml --draw object.svg",
+    do=check_target_files,
     how=("overwrite", "as_json"),
     json="target-check",
 )
-def check(given: CheckOptions, how: How) -> None:
+def check(checked: TargetCheck, given: CheckOptions, how: How) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 
     Says which boards are where, how many photos to take, whether boards or the whole target can
     be mistaken for something else in photos, and what looks like a slip of the pen. The exit
     code is 1 only when the file is no usable target.
     """
-    checked = how.do(check_target_files, given)
     if how.print(checked):
         return
     _print(checked)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -213,7 +212,7 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
     from cubicfish_cli.app.undistortion.batch import Views
     from cubicfish_cli.commands.pictures import PlaneViews, plan_jobs, write_pictures
 
-    kind, sources, alone = _named_sources(asked.photos, run)
+    kind, sources, alone = _named_sources(named_sources(asked.photos), run)
     photos = {name: (name, {"": one}) for name, one in sources}
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
@@ -331,9 +330,10 @@ def _write_videos(
     "cubicfish undistort photo.jpg floor.png --view plane:floor --target target.yaml",
     "cubicfish undistort drive.mp4 flat.mp4 --hfov 100 --crf 20",
     "cubicfish undistort photos/ flat/ --scheduler tcp://node1:8786",
+    do=undistort_files,
     how=("overwrite", "as_json", "jobs", "scheduler"),
 )
-def command(given: UndistortOptions, how: How) -> None:
+def command(made: UndistortedFiles, given: UndistortOptions, how: How) -> None:
     """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
 
     With several photos, a folder or a quoted glob as IN, OUT is a folder and the pictures keep
@@ -341,8 +341,7 @@ def command(given: UndistortOptions, how: How) -> None:
     black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
     audio and timestamps.
     """
-    given = replace(given, photos=named_sources(given.photos))
-    print_pictures(how.do(undistort_files, given), how)
+    print_pictures(made, how)
 
 
 def print_pictures(made: UndistortedFiles, how: How) -> None:

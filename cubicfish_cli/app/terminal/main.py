@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, NoReturn
@@ -19,13 +19,13 @@ from typing import Any, NoReturn
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.extensions import extension_commands
-from cubicfish_cli.app.terminal.group import LazyGroup
+from cubicfish_cli.app.extensions import extension_commands, load_place
 from cubicfish_cli.app.terminal.options import DEBUG_KEY, common_options, examples
-from cubicfish_cli.app.terminal.standard_streams import EXIT_SIGNAL, asked
+from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, asked
 from cubicfish_cli.app.terminal.streams import safe
 from cubicfish_cli.app.terminal.terminal import Failure, say_interrupted, tell
 from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.wording import did_you_mean
 
 EXIT_BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
@@ -72,6 +72,47 @@ def _show_usage_error(error: click.UsageError, file: Any = None) -> None:
     usage, word, what = shown.getvalue().rstrip("\n").partition("Error: ")
     click.echo(usage, file=file, err=True, nl=False)
     tell(word + what)
+
+
+class LazyGroup(click.Group):
+    """Commands by name, each in its module, which is imported when the command is asked for.
+
+    Args:
+        own: name -> ``module:command``.
+        more: gives further ones, where none of these is meant.
+
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        own: Mapping[str, str],
+        more: Callable[[], Mapping[str, str]] = dict,
+        **rest: Any,
+    ) -> None:
+        super().__init__(*args, **rest)
+        self._own, self._more = own, more
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The commands' names, in the order of the work."""
+        return [*self._own, *self._more()]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the command's module and return the command."""
+        place = self._own.get(cmd_name) or self._more().get(cmd_name)
+        command: click.Command | None = None if place is None else load_place(place)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with the nearest command when there is none of that name."""
+        named = args and not args[0].startswith("-") and not ctx.resilient_parsing
+        if named and args[0] not in self._own:  # a shell that completes a line is told nothing
+            known = self.list_commands(ctx)
+            if args[0] not in known:
+                ctx.fail(f"No such command {args[0]!r}: {did_you_mean(args[0], known)}")
+        return super().resolve_command(ctx, args)
 
 
 class Program(LazyGroup):
@@ -154,16 +195,15 @@ def cli() -> None:
     """
 
 
-def run() -> int:
-    """Run the command line, and return its exit code."""
-    try:
-        code = cli.main(prog_name="cubicfish", standalone_mode=False)
-    except click.ClickException as error:
+def tell_why_it_ended(error: Exception) -> int:
+    """Tell what ended the program before or after its command, and return the exit code."""
+    if isinstance(error, click.ClickException):
         error.show()
         return error.exit_code
-    except (OSError, CubicfishError) as error:  # help or a version that cannot be printed
-        tell(f"Error: {_why(error)}")
-        return 1
-    except click.Abort:  # click's word for a signal that came before or after the command
+    if isinstance(error, click.Abort):  # click's word for a signal
         _end_as_asked()
-    return code if isinstance(code, int) else 0
+    why = _why(error)
+    if why is None:
+        raise error
+    tell(f"Error: {why}")  # such as help that cannot be printed
+    return 1

@@ -249,6 +249,23 @@ class Parsed(click.ParamType):
             self.fail(str(problem), param, ctx)
 
 
+class _Length(click.ParamType):
+    """A length with its unit, as text; that one without is in millimetres is said."""
+
+    name = "length"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Take it as it is."""
+        from cubicfish_cli.app.terminal.terminal import say
+
+        if param is not None and str(value).strip()[-1:].isdigit():
+            say(f"note: {param.opts[-1]} {value} has no unit and is taken as millimetres")
+        return value
+
+
+LENGTH = _Length()
+
+
 def examples(*lines: str) -> str:
     """An epilog that shows command lines as they are."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
@@ -258,47 +275,48 @@ def as_command(
     name: str,
     short_help: str,
     *lines: str,
+    do: Callable[..., Any],
     how: Sequence[str] = (),
     json: str = "",
     keys: Path = Path(__file__).parent,
     **more: Any,
 ) -> Callable[[Callable[..., None]], click.Command]:
-    """A command, with what all have in common.
+    """Make a command of a function that prints what was made.
 
-    Its function takes one record, ``given``, whose class says the options; and where some are named
-    in ``how``, another one of these.
+    It takes what ``do`` made; ``given``, the record whose class says the command's options; and
+    ``how``, which has some more.
 
     Args:
         name: of the command.
         short_help: what it is for, in the list of commands.
         lines: command lines that show it at work.
-        how: fields of the record ``how`` that it has.
+        do: does the work: takes the record and, as ``run``, how, and returns what it made.
+        how: the options of ``how`` that the command has.
         json: what json_keys.toml calls it, where that is not its name.
         keys: the folder of that file.
         more: as click has it.
 
     """
 
-    def decorate(function: Callable[..., None]) -> click.Command:
-        known = vars(sys.modules[function.__module__])
-        kinds = {to: known[kind] for to, kind in function.__annotations__.items() if to != "return"}
-        records = {
-            to: Bundle(kind=kind, fields=getattr(kind, _OPTIONS)) for to, kind in kinds.items()
-        }
-        if "how" in records:
-            fields = {one: records["how"].fields[one] for one in how}
-            records["how"] = replace(records["how"], fields=fields)
+    def decorate(show: Callable[..., None]) -> click.Command:
+        known = vars(sys.modules[show.__module__])
+        kinds = [known[show.__annotations__[to]] for to in ("given", "how")]
+        asked, ways = (Bundle(kind=kind, fields=getattr(kind, _OPTIONS)) for kind in kinds)
+        ways = replace(ways, fields={one: ways.fields[one] for one in how})
 
-        @functools.wraps(function)
+        @functools.wraps(show)
         def command(**values: Any) -> None:
             try:
-                # How comes first: what is wrong with it is known before any file is looked for.
-                made = {to: one.value(to, values) for to, one in reversed(records.items())}
-                function(**made)
+                # What is wrong with this is known before any file is looked for.
+                way = ways.value("how", values)
+                given = asked.value("given", values)
+                with way.run() as run:
+                    made = do(given, run=run)
+                show(made, given, way)
             except UsageError as problem:
                 raise click.UsageError(str(problem)) from problem
 
-        params = [own for one in records.values() for own in one.parameters()]
+        params = asked.parameters() + ways.parameters()
         for parameter in params:
             if isinstance(parameter, JsonOption):
                 parameter.of(json or name, keys)
@@ -380,7 +398,9 @@ def _remember(
 def common_options(command: Command) -> Command:
     """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
     common = [
-        option(words, help, expose_value=False, callback=_remember(key, value)).make(to)
+        option(words, help, expose_value=False, is_eager=True, callback=_remember(key, value)).make(
+            to
+        )
         for key, value, words, to, help in (
             (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Say more."),
             (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Say nothing but results and errors."),
@@ -461,16 +481,7 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
     from cubicfish_cli.core.units import length_mm
 
-    say_if_in_mm("--square", square)
     return TargetSource(counts=board, square=length_mm(square))
-
-
-def say_if_in_mm(name: str, length: str | None) -> None:
-    """Say that a length is taken as millimetres where it has no unit."""
-    from cubicfish_cli.app.terminal.terminal import say
-
-    if length is not None and length.strip()[-1:].isdigit():
-        say(f"note: {name} {length} has no unit and is taken as millimetres")
 
 
 report_option = option(
@@ -489,7 +500,7 @@ target_options = bundle(
         "(squares less one), such as 9x6.",
         COUNTS,
     ),
-    square=option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in."),
+    square=option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in.", LENGTH),
 )
 """``--target``, or ``--board`` and ``--square``: one :class:`TargetSource` as ``target``."""
 

@@ -14,50 +14,48 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Self
 
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import command_line, option, record, verbosity
-from cubicfish_cli.app.terminal.streams import ERRORS, can_redraw
+from cubicfish_cli.app.terminal.streams import ERRORS, as_shown, can_redraw, safe
 from cubicfish_cli.app.terminal.terminal import detail, print_json, say
 from cubicfish_cli.core.errors import UsageError
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.executors.pool import Executor
-    from cubicfish_cli.app.terminal.progress_line import ProgressLine
     from cubicfish_cli.core.codes import Event
     from cubicfish_cli.core.finding import Finding
 
-
-Made = TypeVar("Made")
 
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
 # What is said with --verbose only.
 _DETAILS = {"page_took"}
+# The ^C that a terminal echoes must not begin a second line.
+_SPARE = 3
+_BAR, _LEAST_FOR_BAR = 24, 100
 
 
 class _Shown(Listener):
     """Shows steps one after the other, and says what is told between them."""
 
-    def __init__(self, stack: ExitStack) -> None:
-        self._stack = stack
+    def __init__(self) -> None:
         self._step: str | None = None
-        self._line: ProgressLine | None = None
+        self._lines = ExitStack()
+        self._line: _Line | None = None
 
     def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
         if step != self._step:
             self.end()
-            self._step, self._line = step, self._stack.enter_context(_line(step))
-        if self._line is None:
-            return
-        if now:
-            self._line.stage(now, done)
-        elif done or total:
-            self._line.count(int(done), int(total))
+            self._step = step
+            if can_redraw(sys.stderr) and verbosity() >= 0:
+                self._line = self._lines.enter_context(_Line(step))
+        if self._line is not None and (now or done or total):
+            self._line.show(done, total, now)
 
     def tell(self, event: Event, **figures: Any) -> None:
         self.end()
@@ -68,8 +66,64 @@ class _Shown(Listener):
         say_found(findings)
 
     def end(self) -> None:
-        self._stack.close()
-        self._step = None
+        """Wipe the line away."""
+        self._lines.close()
+        self._step = self._line = None
+
+
+class _Line:
+    """A line of progress on stderr: what is done, a bar, the time gone by and what is left."""
+
+    def __init__(self, step: str) -> None:
+        from rich import progress
+        from rich.console import Console
+        from rich.table import Column
+
+        # A descriptor of its own: decoders on other threads have theirs silenced meanwhile.
+        self._stream = os.fdopen(
+            os.dup(sys.stderr.fileno()), "w", encoding=sys.stderr.encoding, errors=ERRORS
+        )
+        console = Console(file=self._stream, highlight=False, markup=False, emoji=False)
+        roomy = console.width >= _LEAST_FOR_BAR
+        console.width -= _SPARE
+        words = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+        self._progress = progress.Progress(
+            progress.SpinnerColumn("line" if console.options.ascii_only else "dots"),
+            progress.TextColumn("{task.description}", markup=False, table_column=words),
+            *([progress.BarColumn(_BAR)] if roomy else []),
+            progress.TextColumn("{task.fields[counts]}"),
+            progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(compact=True),
+            console=console,
+            transient=True,
+            redirect_stdout=False,
+            expand=True,
+        )
+        self._task = self._progress.add_task(self._plain(step), total=None, counts="")
+        self._timer = Timer(_PATIENCE_SECONDS, self._progress.start)
+        self._timer.daemon = True
+
+    def __enter__(self) -> Self:
+        self._timer.start()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._timer.cancel()
+        self._timer.join()
+        self._progress.stop()
+        self._stream.close()
+
+    def show(self, done: float, total: float, now: str) -> None:
+        """Show how much is done, as a listener is told it."""
+        counts = f"{done:,.0f}/{total:,.0f}" if total else f"{done:,.0f}"
+        more: dict[str, Any] = {"counts": counts}
+        if now:
+            words = self._plain(now[:1].upper() + now[1:])
+            more = {"counts": f"{100 * done:.0f} %", "description": words}
+        self._progress.update(self._task, completed=done, total=total or None, **more)
+
+    def _plain(self, words: str) -> str:
+        return as_shown(safe(words), self._stream)
 
 
 def say_found(findings: Sequence[Finding], mark: str = "") -> None:
@@ -100,17 +154,13 @@ class _Cluster:
 
     def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         if self._there is None:
-            self._there = self._connected(self._address)
+            from cubicfish_cli.app.executors.cluster import connect
+
+            self._listener.end()
+            self._there = there = self._stack.enter_context(connect(self._address))
+            threads = count(there.threads, "thread")
+            say(f"Using {count(there.workers, 'worker')} with {threads} at {self._address}.")
         return self._there.each(work, items)
-
-    def _connected(self, address: str) -> Executor:
-        from cubicfish_cli.app.executors.cluster import connect
-
-        self._listener.end()
-        there = self._stack.enter_context(connect(address))
-        threads = count(there.threads, "thread")
-        say(f"Using {count(there.workers, 'worker')} with {threads} at {address}.")
-        return there
 
 
 @record
@@ -139,13 +189,15 @@ class How:
                 "many photos each worker does at a time"
             )
 
-    def do(self, function: Callable[..., Made], given: Any) -> Made:
-        """Call the function of a command with its options, with what it tells shown."""
+    @contextmanager
+    def run(self) -> Iterator[Run]:
+        """How a function does the work; what it tells is shown meanwhile."""
         keep_fonts(not self.no_cache)
-        with ExitStack() as there, ExitStack() as lines:
-            listener = _Shown(lines)
+        listener = _Shown()
+        with ExitStack() as there:
+            there.callback(listener.end)
             executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
-            run = Run(
+            yield Run(
                 jobs=self.jobs,
                 cache=cache_folder(),
                 anew=self.no_cache,
@@ -154,35 +206,12 @@ class How:
                 executor=executor,
                 command=command_line(),
             )
-            return function(given, run=run)
 
     def print(self, made: Any) -> bool:
         """Print what was made as JSON where that is asked for; false where it is not."""
         if self.as_json:
             print_json(made.as_record())
         return self.as_json
-
-
-@contextmanager
-def _line(label: str) -> Iterator[ProgressLine | None]:
-    if not can_redraw(sys.stderr) or verbosity() < 0:
-        yield None
-        return
-    from cubicfish_cli.app.terminal.progress_line import ProgressLine
-
-    encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
-    # A descriptor of its own: decoders on other threads have theirs silenced meanwhile.
-    with os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding=encoding, errors=ERRORS) as stream:
-        line = ProgressLine(label, stream)
-        timer = Timer(_PATIENCE_SECONDS, line.show)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield line
-        finally:
-            timer.cancel()
-            timer.join()
-            line.close()
 
 
 def cache_folder() -> Path | None:

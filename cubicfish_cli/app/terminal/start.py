@@ -1,21 +1,23 @@
-"""Where the program begins: signals and threads are settled before anything else is loaded."""
+"""Where the program begins, and how a signal ends it: settled before anything else is loaded."""
 
 # Until signals are settled, Ctrl-C shows a traceback: as little as can be is loaded before.
+from __future__ import annotations
+
 import os
 import signal
 import sys
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+    from types import FrameType
+    from typing import NoReturn
 
-def _our_signals() -> list[int]:
-    """The signals that end a run and that the parent has not asked to ignore, as nohup does."""
-    names = ("SIGINT", "SIGTERM", "SIGHUP")
-    numbers = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
-    return [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+EXIT_SIGNAL = 128  # and the signal's number, as shells count
 
-
-def _end_at_once(numbers: list[int]) -> None:
-    for number in numbers:
-        signal.signal(number, signal.SIG_DFL)
+_asked: int | None = None
+# A request that was lost is made again after so many seconds.
+_AGAIN = 0.01
 
 
 def main() -> None:
@@ -24,30 +26,32 @@ def main() -> None:
     Signals end the process at once, without a word, while there is nothing to clean up: before
     the command line is loaded, and after it has ended. In between they are exceptions.
     """
-    numbers = _our_signals()
-    _end_at_once(numbers)
-    _settle()
-    from cubicfish_cli.app.terminal.main import run
-    from cubicfish_cli.app.terminal.standard_streams import EXIT_SIGNAL, asked, raise_on
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    numbers = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+    # The parent may have asked to ignore some, as nohup does.
+    numbers = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+    _answer(numbers, signal.SIG_DFL)
+    settle()
+    from cubicfish_cli.app.terminal.main import cli, tell_why_it_ended
 
     try:
         try:
-            raise_on(numbers)
-            sys.exit(run())
+            sys.unraisablehook = _not_lost
+            _answer(numbers, _ask)
+            code = cli.main(prog_name="cubicfish", standalone_mode=False)
+            sys.exit(code if isinstance(code, int) else 0)
+        except Exception as error:
+            sys.exit(tell_why_it_ended(error))
         finally:
-            _end_at_once(numbers)
+            _answer(numbers, signal.SIG_DFL)
     except (Exception, KeyboardInterrupt):
-        request = asked()
-        if request is None:
+        if _asked is None:
             raise
-        sys.exit(EXIT_SIGNAL + request)
+        sys.exit(EXIT_SIGNAL + _asked)
 
 
-def _settle() -> None:
-    """Threads, bounds, streams and characters, before anything that asks for them is loaded."""
-    from cubicfish_cli.app.terminal.standard_streams import settle_streams
-    from cubicfish_cli.app.terminal.streams import ERRORS, register
-
+def settle() -> None:
+    """Settle threads, bounds, streams and characters, before what asks for them is loaded."""
     # The matrices here are small: a second BLAS thread gains nothing, and where other processes
     # run it waits for its turn again and again. Work is shared out by processes instead.
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -55,5 +59,40 @@ def _settle() -> None:
     # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
     # loaded: the one of cubicfish_cli.app.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
-    register()
-    settle_streams(ERRORS)  # a terminal may lack some characters
+    from cubicfish_cli.app.terminal.streams import settle_streams
+
+    settle_streams()
+
+
+def asked() -> int | None:
+    """The signal that has asked for the end; None where none has.
+
+    An exception may be another one's cause when it arrives, as while Python 3.11 makes a class.
+    """
+    return _asked
+
+
+def _answer(numbers: list[int], how: signal._HANDLER) -> None:
+    for number in numbers:
+        signal.signal(number, how)
+
+
+def _ask(number: int, frame: FrameType | None) -> NoReturn:
+    global _asked
+    _asked = number
+    raise KeyboardInterrupt
+
+
+def _not_lost(what: UnraisableHookArgs) -> None:
+    """Where an exception goes nowhere, as in a finaliser, the request comes once more.
+
+    What else finalisers say of work that was broken off is of no use to anybody.
+    """
+    if _asked is None:
+        sys.__unraisablehook__(what)
+    elif isinstance(what.exc_value, KeyboardInterrupt):
+        import threading
+
+        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), _asked))
+        again.daemon = True
+        again.start()

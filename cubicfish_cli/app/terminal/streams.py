@@ -1,11 +1,13 @@
-"""Standard output and error as they are: characters, how wide, whether they take colours."""
+"""Standard output and error: closed or full, their characters, how wide they are, colours."""
 
 from __future__ import annotations
 
 import codecs
+import io
 import os
 import re
 import shutil
+import sys
 import textwrap
 import unicodedata
 from collections.abc import Mapping
@@ -150,3 +152,70 @@ def cells(text: str) -> int:
     from rich.cells import cell_len
 
     return cell_len(text)
+
+
+_STDIN, _STDOUT, _STDERR = 0, 1, 2
+
+
+class _Talk(io.FileIO):
+    """Standard error: what cannot be said is not said."""
+
+    def write(self, data: Any, /) -> int:
+        """As a file does, whatever happens."""
+        try:
+            return super().write(data)
+        except OSError:
+            return memoryview(data).nbytes
+
+
+class _Results(io.FileIO):
+    """Standard output: that it cannot be written is an error, once."""
+
+    lost = False
+
+    def write(self, data: Any, /) -> int:
+        """As a file does.
+
+        Raises:
+            OSError: it cannot be written, for the first time; the error names the stream.
+
+        """
+        if self.lost:
+            return memoryview(data).nbytes
+        try:
+            return super().write(data)
+        except BrokenPipeError:  # the reader has seen enough
+            raise
+        except OSError as error:
+            self.lost = True
+            raise OSError(error.errno, error.strerror, "standard output") from error
+
+
+def settle_streams() -> None:
+    """Open closed streams to nowhere, so that no file takes their place, and guard the others."""
+    register()  # a terminal may lack some characters
+    for descriptor in (_STDIN, _STDOUT, _STDERR):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            # The lowest number that is free: this one, since those below are open.
+            os.open(os.devnull, os.O_RDONLY if descriptor == _STDIN else os.O_WRONLY)
+    if sys.stdin is None:
+        sys.stdin = io.TextIOWrapper(io.FileIO(_STDIN, closefd=False), encoding="utf-8")
+    sys.stdout = _guarded(sys.stdout, _Results, _STDOUT)
+    sys.stderr = _guarded(sys.stderr, _Talk, _STDERR)
+
+
+def _guarded(stream: TextIO | None, kind: type[io.FileIO], descriptor: int) -> TextIO:
+    if stream is not None and not isinstance(stream, io.TextIOWrapper):
+        return stream  # somebody's own
+    if stream is not None and stream.isatty():  # Windows writes to consoles in its own way
+        stream.reconfigure(errors=ERRORS)
+        return stream
+    return io.TextIOWrapper(
+        io.BufferedWriter(kind(descriptor, "wb", closefd=False)),
+        encoding="utf-8" if stream is None else stream.encoding,
+        errors=ERRORS,
+        newline=None,
+        line_buffering=descriptor == _STDERR,
+    )

@@ -165,9 +165,10 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     "cubicfish advise calibration/ -o advice.svg",
     "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
     "cubicfish advise --goal 0.05 --poses next.csv",
+    do=advise_files,
     how=("overwrite", "as_json"),
 )
-def command(given: AdviseOptions, how: How) -> None:
+def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
     """Say what the photos of a calibration leave open, and what to photograph next.
 
     Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
@@ -175,7 +176,6 @@ def command(given: AdviseOptions, how: How) -> None:
     that would help most: where the target should be in the picture, and how far that lowers the
     camera's uncertainty, worked out from the fit's own equations. Says "enough" when it is.
     """
-    made = how.do(advise_files, given)
     if how.print(made):
         return
     _print(made.advice, made.verdict)

@@ -174,9 +174,10 @@ def with_frames(
     "Choose frames of films to calibrate from.",
     "cubicfish frames film.mp4 -o photos/ --target target.yaml",
     "cubicfish frames 'films/*.mp4' -o photos/ --most 40",
+    do=choose_frames,
     how=("overwrite", "as_json", "jobs", "no_cache"),
 )
-def command(given: FramesOptions, how: How) -> None:
+def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     """Choose the frames of each FILM that a camera is best calibrated from.
 
     They are sharp, still, and each shows something that the others do not: corners in another
@@ -184,7 +185,6 @@ def command(given: FramesOptions, how: How) -> None:
     """
     from cubicfish_cli.app.photos import shown
 
-    chosen = how.do(choose_frames, given)
     if not how.print(chosen):
         _print(chosen, given)
     for film in chosen.films:

@@ -123,12 +123,12 @@ def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCor
     "Take over corners that another detector found.",
     "cubicfish corners corners.vnl --target board.yaml --size 1920x1080",
     "cubicfish corners corners.vnl --target box.yaml --size 752x480 --board floor --only 'left*'",
+    do=import_corner_files,
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: CornersOptions, how: How) -> None:
+def command(made: ImportedCornerFiles, given: CornersOptions, how: How) -> None:
     """See ``_HELP``."""
-    made = how.do(import_corner_files, given)
     if how.print(made):
         return
     corners = made.corners

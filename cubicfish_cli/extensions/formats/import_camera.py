@@ -136,12 +136,12 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",
     "cubicfish import opencv.yaml --size 1280x800",
+    do=import_files,
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: ImportOptions, how: How) -> None:
+def command(files: ImportedFiles, given: ImportOptions, how: How) -> None:
     """See ``_HELP``."""
-    files = how.do(import_files, given)
     if how.print(files):
         return
     imported, made = files.imported, files.imported.camera

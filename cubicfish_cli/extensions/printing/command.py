@@ -78,6 +78,7 @@ class PrintOptions:
         "--square LENGTH",
         "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
         "large as covers most of the paper]",
+        options.LENGTH,
     )
     counts: tuple[int, int] | None = option(
         "--corners --tags COLUMNSxROWS",
@@ -90,7 +91,10 @@ class PrintOptions:
         "is large enough; tag36h11]",
     )
     margin: str = option(
-        "--margin LENGTH", "Along the paper's edges, where the printer cannot print.", default="8mm"
+        "--margin LENGTH",
+        "Along the paper's edges, where the printer cannot print.",
+        options.LENGTH,
+        "8mm",
     )
     boards: Sequence[str] = option(
         "--board NAME", "Of TARGET, print this board only. May be given again.", multiple=True
@@ -206,19 +210,17 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     "cubicfish target print --object corner --paper A4 -o my-target/",
     "cubicfish target print --object board --type charuco --square 30mm --paper A3",
     "cubicfish target print target.yaml --paper Letter -o pages/",
+    do=print_target_files,
     how=("overwrite", "as_json"),
     json="target-print",
 )
-def command(given: PrintOptions, how: How) -> None:
+def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
     """Print the boards of TARGET, or those of a new target that fits the paper.
 
     Writes boards.pdf, a board a page, to be printed at 100 %, each with a ruler, the board's name
     and which way up it is. A new target comes with its target.yaml, and its pages say where they
     are cut and which edges are joined.
     """
-    for name, text in (("--square", given.square), ("--margin", given.margin)):
-        options.say_if_in_mm(name, text)
-    made = how.do(print_target_files, given)
     if how.print(made):
         return
     _print_written(made)

@@ -70,9 +70,10 @@ def report_files(asked: ReportOptions, *, run: Run = RUN) -> ReportFiles:
     "cubicfish report",
     "cubicfish report calibration/ --photos photos/ -o lens.html",
     "cubicfish report --model camera.yaml --target target.yaml --overwrite",
+    do=report_files,
     how=("overwrite", "as_json"),
 )
-def command(given: ReportOptions, how: How) -> None:
+def command(made: ReportFiles, given: ReportOptions, how: How) -> None:
     """Write one HTML page about the calibration in FOLDER (by default: calibration).
 
     The page stands alone: no network, no program, every picture inside. Corners, target and
@@ -80,7 +81,6 @@ def command(given: ReportOptions, how: How) -> None:
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.
     """
-    made = how.do(report_files, given)
     for line in made.absent:
         say(f"left out: {line}")
     if how.print(made):

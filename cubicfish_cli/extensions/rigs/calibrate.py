@@ -291,9 +291,10 @@ def _match_shots(asked: RigOptions, frames: RigFrames | None) -> tuple[dict[str,
     "cubicfish rig calibrate left/ right/ --lens left=left_calibration",
     "cubicfish rig calibrate cam0.mp4 cam1.mp4 cam2.mp4 cam3.mp4 --target target.yaml",
     "cubicfish rig calibrate run.bag:/cam0/image_raw run.bag:/cam1/image_raw --names a,b",
+    do=calibrate_rig_files,
     how=("max_rms", "overwrite", "as_json", "jobs", "no_cache"),
 )
-def command(given: RigOptions, how: How) -> None:
+def command(made: RigFiles, given: RigOptions, how: How) -> None:
     """Calibrate several cameras on one body: their lenses, and where each stands.
 
     Move the rig about the target, or the target about the rig. Photos of one shot have the same
@@ -301,7 +302,6 @@ def command(given: RigOptions, how: How) -> None:
     target sharply, and how far their clocks differ is fitted. The cameras' fields need not overlap:
     two cameras are connected where each sees some board of the target in the same shot.
     """
-    made = how.do(calibrate_rig_files, given)
     printed = how.print(made)
     for finding in made.rig.fit.findings:
         say(f"{mark_of(finding)}: {finding.line}")

@@ -11,7 +11,8 @@ from cubicfish_cli.app.asked import StrPath
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import px
 from cubicfish_cli.app.terminal.options import record
-from cubicfish_cli.app.terminal.terminal import print_json, print_table, result
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_table, result
 from cubicfish_cli.extensions.rigs.options import as_rig_command
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ class Asked:
     second: Path = options.argument(
         "The rig.yaml, or its folder, that is compared with it.", metavar="B", missing=_BOTH
     )
-    as_json: bool = options.json_option
 
 
 @as_rig_command(
@@ -38,16 +38,15 @@ class Asked:
     "How far apart two rigs are, camera by camera.",
     "cubicfish rig compare last_year/rig.yaml rig/rig.yaml",
     "cubicfish rig compare last_year rig --json",
+    do=lambda asked, run: compare_rig_files(**vars(asked)),
+    how=("as_json",),
 )
-def command(given: Asked) -> None:
+def command(made: ComparedRigFiles, given: Asked, how: How) -> None:
     """Say how far apart the cameras of the rigs A and B stand beside the first, and how surely.
 
     Cameras are compared by their names, and so are their lenses.
     """
-    made = compare_rig_files(given.first, given.second)
-    if given.as_json:
-        print_json(made.as_record())
-    else:
+    if not how.print(made):
         _print_compared(made)
 
 

@@ -88,14 +88,14 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
     "Measure a rig on other shots: only where it was is fitted.",
     "cubicfish rig evaluate rig left/ right/ --target target.yaml",
     "cubicfish rig evaluate rig/rig.yaml left.csv right.csv --target target.yaml --max-rms 0.5",
+    do=evaluate_rig_files,
     how=("max_rms", "as_json", "jobs", "no_cache"),
 )
-def command(given: RigEvaluateOptions, how: How) -> None:
+def command(evaluation: RigEvaluation, given: RigEvaluateOptions, how: How) -> None:
     """Measure the reprojection error of RIG on photos or corners of each of its cameras.
 
     The rig stays as it is; only where it was in each shot is fitted. No corner is dropped.
     """
-    evaluation = how.do(evaluate_rig_files, given)
     for one in evaluation.cameras:
         if one.outside_field:
             corners = count(one.outside_field, "corner")

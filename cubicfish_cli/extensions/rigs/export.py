@@ -59,24 +59,13 @@ class Asked:
     "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
     "cubicfish rig export --to kalibr-omni -o camchain.yaml",
     "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
+    do=lambda asked, run: export_rig_files(**vars(asked), run=run),
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: Asked, how: How) -> None:
+def command(made: ExportedFiles, given: Asked, how: How) -> None:
     """See ``_HELP``."""
-    print_exported(how.do(_export, given), how)
-
-
-def _export(asked: Asked, *, run: Run) -> ExportedFiles:
-    return export_rig_files(
-        asked.rig,
-        asked.to,
-        asked.output,
-        pair=asked.pair,
-        max_error=asked.max_error,
-        max_angle_deg=asked.max_angle_deg,
-        run=run,
-    )
+    print_exported(made, how)
 
 
 def export_rig_files(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from cubicfish_cli.app.terminal.group import LazyGroup
+from cubicfish_cli.app.terminal.main import LazyGroup
 from cubicfish_cli.app.terminal.options import common_options, examples
 
 COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "map", "export")

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import StrPath
-from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import record
-from cubicfish_cli.app.terminal.terminal import print_json
+from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
@@ -22,7 +21,6 @@ class Asked:
     """What is asked of ``cubicfish rig info``."""
 
     rig: Path = rig_argument
-    as_json: bool = options.json_option
 
 
 @as_rig_command(
@@ -30,12 +28,12 @@ class Asked:
     "What a rig is: where its cameras stand, and how surely.",
     "cubicfish rig info",
     "cubicfish rig info last_year/rig.yaml --json",
+    do=lambda asked, run: info_rig_files(**vars(asked)),
+    how=("as_json",),
 )
-def command(given: Asked) -> None:
+def command(made: RigInfo, given: Asked, how: How) -> None:
     """Say where the cameras of RIG (by default: rig) stand, how surely, and how well it fits."""
-    made = info_rig_files(given.rig)
-    if given.as_json:
-        print_json(made.as_record())
+    if how.print(made):
         return
     print_rig(made.rig)
 

@@ -42,30 +42,23 @@ class Asked:
     photo_size: tuple[int, int] | None = photo_size_option
 
 
+def _map(asked: Asked, *, run: Run) -> PairMapFiles:
+    from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files
+
+    return map_rig_files(**vars(asked), run=run)
+
+
 @as_rig_command(
     "map",
     "Maps of two cameras, after which rows of their pictures agree: stereo.",
     "cubicfish rig map stereo.npz --pair left,right",
     "cubicfish rig map stereo.npz --model rig --view equirectangular",
+    do=_map,
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(given: Asked, how: How) -> None:
+def command(made: PairMapFiles, given: Asked, how: How) -> None:
     """See ``_HELP``."""
-    made = how.do(_map, given)
     unit = f" {made.stereo['units']}" if made.stereo["units"] else ""
     depth = f"baseline {made.stereo['baseline']:.3f}{unit}; {made.stereo['depth']}"
     print_maps(made, how, depth)
-
-
-def _map(asked: Asked, *, run: Run) -> PairMapFiles:
-    from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files
-
-    return map_rig_files(
-        asked.rig,
-        asked.output,
-        asked.view,
-        pair=asked.pair,
-        photo_size=asked.photo_size,
-        run=run,
-    )

@@ -33,22 +33,18 @@ class Asked:
     "One HTML page about a rig: is it good, and why.",
     "cubicfish rig report",
     "cubicfish rig report rig/rig.yaml -o body.html",
+    do=lambda asked, run: report_rig_files(asked.rig, asked.page, run=run),
     how=("overwrite", "as_json"),
 )
-def command(given: Asked, how: How) -> None:
+def command(made: ReportFiles, given: Asked, how: How) -> None:
     """Write one HTML page about RIG (by default: rig): where its cameras stand, what they see.
 
     The page stands alone: no network, no program, every picture inside.
     """
-    made = how.do(_report, given)
     if how.print(made):
         return
     print_verdict(made.verdict)
     result(f"\nwrote {made.page}")
-
-
-def _report(asked: Asked, *, run: Run) -> ReportFiles:
-    return report_rig_files(asked.rig, asked.page, run=run)
 
 
 def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RUN) -> ReportFiles:

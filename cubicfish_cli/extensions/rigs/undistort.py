@@ -47,7 +47,7 @@ class ShotOptions(PictureOptions):
 class Asked:
     """What is asked of ``cubicfish rig undistort``."""
 
-    sources: StrPath | Sequence[StrPath] = options.argument(
+    photos: StrPath | Sequence[StrPath] = options.argument(
         "Photos of the rig's cameras: files, folders or globs; '-' reads their names from stdin.",
         type=options.NAME,
         nargs=-1,
@@ -69,9 +69,10 @@ class Asked:
     "The photos of each shot to one picture of all that they show.",
     "cubicfish rig undistort left/1.png right/1.png all.png",
     "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
+    do=lambda given, run: undistort_rig_files(*vars(given).values(), run=run),
     how=("overwrite", "as_json", "jobs", "scheduler"),
 )
-def command(given: Asked, how: How) -> None:
+def command(made: UndistortedFiles, given: Asked, how: How) -> None:
     """Render one picture OUT of the photos IN of a rig's cameras, of each shot one.
 
     A panorama in any --view (equirectangular unless another is named). A photo is of the camera
@@ -79,12 +80,7 @@ def command(given: Asked, how: How) -> None:
     the rig's order. A folder with a folder for each camera holds many shots, photos of the same
     name being one.
     """
-    given = replace(given, sources=named_sources(given.sources))
-    print_pictures(how.do(_undistort, given), how)
-
-
-def _undistort(asked: Asked, *, run: Run) -> UndistortedFiles:
-    return undistort_rig_files(asked.sources, asked.output, asked.rig, asked.asked, run=run)
+    print_pictures(made, how)
 
 
 def undistort_rig_files(
@@ -126,7 +122,9 @@ def undistort_rig_files(
 
     asked, model = options or ShotOptions(), rig_file(rig)
     known = load_rig(model)
-    shots = shots_of(paths_of(photos), [one.name for one in known.cameras], run.listener)
+    shots = shots_of(
+        paths_of(named_sources(photos)), [one.name for one in known.cameras], run.listener
+    )
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
     planned = plan_jobs("shot", jobs, Path(output), asked, run, alone=len(shots) == 1)

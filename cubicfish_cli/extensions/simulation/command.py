@@ -248,9 +248,10 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
     "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
     "cubicfish simulate -t target.yaml --lens other.cameramodel --exposure 2",
     "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
+    do=simulate_files,
     how=("overwrite", "as_json"),
 )
-def command(given: SimulateOptions, how: How) -> None:
+def command(made: SimulatedFiles, given: SimulateOptions, how: How) -> None:
     """Render photos of the target in target.yaml as a camera would take them.
 
     The camera is a camera.yaml, or another tool's file with --lens, which does not flatter the fit
@@ -259,7 +260,6 @@ def command(given: SimulateOptions, how: How) -> None:
     true_corners.csv (where each corner that can be seen really is), true_poses.csv and
     true_camera.yaml: calibrate the photos, and you know how far the result is from the truth.
     """
-    made = how.do(simulate_files, given)
     if how.print(made):
         return
     photos, corners = count(len(made.photos), "photo"), count(made.corners, "corner")
