@@ -36,8 +36,7 @@ from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.films.decoding import decode
-from cubicfish_cli.app.films.source import opened
+from cubicfish_cli.app.films.source import decode, opened
 from cubicfish_cli.app.photos import Photo, find_photos
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.fit.alignment import aligned_difference

@@ -144,7 +144,6 @@ class Event(StrEnum):
     FILM_ENDS = "film_ends"
     FILM_DAMAGED = "film_damaged"
     FILM_TURNED = "film_turned"
-    FRAMES_KEPT = "frames_kept"
     FRAMES_CHOSEN = "frames_chosen"
     MOMENTS = "moments"
     SHOTS_CHOSEN = "shots_chosen"

@@ -15,49 +15,57 @@ from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.films import frame_search
 from cubicfish_cli.app.films.choose import Choice, Patch, Seen
 from cubicfish_cli.app.films.frame_search import Found, Search
-from cubicfish_cli.app.photos import read_picture
+from cubicfish_cli.app.photos import Photo, read_picture
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.films.command import FramesOptions, choose_frames
-from cubicfish_cli.extensions.films.frames import earlier_frames
 
 
 def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
     """A search, in rounds of two, of pictures some of which add something."""
 
-    def choose(names, seen, found, size, most) -> Choice:
+    def choose(seen, size, most, still, gains) -> Choice:
         shown = [at for at, one in enumerate(seen) if one.corners]
         order = [at for at in shown if adds[at]][:most]
         ended = "asked" if len(order) == most else "enough" if len(order) < len(shown) else "all"
         none = np.zeros(len(seen))
         return Choice(order=tuple(order), gain=none, why_not=("",) * len(seen), ended=ended)
 
-    monkeypatch.setattr(frame_search, "choose_by_worth", choose)
+    monkeypatch.setattr(frame_search, "choose", choose)
     return Search(
-        names=[str(at) for at in range(len(adds))],
-        seen=[Seen(patches=(), sharpness=1.0)] * len(adds),
+        photos=[Photo(name=str(at), path=Path(str(at))) for at in range(len(adds))],
+        seen=[Seen(sharpness=1.0)] * len(adds),
         size=SIZE,
         most=most,
         targets=None,
+        run=Run(),
+        what="frames",
         at_once=2,
+        glances=1,
     )
+
+
+def look(looking: Search, glance, closely, good, others) -> None:
+    """Look by ways that are made up."""
+    looking.glance, looking.closely = glance, closely
+    looking.look(good, others)
 
 
 def shows(what: list[bool], findings=()):
     """A look at pictures of which some show the object."""
     patch = Patch(board=0, cells=np.zeros((1, 2), int), pixel=np.zeros((1, 2)))
 
-    def look(numbers, targets) -> Found:
+    def found(numbers) -> Found:
         seen = [str(at) for at in numbers if what[at]]
         return Found(patches=dict.fromkeys(seen, (patch,)), findings=findings)
 
-    return look
+    return found
 
 
-def shows_nothing(numbers, targets) -> Found:
+def shows_nothing(numbers) -> Found:
     raise DetectionError("nothing there")
 
 
@@ -81,34 +89,34 @@ def test_pictures_are_looked_at_until_hardly_any_is_chosen(monkeypatch) -> None:
     # One that adds nothing, in the first round or in the second, says nothing of the others.
     for useless in (5, 6):
         looking = search(monkeypatch, [at != useless for at in range(10)])
-        looking.look(way, way, all_ten, [])
+        look(looking, way, way, all_ten, [])
         assert looking.looked_at == set(range(10))
     # Rounds are 0 and 5, 1 and 6, ...
     looking = search(monkeypatch, [at in (0, 5) for at in range(10)])
-    looking.look(way, way, all_ten, [])
+    look(looking, way, way, all_ten, [])
     assert looking.looked_at == {0, 5, 1, 6}
     looking = search(monkeypatch, [True] * 10, most=4)
-    looking.look(way, way, all_ten, [])
+    look(looking, way, way, all_ten, [])
     assert looking.looked_at == {0, 5, 1, 6}
 
 
 def test_pictures_that_show_nothing_do_not_end_the_search(monkeypatch) -> None:
     looking = search(monkeypatch, [True] * 10)
     way = shows([at in (4, 9) for at in range(10)])
-    looking.look(way, way, range(10), [])
+    look(looking, way, way, range(10), [])
     assert looking.choice.order == (4, 9)
     with pytest.raises(DetectionError, match="nothing there"):
-        search(monkeypatch, [True] * 4).look(shows([False] * 4), shows_nothing, range(4), [])
+        look(search(monkeypatch, [True] * 4), shows([False] * 4), shows_nothing, range(4), [])
 
 
 def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -> None:
     good, others = [0, 1, 2, 3], [4, 5, 7]
     looking = search(monkeypatch, [True] * 8)
-    looking.look(shows([True] * 8), shows_nothing, good, others)
+    look(looking, shows([True] * 8), shows_nothing, good, others)
     assert looking.looked_at == set(good)
     looking = search(monkeypatch, [True] * 8)
     way = shows([False] * 3 + [True] * 5)
-    looking.look(way, way, good, others)
+    look(looking, way, way, good, others)
     assert looking.looked_at == {*good, *others}
     assert looking.choice.order == (3, 4, 5, 7)
 
@@ -116,10 +124,10 @@ def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -
 def test_what_is_not_seen_at_a_glance_is_looked_at_closely(monkeypatch) -> None:
     glance, closely = shows([at == 0 for at in range(8)]), shows([at > 0 for at in range(8)])
     looking = search(monkeypatch, [True] * 8)
-    looking.look(glance, closely, range(8), [])
+    look(looking, glance, closely, range(8), [])
     assert looking.choice.order == tuple(range(1, 8))  # what a glance showed is forgotten
     looking = search(monkeypatch, [True] * 8)
-    looking.look(shows([True] * 8), shows_nothing, range(8), [])
+    look(looking, shows([True] * 8), shows_nothing, range(8), [])
 
 
 @pytest.mark.parametrize(("hidden", "chosen"), [(3, 11), (10, 13)])
@@ -129,7 +137,7 @@ def test_more_are_looked_at_closely_where_a_glance_shows_fewer_than_the_verdict_
     seen = shows([at >= hidden for at in range(26)])
     looking = search(monkeypatch, [at % 2 == 0 for at in range(26)])
     looking.at_once = 26
-    looking.look(seen, shows([True] * 26), range(26), [])
+    look(looking, seen, shows([True] * 26), range(26), [])
     assert len(looking.choice.order) == chosen
 
 
@@ -143,10 +151,10 @@ def test_counts_of_corners_that_few_pictures_show_end_the_search(monkeypatch) ->
     )
     few = shows([at < 2 for at in range(10)], (counts,))
     with pytest.raises(DetectionError, match="found 1x2 inner corners in 9 photos"):
-        search(monkeypatch, [True] * 10).look(shows([False] * 10), few, range(10), [])
+        look(search(monkeypatch, [True] * 10), shows([False] * 10), few, range(10), [])
     # At a glance it is a reason to look closely, which tells it or not.
     looking = search(monkeypatch, [True] * 10)
-    looking.look(shows([True] * 10, (counts,)), shows([True] * 10), range(10), [])
+    look(looking, shows([True] * 10, (counts,)), shows([True] * 10), range(10), [])
     assert len(looking.choice.order) == 10
 
 
@@ -157,7 +165,7 @@ def target(tmp_path: Path) -> Target:
 
 
 @pytest.mark.slow
-def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: Target) -> None:
+def test_a_program_chooses_frames(tmp_path: Path, target: Target) -> None:
     film = write_film(tmp_path / "film.mp4", spoilt_film()[0])
     heard = Heard()
     chosen = choose_frames(
@@ -170,13 +178,7 @@ def test_a_program_chooses_frames_and_finds_them_again(tmp_path: Path, target: T
     reading = heard.of("Reading film.mp4")
     assert reading == sorted(reading)
     assert "Glancing at frames" in {step[0] for step in heard.steps}
-    again = earlier_frames(film, tmp_path / "photos", target, most=5)
-    assert again == (chosen.photos, "5 frames: as many as were asked for")
-    assert chosen.ended == again[1]
-    assert earlier_frames(film, tmp_path / "photos", target, most=6) == ((), "")
-    assert earlier_frames(film, tmp_path / "photos", None, most=5) == ((), "")
-    chosen.photos[0].unlink()
-    assert earlier_frames(film, tmp_path / "photos", target, most=5) == ((), "")
+    assert chosen.ended == "5 frames: as many as were asked for"
 
 
 @pytest.mark.slow

@@ -65,15 +65,15 @@ class Seen:
     """A picture that may be chosen.
 
     Attributes:
-        patches: what it shows.
         sharpness: how sharp it is, in any measure.
         motion: how far it moved, pixels.
+        patches: what it shows.
 
     """
 
-    patches: tuple[Patch, ...]
     sharpness: float
     motion: float = 0.0
+    patches: tuple[Patch, ...] = ()
 
     @property
     def corners(self) -> int:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.asked import Run, StrPath, TargetSource
+from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.detection import first_look
 from cubicfish_cli.app.diagnosis.corner_count import squares_of_grids
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
@@ -22,7 +22,6 @@ from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.app.films.measure import sharpness
 from cubicfish_cli.app.films.scan import still_px
-from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.app.photos import Photo, photo_size
 from cubicfish_cli.app.sufficiency.worth import Worth
 from cubicfish_cli.core.codes import Code, Event, Severity
@@ -76,42 +75,6 @@ class Found:
         return next((one for one in told if one.code is Code.CORNER_COUNT), None)
 
 
-Look = Callable[[Sequence[int], Sequence[Target] | None], Found]
-
-
-def found_at_a_glance(
-    photos: Sequence[Photo], targets: Sequence[Target] | None, size: tuple[int, int], work: Work
-) -> Found:
-    """Corners of a target, or grids as they are, as far as a glance shows them.
-
-    Args:
-        photos: all of one size.
-        targets: what the target may be; None looks for any checkerboard.
-        size: (width, height) of the photos.
-        work: who looks at them.
-
-    """
-    seen = glance(photos, targets[0] if targets else None, work)
-    names = [photo.name for photo in photos]
-    if not targets:
-        grids = zip(names, seen, strict=True)
-        return _of_grids({name: one for name, one in grids if isinstance(one, FoundGrids)})
-    corners, identified = named_at_a_glance(seen, targets, size, names)
-    found = _of_corners(corners)
-    if identified is None or found.target is None:
-        return found
-    evidence = GridEvidence(
-        photos=len(names),
-        names=names,
-        picture=lambda number: None,
-        target=found.target,
-        with_boards=len(names),
-        lost=(),
-        identified=identified,
-    )
-    return replace(found, findings=tuple(squares_of_grids(evidence)))
-
-
 def found_in(
     photos: Sequence[Photo], targets: Sequence[Target] | None, work: Work, cache: Path | None
 ) -> Found:
@@ -131,45 +94,14 @@ def found_in(
         detection = first_look(photos, targets, work, cache)
         return replace(_of_corners(detection.corners), findings=detection.findings)
     kept = None if cache is None else GridCache(folder=cache)
-    found = nameless_grids(photos, work, kept)
-    return _of_grids({photo.name: one for photo, one in zip(photos, found, strict=True) if one})
+    return _of_grids([photo.name for photo in photos], nameless_grids(photos, work, kept))
 
 
-def both_looks(
-    photos: Sequence[Photo],
-    size: tuple[int, int],
-    what: str,
-    run: Run,
-    *,
-    glances: int | None = 1,
-) -> tuple[Look, Look]:
-    """What :meth:`Search.look` takes: a glance at some of the photos, and a close look at them.
-
-    Args:
-        photos: all of one size.
-        size: (width, height) of each.
-        what: they are, in the plural.
-        run: how the work is done.
-        glances: processes to use for glances.
-
-    """
-
-    def glanced(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        work = replace(run, jobs=glances).work(f"Glancing at {what}")
-        return found_at_a_glance([photos[at] for at in numbers], targets, size, work)
-
-    def closely(numbers: Sequence[int], targets: Sequence[Target] | None) -> Found:
-        some = [photos[at] for at in numbers]
-        return found_in(some, targets, run.work("Finding boards"), run.cache)
-
-    return glanced, closely
-
-
-def _of_grids(found: Mapping[str, FoundGrids]) -> Found:
+def _of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
     patches = {
         name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in one.grids)
-        for name, one in found.items()
-        if one.grids
+        for name, one in zip(names, found, strict=True)
+        if one is not None and one.grids
     }
     return Found(patches=patches)
 
@@ -194,61 +126,40 @@ def _of_corners(corners: Observations) -> Found:
     return Found(patches=patches, pairs=pairs, target=target)
 
 
-def choose_by_worth(
-    names: Sequence[str], seen: Sequence[Seen], found: Found, size: tuple[int, int], most: int
-) -> Choice:
-    """Choose by what pictures add to the camera, or where none can be fitted, by what they show.
-
-    Args:
-        names: of the pictures.
-        seen: what is known of each.
-        found: the corners of those that were looked at.
-        size: (width, height) of the pictures.
-        most: how many may be chosen.
-
-    """
-
-    def gains(quality: FloatArray) -> Worth | None:
-        if found.pairs is None:
-            return None
-        try:
-            return Worth(found.pairs, names, quality)
-        except FitError:
-            return None
-
-    return choose(seen, size, most, still_px(size), gains)
-
-
 @dataclass(kw_only=True, eq=False)
 class Search:
     """A search through pictures, and what is chosen of them.
 
     Attributes:
-        names, seen: the pictures' names, and what is known of each.
+        photos, seen: the pictures, and what is known of each.
         size: (width, height) of them.
         most: how many may be chosen.
         targets: what the target may be; None where none is known.
+        run: how the work is done.
+        what: they are, in the plural.
         at_once: how many are glanced at before it is asked whether more would add anything.
+        glances: processes to use for glances.
         looked_at: numbers of those that were looked at.
         choice: what is chosen of these.
 
     """
 
-    names: Sequence[str]
+    photos: Sequence[Photo]
     seen: list[Seen]
     size: tuple[int, int]
     most: int
     targets: Sequence[Target] | None
+    run: Run
+    what: str
     at_once: int
+    glances: int | None
     looked_at: set[int] = field(default_factory=set)
     choice: Choice = field(init=False)
 
-    def look(self, glance: Look, closely: Look, good: Sequence[int], others: Sequence[int]) -> None:
+    def look(self, good: Sequence[int], others: Sequence[int]) -> None:
         """Look at good pictures, and only where these show little, at others and more closely.
 
         Args:
-            glance: how corners are found quickly in pictures, by their numbers.
-            closely: how they are found surely.
             good: numbers of pictures.
             others: those of worse ones.
 
@@ -259,13 +170,13 @@ class Search:
         found = Found()
         self._choose(found)
         for numbers in (good, others):
-            found = self._glanced(glance, numbers, found)
+            found = self._glanced(numbers, found)
             if self._is_well_seen(found):
                 return
         # All at once: what is wrong with the target is told by many photos.
         for numbers in (good, [*good, *others]) if others else (good,):
             try:
-                found = closely(numbers, self.targets)
+                found = self.closely(numbers)
             except DetectionError:
                 if len(numbers) == len(good) + len(others):
                     raise
@@ -277,12 +188,40 @@ class Search:
         if found.miscounted is not None:
             raise DetectionError(found.miscounted.why, do=found.miscounted.do)
 
-    def _glanced(self, glance: Look, numbers: Sequence[int], found: Found) -> Found:
+    def glance(self, numbers: Sequence[int]) -> Found:
+        """What some pictures show at a glance."""
+        photos = [self.photos[at] for at in numbers]
+        names = [photo.name for photo in photos]
+        work = replace(self.run, jobs=self.glances).work(f"Glancing at {self.what}")
+        seen = glance(photos, self.targets[0] if self.targets else None, work)
+        if not self.targets:
+            return _of_grids(names, [one if isinstance(one, FoundGrids) else None for one in seen])
+        corners, identified = named_at_a_glance(seen, self.targets, self.size, names)
+        found = _of_corners(corners)
+        if identified is None or found.target is None:
+            return found
+        evidence = GridEvidence(
+            photos=len(names),
+            names=names,
+            picture=lambda number: None,
+            target=found.target,
+            with_boards=len(names),
+            lost=(),
+            identified=identified,
+        )
+        return replace(found, findings=tuple(squares_of_grids(evidence)))
+
+    def closely(self, numbers: Sequence[int]) -> Found:
+        """What some pictures show as the finder finds it."""
+        photos = [self.photos[at] for at in numbers]
+        return found_in(photos, self.targets, self.run.work("Finding boards"), self.run.cache)
+
+    def _glanced(self, numbers: Sequence[int], found: Found) -> Found:
         """Glance at pictures from the beginning to the end, until more add hardly anything."""
         rounds = math.ceil(len(numbers) / self.at_once)
         for first in range(rounds):
             some = numbers[first::rounds]
-            found = found.with_more(glance(some, self.targets))
+            found = found.with_more(self.glance(some))
             if found.target is not None:
                 self.targets = [found.target]
             self.looked_at.update(some)
@@ -302,25 +241,32 @@ class Search:
         return seen == looked_at or len(self.choice.order) >= min(FEWEST, self.most)
 
     def _choose(self, found: Found) -> None:
+        """Choose by what pictures add to the camera, or where none is fitted, by what they show."""
+        names = [photo.name for photo in self.photos]
         self.seen = [
             replace(one, patches=found.patches.get(name, ()))
-            for one, name in zip(self.seen, self.names, strict=True)
+            for one, name in zip(self.seen, names, strict=True)
         ]
-        self.choice = choose_by_worth(self.names, self.seen, found, self.size, self.most)
+
+        def gains(quality: FloatArray) -> Worth | None:
+            if found.pairs is None:
+                return None
+            try:
+                return Worth(found.pairs, names, quality)
+            except FitError:
+                return None
+
+        self.choice = choose(self.seen, self.size, self.most, still_px(self.size), gains)
 
 
 def choose_photos(
-    photos: Sequence[Photo],
-    target: Target | Sequence[Target],
-    run: Run,
-    *,
-    most: int,
+    photos: Sequence[Photo], targets: Sequence[Target], run: Run, *, most: int
 ) -> tuple[list[Photo], str]:
     """Choose those of many photos that are worth calibrating from, in the order given.
 
     Args:
         photos: photos of one camera.
-        target: the calibration target, or what it may be.
+        targets: what the calibration target may be.
         run: how the work is done.
         most: how many photos may be chosen.
 
@@ -331,7 +277,7 @@ def choose_photos(
         DetectionError: none shows the target.
 
     """
-    sizes = [size_of(photo) for photo in photos]
+    sizes = [_size_of(photo) for photo in photos]
     known = Counter(size for size in sizes if size is not None)
     if not known:
         raise DetectionError("none of the photos can be read: check the files")
@@ -339,41 +285,26 @@ def choose_photos(
     usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
     sharp = replace(run, executor=None).work("Measuring sharpness").done(_sharpness, usual)
     search = Search(
-        names=[photo.name for photo in usual],
-        seen=[Seen(patches=(), sharpness=one) for one in sharp],
+        photos=usual,
+        seen=[Seen(sharpness=one) for one in sharp],
         size=size,
         most=most,
-        targets=targets_of(target),
+        targets=targets,
+        run=run,
+        what="photos",
         at_once=len(usual),
+        glances=run.jobs,
     )
-    looks = both_looks(usual, size, "photos", run, glances=run.jobs)
-    search.look(*looks, range(len(usual)), ())
+    search.look(range(len(usual)), ())
     return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
-
-
-_WHY_ENDED = {
-    "all": Event.CHOSEN_ALL,
-    "asked": Event.CHOSEN_ASKED,
-    "enough": Event.CHOSEN_ENOUGH,
-}
 
 
 def why_ended(choice: Choice, what: str) -> str:
     """Why no more pictures were chosen, in a sentence; ``what`` they are."""
-    return _WHY_ENDED[choice.ended].line(chosen=len(choice.order), what=what)
+    return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
 
 
-def targets_of(
-    target: TargetSource | Target | Sequence[Target] | StrPath | None, listener: Listener = SILENT
-) -> list[Target] | None:
-    """What the films show, or may show; None where nobody says."""
-    if isinstance(target, Sequence) and not isinstance(target, str):
-        return list(target) or None
-    source = TargetSource.of(target)
-    return source.load(listener) if source.is_known else None
-
-
-def size_of(photo: Photo) -> tuple[int, int] | None:
+def _size_of(photo: Photo) -> tuple[int, int] | None:
     """Its (width, height); None for a damaged one, which is left out with a word later."""
     try:
         return photo_size(photo.path)

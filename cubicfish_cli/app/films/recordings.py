@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -32,6 +33,10 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 _PLAIN, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NANOSECOND = Fraction(1, 10**9)
+# Of MCAP files: how they begin and end, and the records DataEnd and Footer (mcap.dev/spec).
+_MAGIC = b"\x89MCAP0\r\n"
+_DATA_END, _FOOTER = struct.Struct("<BQI"), struct.Struct("<BQQQI")
+_BLOCK = 1 << 20
 # Encoding -> bytes per number, numbers per pixel, and how OpenCV makes grey or BGR of it.
 _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     "mono8": (1, 1, None),
@@ -109,6 +114,8 @@ class Recording:
             frames=sum(connection.msgcount for connection in self._connections),
             start_time=first.pts,
             time_base=_NANOSECOND,
+            average_rate=None,
+            metadata={},
         )
 
     def close(self) -> None:
@@ -180,6 +187,9 @@ class Recording:
         if path.suffix.lower() == ".db3":  # which its folder describes
             path = path.parent
         try:
+            for file in path.glob("*.mcap") if path.is_dir() else [path]:
+                if file.suffix.lower() == ".mcap":
+                    _check_mcap(file)
             reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
             reader.open()
         except _damage() as problem:
@@ -223,6 +233,38 @@ def _of_raw(message: Any, where: str) -> Picture:
     picture = rows.reshape((height, width, numbers) if numbers > 1 else (height, width))
     picture = np.ascontiguousarray(picture)
     return picture if conversion is None else np.asarray(cv2.cvtColor(picture, conversion))
+
+
+def _check_mcap(path: Path) -> None:
+    """Hold an MCAP file's data and summary to the checksums that it has of them.
+
+    Those of its chunks are checked by rosbags as it reads them.
+
+    Raises:
+        ValueError: bytes of the file are others than they were.
+
+    """
+
+    def checksum(begin: int, end: int) -> int:
+        file.seek(begin)
+        value, left = 0, end - begin
+        while left > 0 and (block := file.read(min(left, _BLOCK))):
+            value, left = zlib.crc32(block, value), left - len(block)
+        return value
+
+    with path.open("rb") as file:
+        footer = file.seek(0, 2) - _FOOTER.size - len(_MAGIC)
+        if footer < len(_MAGIC) + _DATA_END.size:
+            return  # rosbags says what is wrong with it
+        file.seek(footer)
+        _, _, summary, _, of_summary = _FOOTER.unpack(file.read(_FOOTER.size))
+        end = file.seek(min(summary or footer, footer) - _DATA_END.size)
+        kind, _, of_data = _DATA_END.unpack(file.read(_DATA_END.size))
+        # Some writers leave out the magic bytes before the data.
+        if kind == 0x0F and of_data and of_data not in (checksum(0, end), checksum(8, end)):
+            raise ValueError("its data differ from their checksum")
+        if summary and of_summary and checksum(summary, footer + _FOOTER.size - 4) != of_summary:
+            raise ValueError("its summary differs from its checksum")
 
 
 def _damage() -> tuple[type[Exception], ...]:

@@ -13,20 +13,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
-from cubicfish_cli.app.films.decoding import frames
-from cubicfish_cli.app.films.frame_files import brightness, write_frame
-from cubicfish_cli.app.films.measure import motion, sharpness, small_picture
-from cubicfish_cli.app.films.source import Film, missing_frames, opened
+from cubicfish_cli.app.films.measure import Grey, motion, sharpness, small_picture
+from cubicfish_cli.app.films.source import Film, frames, missing_frames, opened
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import shown
 from cubicfish_cli.core.codes import Event
-from cubicfish_cli.core.errors import PhotoError
+from cubicfish_cli.core.errors import OutputError, PhotoError
+from cubicfish_cli.core.files import whole_file
 
 # One frame is kept of so many, or where they come more slowly than the film says, of those in so
 # many times the time that they should take.
 _SLOWER = 1.5
+# Compressing a picture well takes as long as decoding twenty.
+_FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
+    _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -38,7 +42,7 @@ class Measured:
         time: seconds from its beginning, of each frame.
         sharpness: see :mod:`cubicfish_cli.app.films.measure`.
         motion: to the nearer of both neighbours, pixels.
-        lost: how many frames could not be decoded.
+        missing: how many more frames the film announces; 0 for a few, which is common.
         kept: frames (by index) that were kept -> their pictures.
         turned_deg: how far players are told to turn the film.
         problem: one line where the film ends before its end.
@@ -49,7 +53,7 @@ class Measured:
     time: array[float] = field(default_factory=lambda: array("d"))
     sharpness: array[float] = field(default_factory=lambda: array("f"))
     motion: array[float] = field(default_factory=lambda: array("f"))
-    lost: int = 0
+    missing: int = 0
     kept: dict[int, Path] = field(default_factory=dict)
     turned_deg: int = 0
     problem: str | None = None
@@ -57,14 +61,6 @@ class Measured:
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.time)
-
-    @property
-    def missing(self) -> int:
-        """How many frames the film announces, or has, that could not be decoded."""
-        film, end = self.film, self.time[-1] - self.time[0] if len(self) else 0.0
-        announced = film.frames if film.counted else 0
-        short = missing_frames(announced, film.seconds, film.rate, len(self), end)
-        return max(short, self.lost)
 
 
 @contextmanager
@@ -99,20 +95,20 @@ def scan(
 
     """
     measured = Measured(film=film)
-
-    def lost() -> None:
-        measured.lost += 1
-
     with opened(film.path) as (container, stream):
-        decoded = frames(film.path, container, stream, lost)
+        decoded = frames(film.path, container, stream)
         begin = int(stream.start_time or 0)
         every_frame = _measured_frames(measured, decoded, begin, stream.time_base, progress)
         for index, frame in _best_of_stretches(measured, every_frame, every):
             if folder is not None:
                 measured.kept[index] = folder / f"{index}.png"
                 write_frame(measured.kept[index], frame)
-    if not len(measured):
-        raise PhotoError(f"{shown(film.path)} holds no frame that can be decoded: copy it again")
+        if not len(measured):
+            raise PhotoError(
+                f"{shown(film.path)} holds no frame that can be decoded: copy it again"
+            )
+        last = measured.time[-1] - measured.time[0]
+        measured.missing = missing_frames(stream, len(measured), last)
     return measured
 
 
@@ -169,6 +165,33 @@ def _best_of_stretches(
             best = (score, index, frame)
     if best is not None:
         yield best[1:]
+
+
+def brightness(frame: Any) -> Grey:
+    """Grey levels (H, W) of a frame of PyAV, as they are stored where they are: uint8 or uint16."""
+    kind = frame.format
+    alone = len(kind.components) == 1 or (kind.is_planar and not kind.is_rgb)
+    if not alone or kind.has_palette or kind.is_big_endian or kind.is_bit_stream:
+        return np.asarray(frame.to_ndarray(format="gray"))
+    plane = frame.planes[0]
+    rows = np.frombuffer(plane, np.uint8 if kind.components[0].bits <= 8 else "<u2")
+    return np.asarray(rows.reshape(plane.height, -1)[:, : plane.width])
+
+
+def write_frame(path: Path, frame: Any) -> None:
+    """Write a frame as a PNG of 8 bits, grey where the film is grey.
+
+    Raises:
+        OutputError: it cannot be written.
+
+    """
+    grey = frame.format.name.startswith("gray")
+    picture = frame.to_ndarray(format="gray" if grey else "bgr24")
+    done, data = cv2.imencode(".png", picture, _FAST)
+    if not done:
+        raise OutputError(f"{path} cannot be written: a frame is no picture")
+    with whole_file(path, overwrite=True) as temporary:
+        temporary.write_bytes(data.tobytes())
 
 
 def still_px(size: tuple[int, int]) -> float:

@@ -1,4 +1,4 @@
-"""A film on disk: opening it, and what it says of itself.
+"""A film on disk: opening it, what it says of itself, and its frames in order.
 
 PyAV does it, the extra ``video``. Frames are as the sensor made them: a note that tells players to
 turn the film is not followed, since the lens does not turn with it.
@@ -7,18 +7,14 @@ turn the film is not followed, since the lens does not turn with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os.path import realpath
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.films.recordings import (
-    Recording,
-    file_and_topic,
-    is_recording,
-    label_of,
-)
+from cubicfish_cli.app.films.recordings import Recording, is_recording, label_of
 from cubicfish_cli.app.photos import MAX_PIXELS, shown
 from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
@@ -29,6 +25,11 @@ _ONLY = {
 }
 # A film lacks frames where it has less than this share of those that it announces.
 _WHOLE = 0.95
+# Times that go back further, or forward further, are of another film that was joined to this one,
+# seconds.
+_JOINED_BACK, _JOINED_AHEAD = 1.0, 3600.0
+# Each frame of these stands by itself. Damage is passed over in silence unless it is an error.
+_SINGLE = frozenset(["mjpeg"])
 
 
 def library() -> Any:
@@ -104,35 +105,26 @@ def frame_count(container: Any, stream: Any) -> int:
     return int((container.duration or 0) * stream.average_rate / 1_000_000)
 
 
-def announced_seconds(stream: Any) -> float:
-    """How long it is from a stream's first picture to its end, as its header says.
-
-    0 where it does not say, as in files whose length is told by their last packets.
-    """
-    hours, minutes, seconds = (*str(stream.metadata.get("DURATION", "")).split(":"), "", "")[:3]
-    try:
-        length = 3600 * int(hours) + 60 * int(minutes) + float(seconds)
-        length -= float((stream.start_time or 0) * stream.time_base)
-    except ValueError:
-        return 0.0
-    return length if 0 < length < math.inf else 0.0
-
-
-def missing_frames(announced: int, seconds: float, rate: float, found: int, end: float) -> int:
+def missing_frames(stream: Any, found: int, end: float) -> int:
     """How many frames a film announces beyond those that it has; 0 for a few, which is common.
 
     Args:
-        announced: how many it counts; 0 where it does not.
-        seconds: how long it says that it lasts; 0 where it does not.
-        rate: frames per second.
+        stream: its pictures, whose header counts them or says how long they last, or neither.
         found: how many there are.
         end: when the last one was taken, seconds after the first.
 
     """
-    if announced:
+    if announced := int(stream.frames):
         return announced - found if found < _WHOLE * announced else 0
+    hours, minutes, seconds = (*str(stream.metadata.get("DURATION", "")).split(":"), "", "")[:3]
+    try:
+        length = 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    except ValueError:
+        return 0
+    length -= float((stream.start_time or 0) * stream.time_base)
+    rate = float(stream.average_rate or 0)
     end += 1 / rate if rate else 0
-    return max(1, round((seconds - end) * rate)) if end < _WHOLE * seconds else 0
+    return max(1, round((length - end) * rate)) if end < _WHOLE * length < math.inf else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,9 +137,6 @@ class Film:
         size: (width, height) of its frames, as they are stored.
         frames: how many it claims to have; 0 where it does not say.
         rate: frames per second, in the mean; 0 where it does not say.
-        counted: whether that is a count, not worked out from a length and a rate.
-        seconds: how long its header says that it lasts; 0 where it does not say.
-        stamp: its size and time of change: other ones mean another film.
 
     """
 
@@ -156,9 +145,6 @@ class Film:
     size: tuple[int, int]
     frames: int
     rate: float
-    counted: bool
-    seconds: float = 0.0
-    stamp: tuple[int, int]
 
 
 def open_films(paths: Sequence[Path]) -> list[Film]:
@@ -195,27 +181,14 @@ def open_films(paths: Sequence[Path]) -> list[Film]:
 
 def _film(path: Path, label: str) -> Film:
     with opened(path) as (container, stream):
-        if _is_cover(stream):
+        disposition = getattr(stream, "disposition", None)
+        if disposition is not None and disposition & disposition.__class__.attached_pic:
             raise PhotoError(f"{shown(path)} holds sound and a cover, no film: give a film")
         size = (int(stream.width), int(stream.height))
         if min(size) < 1:
             raise PhotoError(f"{shown(path)} does not say how large its frames are: copy it again")
-        status = file_and_topic(path)[0].stat()
-        return Film(
-            path=path,
-            label=label,
-            size=size,
-            frames=frame_count(container, stream),
-            rate=float(getattr(stream, "average_rate", None) or 0),
-            counted=bool(stream.frames),
-            seconds=0.0 if is_recording(path) else announced_seconds(stream),
-            stamp=(status.st_size, status.st_mtime_ns),
-        )
-
-
-def _is_cover(stream: Any) -> bool:
-    disposition = getattr(stream, "disposition", None)
-    return disposition is not None and bool(disposition & disposition.__class__.attached_pic)
+        frames, rate = frame_count(container, stream), float(stream.average_rate or 0)
+        return Film(path=path, label=label, size=size, frames=frames, rate=rate)
 
 
 def _label(path: Path) -> str:
@@ -223,3 +196,135 @@ def _label(path: Path) -> str:
     stem = label_of(path) if is_recording(path) else path.stem
     name = "".join(c if c.isprintable() else "_" for c in stem).strip().lstrip(".")
     return name or "film"
+
+
+def frames(source: Path, container: Any, stream: Any) -> Iterator[Any]:
+    """A film's frames as PyAV has them; their pts grow from frame to frame.
+
+    Those that cannot be decoded are left out.
+
+    Args:
+        source: the file, for messages.
+        container: as :class:`opened` gives it.
+        stream: its pictures.
+
+    Raises:
+        PhotoError: the file cannot be read further, or its frames change their size; the frames
+            before that have been given.
+
+    """
+    if not isinstance(container, Recording) and stream.codec_context.name in _SINGLE:
+        stream.thread_type = "NONE"  # so that an error is that of the packet
+        context = stream.codec_context
+        context.options = {**context.options, "err_detect": "explode"}
+    return (item for item in decode(source, container, stream, whole=False) if is_frame(item))
+
+
+def is_frame(item: Any) -> bool:
+    """Whether what :func:`decode` gave is a frame, not a packet of sound."""
+    return hasattr(item, "planes")
+
+
+def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> Iterator[Any]:
+    """Frames of the film and packets of its sound, in the file's order.
+
+    Args:
+        source: the file, for messages.
+        container: as :class:`opened` gives it.
+        stream: its pictures.
+        whole: whether a frame that cannot be decoded ends it; else it is left out.
+
+    Raises:
+        PhotoError: the file is damaged, or its frames change their size; the frames before that
+            have been given.
+
+    """
+    size, count = (stream.width, stream.height), 0
+    if isinstance(container, Recording):
+        for frame in container.frames():
+            _refuse_another_size(source, frame, size, count)
+            count += 1
+            yield frame
+        return
+    av = library()
+    times = Times(container, stream)
+    try:
+        for packet in container.demux(stream, *container.streams.audio):
+            if packet.stream is not stream:
+                if packet.dts is not None:  # the last packet is a mark without content
+                    yield packet
+                continue
+            times.sent(packet)
+            try:
+                made = packet.decode()
+            except av.FFmpegError:
+                if whole:
+                    raise
+                times.lost()
+                continue
+            for frame in made:
+                _refuse_another_size(source, frame, size, count)
+                times.set(frame)
+                if whole or not frame.is_corrupt:
+                    count += 1
+                    yield frame
+    except av.FFmpegError as problem:
+        raise PhotoError(
+            f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
+            "copy it again or cut it with ffmpeg"
+        ) from problem
+
+
+def _refuse_another_size(source: Path, frame: Any, size: tuple[int, int], count: int) -> None:
+    """Refuse a frame that is not of the size that the film has from its beginning."""
+    if (frame.width, frame.height) != size:
+        raise PhotoError(
+            f"{shown(source)} has frames of {frame.width}x{frame.height} pixels after frame "
+            f"{count}, and of {size[0]}x{size[1]} before: cut it there with ffmpeg"
+        )
+
+
+class Times:
+    """Times of frames, which grow from each to the next.
+
+    AVI files have none, and what FFmpeg makes up for frames that are drawn upon later ones is out
+    of order: the order of their packets is what counts. Where films are joined, times begin anew.
+    """
+
+    def __init__(self, container: Any, stream: Any) -> None:
+        """Of a film as :class:`opened` gives it."""
+        second = 1 / stream.time_base
+        self._back, self._ahead = round(_JOINED_BACK * second), round(_JOINED_AHEAD * second)
+        rate = stream.average_rate
+        self._step = max(1, round(second / rate)) if rate else None
+        self._of_packets: deque[int] | None = deque() if container.format.name == "avi" else None
+        self._shift = 0
+        self._last: int | None = None
+
+    def sent(self, packet: Any) -> None:
+        """A packet is decoded, maybe in a while."""
+        if self._of_packets is not None and packet.size and packet.dts is not None:
+            self._of_packets.append(packet.dts)
+
+    def lost(self) -> None:
+        """A packet has no frame."""
+        if self._of_packets:
+            self._of_packets.popleft()
+
+    def set(self, frame: Any) -> None:
+        """Give a frame its time, where there is one."""
+        own, last = frame.pts, self._last
+        if self._of_packets is not None:
+            own = self._of_packets.popleft() if self._of_packets else None
+        if own is None:
+            if self._step is None:
+                return
+            pts = 0 if last is None else last + self._step
+        elif last is None or last < own <= last + self._ahead:
+            pts = own
+        else:
+            pts = own + self._shift
+            if not last - self._back <= pts <= last + self._ahead:
+                self._shift = last + (self._step or 1) - own
+            pts = max(own + self._shift, last + 1)
+        frame.pts = self._last = pts

@@ -20,10 +20,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.films.decoding import decode, is_frame
 from cubicfish_cli.app.films.source import (
-    announced_seconds,
+    decode,
     frame_count,
+    is_frame,
     library,
     missing_frames,
     opened,
@@ -169,8 +169,7 @@ def _pipeline(
         if not frames:
             raise PhotoError(f"{shown(source)} holds no frames: copy it again")
         writer.finish()
-    counted, rate = int(stream.frames), float(stream.average_rate or 0)
-    missing = missing_frames(counted, announced_seconds(stream), rate, frames, end)
+    missing = missing_frames(stream, frames, end)
     return VideoResult(frames=frames, missing=missing, turned_deg=turned)
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos
+from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
@@ -28,8 +28,7 @@ class FramesOptions:
 
     Attributes:
         films: all of one size: files, recordings with their topic, or globs.
-        target: the calibration target or its file, or what it may be; None looks for any
-            checkerboard.
+        target: the calibration target or its file; None looks for any checkerboard.
         folder: where the frames go.
         most: how many frames may be chosen.
 
@@ -38,7 +37,7 @@ class FramesOptions:
     films: StrPath | Sequence[StrPath] = options.argument(
         "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
     )
-    target: TargetSource | Target | Sequence[Target] | StrPath | None = target_options
+    target: TargetSource | Target | StrPath | None = target_options
     folder: StrPath = options.output_option(
         "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
         "go.",
@@ -102,36 +101,58 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     from cubicfish_cli.app.films.scan import room_for_frames
     from cubicfish_cli.app.films.source import open_films
     from cubicfish_cli.core.files import refuse_existing
-    from cubicfish_cli.extensions.films import frames
-    from cubicfish_cli.extensions.films.written import SHEET, TABLE, depends_on, write_chosen
+    from cubicfish_cli.extensions.films.frames import chosen_of, scanned
+    from cubicfish_cli.extensions.films.written import SHEET, TABLE, write_chosen
 
-    folder, targets = Path(asked.folder), frames.targets_of(asked.target, run.listener)
-    films = open_films(frames.expanded_films(asked.films))
-    for name in (TABLE, SHEET):
-        refuse_existing(folder / name, overwrite=run.overwrite)
+    folder, source = Path(asked.folder), TargetSource.of(asked.target)
+    targets = source.load(run.listener) if source.is_known else None
+    films = open_films(_expanded(asked.films))
+    table, sheet = folder / TABLE, folder / SHEET
+    refuse_existing(table, sheet, overwrite=run.overwrite)
     with room_for_frames(folder) as room:
-        measured = frames.scanned(films, room, asked.most, run.listener)
-        chosen = frames.chosen_of(measured, targets, asked.most, run)
-        of = depends_on(films, asked.most, frames.fingerprint_of(targets))
+        measured = scanned(films, room, asked.most, run.listener)
+        chosen = chosen_of(measured, targets, asked.most, run)
         run.listener.progress("Writing frames")
-        write_chosen(folder, of, chosen, overwrite=run.overwrite)
+        write_chosen(folder, chosen, overwrite=run.overwrite)
     return ChosenFrames(
-        photos=tuple(folder / chosen.frames[at].photo.name for at in chosen.numbers),
-        table=folder / TABLE,
-        sheet=folder / SHEET,
+        photos=tuple(folder / frame.photo.name for frame in chosen.taken),
+        table=table,
+        sheet=sheet,
         frames=sum(map(len, measured)),
-        looked_at=len(chosen.looked_at),
+        looked_at=chosen.looked_at,
         ended=chosen.ended,
-        films=tuple(frames.record_of(one) for one in measured),
+        films=tuple(
+            {
+                "film": str(one.film.path),
+                "frames": len(one),
+                "image_size": one.film.size,
+                "seconds": one.time[-1],
+                "turned_deg": one.turned_deg,
+                "missing": one.missing,
+                "problem": one.problem,
+            }
+            for one in measured
+        ),
     )
+
+
+def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
+    """Films, with patterns replaced by what they match."""
+    from cubicfish_cli.app.photos import expanded
+
+    every = {path: expanded(path) for path in paths_of(films)}
+    for path, matches in every.items():
+        if not matches:
+            raise PhotoError(f"{path} matches no film: check the name and the current folder")
+    if not every:
+        raise PhotoError("no film was given: name one")
+    return [match for matches in every.values() for match in matches]
 
 
 def with_frames(
     inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
 ) -> tuple[Sequence[Path], str | None]:
     """The inputs, with frames that are chosen of films in their place.
-
-    Those that an earlier run chose of the same films are taken as they are, unless nothing is kept.
 
     Args:
         inputs: photos and films.
@@ -144,28 +165,20 @@ def with_frames(
         The inputs, and why no more frames were chosen, in a sentence; None where there is no film.
 
     Raises:
-        CubicfishError: a film cannot be used, or photos are of another size.
+        CubicfishError: a film cannot be used.
 
     """
     from cubicfish_cli.app.inputs import films_among
 
-    films, most = films_among(inputs), best or MOST
+    films = films_among(inputs)
     if not films:
         return inputs, None
-    from cubicfish_cli.extensions.films.frames import earlier_frames, refuse_other_photos
-
-    photos = [path for path in inputs if path not in films]
-    if photos:
-        refuse_other_photos(named_photos(photos, run.listener), films)
-    targets = target.load()
-    kept, ended = ((), "") if run.anew else earlier_frames(films, folder, targets, most=most)
-    if kept:
-        run.listener.tell(Event.FRAMES_KEPT, frames=len(kept), folder=folder, ended=ended)
-        return [*photos, *kept], ended
-    asked = FramesOptions(films=films, folder=folder, target=targets, most=most)
+    target = replace(target, told=False)  # it is told where corners are found
+    asked = FramesOptions(films=films, folder=folder, target=target, most=best or MOST)
     chosen = choose_frames(asked, run=run)
     told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
     run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
+    photos = [path for path in inputs if path not in films]
     return [*photos, *chosen.photos], chosen.ended
 
 

@@ -1,35 +1,90 @@
-"""Films, or many photos -> the few that are worth calibrating from."""
+"""Films -> the few frames that are worth calibrating from, of those that a scan kept."""
 
 from __future__ import annotations
 
-import hashlib
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from cubicfish_cli.app.asked import Run, StrPath, paths_of
-from cubicfish_cli.app.films import MOST
-from cubicfish_cli.app.films.frame_search import Search, both_looks, size_of, targets_of, why_ended
-from cubicfish_cli.app.films.scan import Measured, scan, tell_of_film
-from cubicfish_cli.app.films.source import Film, open_films
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.films.choose import Scale, Seen
+from cubicfish_cli.app.films.frame_search import Search, why_ended
+from cubicfish_cli.app.films.measure import motion, small_picture
+from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
+from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.listener import Listener
-from cubicfish_cli.app.photos import Photo, expanded
-from cubicfish_cli.core.errors import DetectionError, PhotoError
-from cubicfish_cli.core.target import Target, target_text
-from cubicfish_cli.extensions.films.candidates import REPEATED, candidates, kept_of, passed_over
-from cubicfish_cli.extensions.films.written import (
-    TABLE,
-    Chosen,
-    depends_on,
-    ended_of,
-    listed,
-    photos_of_table,
-)
+from cubicfish_cli.app.photos import Photo, shown
+from cubicfish_cli.core.errors import DetectionError
+from cubicfish_cli.core.frame_names import frame_name
+from cubicfish_cli.core.phrases import plural
+from cubicfish_cli.core.target import Target
 
+# So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
+# so many.
+_KEPT, _KEPT_SECONDS, _MOST_KEPT = 1.5, 2.0, 5.0
+_RATE = 30.0  # frames per second of films that do not say
+# One frame of so many is kept where a film does not say how many it has.
+_EVERY = 15
+# A frame is compared with so many before it.
+_COMPARED = 8
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
 # anything.
 _ROUND = 24
+_MOST_NAMED = 4
+
+REPEATED = "not looked at: nearly the same picture as another"
 _ENOUGH = "not looked at: others of all times had no more to add"
+
+
+@dataclass(kw_only=True, eq=False)
+class Candidate:
+    """A frame that may be chosen.
+
+    Attributes:
+        film, index: the film's number, and the frame's place in it.
+        photo: its picture, until the choice is made.
+        seen: what was measured of it, and what it shows where it was looked at.
+        gain: what it adds; None where nobody looked, NaN where it shows nothing.
+        why_not: why it was not chosen; "" where it was.
+
+    """
+
+    film: int
+    index: int
+    photo: Photo
+    seen: Seen
+    gain: float | None = None
+    why_not: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """What became of films' frames.
+
+    Attributes:
+        measured: a record a film.
+        frames: those that might be chosen, in the films' order.
+        ended: why no more were chosen, in a sentence.
+
+    """
+
+    measured: Sequence[Measured]
+    frames: Sequence[Candidate]
+    ended: str
+
+    @property
+    def taken(self) -> list[Candidate]:
+        """The frames that were chosen."""
+        return [frame for frame in self.frames if not frame.why_not]
+
+    @property
+    def looked_at(self) -> int:
+        """In how many frames corners were looked for."""
+        return sum(frame.gain is not None for frame in self.frames)
 
 
 def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -> list[Measured]:
@@ -42,6 +97,16 @@ def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) ->
     return measured
 
 
+def kept_of(films: Sequence[Film], most: int) -> int:
+    """Of how many frames one is kept, where ``most`` may be chosen of all."""
+    total = sum(film.frames for film in films)
+    if not total:
+        return _EVERY
+    rate = min(film.rate or _RATE for film in films)
+    few = min(total / (_KEPT * most), _KEPT_SECONDS * rate)
+    return max(1, math.ceil(max(few, total / (_MOST_KEPT * most))))
+
+
 def chosen_of(
     measured: Sequence[Measured], targets: Sequence[Target] | None, most: int, run: Run
 ) -> Chosen:
@@ -51,114 +116,83 @@ def chosen_of(
         DetectionError: no frame shows the target.
 
     """
-    frames, size = candidates(measured), measured[0].film.size
-    why = passed_over(frames, size, run.listener.counting("Comparing frames"))
+    frames, size = _candidates(measured), measured[0].film.size
+    why = passed_over(frames, size, run.listener)
     search = Search(
-        names=[frame.photo.name for frame in frames],
+        photos=[frame.photo for frame in frames],
         seen=[frame.seen for frame in frames],
         size=size,
         most=most,
         targets=targets,
+        run=run,
+        what="frames",
         at_once=_ROUND,
+        glances=1,
     )
     try:
         search.look(
-            *both_looks([frame.photo for frame in frames], size, "frames", run),
             [at for at, word in enumerate(why) if word is None],
             [at for at, word in enumerate(why) if word not in (None, REPEATED)],
         )
+        if not search.choice.order:
+            raise DetectionError(
+                f"no board was found in {plural(len(search.looked_at), 'frame')} from all over: is "
+                "a board in view, whole squares of it, sharp and not covered?"
+            )
     except DetectionError as error:
         raise DetectionError(f"no frame can be chosen of {listed(measured)}: {error}") from error
-    looked_at = frozenset(search.looked_at)
-    if not search.choice.order:
-        raise DetectionError(
-            f"no frame can be chosen of {listed(measured)}: no board was found in "
-            f"{len(looked_at)} frame{'s' * (len(looked_at) != 1)} from all over: is a board in "
-            "view, whole squares of it, sharp and not covered?"
-        )
-    return Chosen(
-        measured=measured,
-        frames=frames,
-        looked_at=looked_at,
-        seen=search.seen,
-        gain=search.choice.gain,
-        ended=why_ended(search.choice, "frame"),
-        why_not=[
-            search.choice.why_not[at] if at in looked_at else (why[at] or _ENOUGH)
-            for at in range(len(frames))
-        ],
-    )
+    for at, frame in enumerate(frames):
+        frame.seen, frame.why_not = search.seen[at], why[at] or _ENOUGH
+        if at in search.looked_at:
+            frame.gain, frame.why_not = search.choice.gain[at], search.choice.why_not[at]
+    return Chosen(measured=measured, frames=frames, ended=why_ended(search.choice, "frame"))
 
 
-def earlier_frames(
-    films: StrPath | Sequence[StrPath],
-    folder: StrPath,
-    target: Target | Sequence[Target] | None = None,
-    *,
-    most: int = MOST,
-) -> tuple[tuple[Path, ...], str]:
-    """Frames that an earlier :func:`choose_frames` of the same arguments chose; none if none did.
-
-    Returns:
-        The pictures, and why there are no more, in a sentence.
-
-    Raises:
-        PhotoError: a film cannot be used.
-        OutputError: the extra ``video`` is not installed.
-
-    """
-    path = Path(folder) / TABLE
-    of = depends_on(open_films(expanded_films(films)), most, fingerprint_of(targets_of(target)))
-    ended = ended_of(path, of)
-    kept = () if ended is None else tuple(path.parent / name for name in photos_of_table(path))
-    if ended is None or not all(one.is_file() for one in kept):
-        return (), ""
-    return kept, ended
-
-
-def refuse_other_photos(photos: Sequence[Photo], films: StrPath | Sequence[StrPath]) -> None:
-    """Raise :class:`PhotoError` where photos beside films are of another size."""
-    film = open_films(expanded_films(films))[0]
-    for photo in photos:
-        size = size_of(photo)
-        if size not in (None, film.size):
-            raise PhotoError(
-                "{} has {}x{} pixels and {} has {}x{}: photos and films differ in crop and "
-                "stabilisation, so calibrate each by itself".format(
-                    photo.name, *size, film.path, *film.size
-                )
-            )
-
-
-def fingerprint_of(targets: Sequence[Target] | None) -> str | None:
-    """What tells one object from another."""
-    if targets is None:
-        return None
-    return hashlib.sha256("\n".join(map(target_text, targets)).encode()).hexdigest()
-
-
-def expanded_films(films: StrPath | Sequence[StrPath]) -> list[Path]:
-    """Films, with patterns replaced by what they match."""
-    every: list[Path] = []
-    for path in paths_of(films):
-        matches = expanded(path)
-        if not matches:
-            raise PhotoError(f"{path} matches no film: check the name and the current folder")
-        every += matches
-    if not every:
-        raise PhotoError("no film was given: name one")
+def _candidates(measured: Sequence[Measured]) -> list[Candidate]:
+    """The frames that were kept, film by film."""
+    every = []
+    for number, film in enumerate(measured):
+        taken = set()
+        for index in sorted(film.kept):
+            name = frame_name(film.film.label, film.time[index])
+            if name in taken:  # less than a millisecond apart
+                name += f"_{index}"
+            taken.add(name)
+            seen = Seen(sharpness=film.sharpness[index], motion=film.motion[index])
+            photo = Photo(name=f"{name}.png", path=film.kept[index])
+            every.append(Candidate(film=number, index=index, photo=photo, seen=seen))
     return every
 
 
-def record_of(measured: Measured) -> dict[str, Any]:
-    """What became of a film, as plain data."""
-    film = measured.film
-    return {
-        "film": str(film.path),
-        "frames": len(measured),
-        "image_size": film.size,
-        "seconds": measured.time[-1],
-        "turned_deg": measured.turned_deg,
-        "missing": measured.missing,
-        "problem": measured.problem,
-    }
+def passed_over(
+    frames: Sequence[Candidate], size: tuple[int, int], listener: Listener
+) -> list[str | None]:
+    """Why each frame is not looked at: blurred, moving or a copy; None where it is."""
+    progress, still = listener.counting("Comparing frames"), still_px(size)
+    scale = Scale.of([frame.seen for frame in frames], still)
+    why: list[str | None] = []
+    good: list[tuple[int, npt.NDArray[np.float32]]] = []
+    for at, frame in enumerate(frames):
+        progress(at, len(frames))
+        why.append(scale.spoilt(frame.seen))
+        if why[at] is not None:
+            continue
+        good = [other for other in good if other[0] >= at - _COMPARED]
+        small = small_picture(frame.photo.read_grey())
+        same = [other for other, before in good if motion(before, small, size[0]) < still]
+        quality = scale.quality(frame.seen)
+        worse = [other for other in same if scale.quality(frames[other].seen) < quality]
+        if len(worse) < len(same):
+            why[at] = REPEATED
+            continue
+        for other in worse:
+            why[other] = REPEATED
+        good = [other for other in good if other[0] not in worse] + [(at, small)]
+    return why
+
+
+def listed(films: Sequence[Measured]) -> str:
+    """The films' names, the first of many."""
+    names = [shown(one.film.path.name) for one in films]
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return ", ".join(names[:_MOST_NAMED]) + more

@@ -7,33 +7,25 @@ a folder's pictures are the photos to calibrate from.
 from __future__ import annotations
 
 import csv
-import json
 import math
 import shutil
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from html import escape
-from os.path import realpath
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli import __version__
-from cubicfish_cli.app.films.choose import Seen
-from cubicfish_cli.app.films.scan import Measured
-from cubicfish_cli.app.films.source import Film
-from cubicfish_cli.app.photos import data_uri, read_picture, shown, thumbnail
+from cubicfish_cli.app.photos import data_uri, read_picture, thumbnail
 from cubicfish_cli.core.files import whole_files, write_text
-from cubicfish_cli.extensions.films.candidates import Candidate
+from cubicfish_cli.core.phrases import plural
+from cubicfish_cli.core.tables import csv_text
+from cubicfish_cli.extensions.films.frames import Chosen, listed
 
 TABLE, SHEET = "frames.csv", "contact_sheet.html"
 COLUMNS = ("film", "time", "sharpness", "motion", "corners", "gain", "chosen", "photo")
 PASSED_OVER = "not looked at: a neighbour is sharper or stiller"
-_MARK = "# cubicfish frames 1, "
-_FIRST_BYTES = 1_000_000
-_MOST_NAMED = 4
+_MARK = "# cubicfish frames 1\n"
 _LONGEST, _QUALITY = 240, 80
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Chosen frames</title>
@@ -54,40 +46,11 @@ path {{ stroke: #4fc3f7; stroke-linecap: round; }}
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Chosen:
-    """What became of films' frames.
-
-    Attributes:
-        measured: a record a film.
-        frames: those that might be chosen.
-        looked_at: numbers of those that were looked at.
-        seen, gain: what each of ``frames`` shows and adds, where it was looked at.
-        why_not: why each was not chosen; "" for those that were.
-        ended: why no more were chosen, in a sentence.
-
-    """
-
-    measured: Sequence[Measured]
-    frames: Sequence[Candidate]
-    looked_at: frozenset[int]
-    seen: Sequence[Seen]
-    gain: npt.NDArray[np.float64]
-    why_not: Sequence[str]
-    ended: str
-
-    @property
-    def numbers(self) -> list[int]:
-        """Numbers of the frames that were chosen, in the films' order."""
-        return [at for at, why in enumerate(self.why_not) if not why]
-
-
-def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwrite: bool) -> None:
+def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
     """Write table, sheet and pictures; pictures of an earlier choice go.
 
     Args:
         folder: where.
-        of: what the choice depends on; see :func:`depends_on`.
         chosen: what was chosen.
         overwrite: whether files of an earlier choice may be replaced.
 
@@ -95,110 +58,73 @@ def write_chosen(folder: Path, of: Mapping[str, Any], chosen: Chosen, *, overwri
         OutputError: a file exists and ``overwrite`` is false, or cannot be written.
 
     """
-    frames = [chosen.frames[at] for at in chosen.numbers]
-    paths = [folder / name for name in (TABLE, SHEET, *(frame.photo.name for frame in frames))]
-    old = [folder / name for name in photos_of_table(paths[0])] if overwrite else []
+    names = [frame.photo.name for frame in chosen.taken]
+    paths = [folder / name for name in (TABLE, SHEET, *names)]
+    old = [folder / name for name in _photos_of_table(paths[0])] if overwrite else []
     obsolete = [path for path in old if path not in paths]
     written = whole_files(paths, overwrite=overwrite, obsolete=obsolete, folder=folder)
     with written as (table, page, *pictures):
-        _write_table(table, of, chosen)
-        for picture, frame in zip(pictures, frames, strict=True):
+        write_text(table, _MARK + csv_text((COLUMNS, *_rows(chosen))), overwrite=False)
+        for picture, frame in zip(pictures, chosen.taken, strict=True):
             shutil.copyfile(frame.photo.path, picture)
         write_text(page, _sheet(chosen, pictures), overwrite=False)
 
 
-def _write_table(path: Path, of: Mapping[str, Any], chosen: Chosen) -> None:
+def _rows(chosen: Chosen) -> Iterator[tuple[object, ...]]:
     """All frames of the films, one after the other."""
-    place = {(frame.film, frame.index): at for at, frame in enumerate(chosen.frames)}
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"{_MARK}{json.dumps({**of, 'ended': chosen.ended})}\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for number, film in enumerate(chosen.measured):
-            for index in range(len(film)):
-                at = place.get((number, index))
-                corners, gain, why_not, photo = "", "", PASSED_OVER, ""
-                if at is not None:
-                    why_not = chosen.why_not[at]
-                    photo = "" if why_not else chosen.frames[at].photo.name
-                    if at in chosen.looked_at:
-                        corners, value = str(chosen.seen[at].corners), float(chosen.gain[at])
-                        gain = f"{value:.3f}" if math.isfinite(value) else ""
-                writer.writerow(
-                    (
-                        film.film.path,
-                        f"{film.time[index]:.6f}",
-                        f"{film.sharpness[index]:.4f}",
-                        f"{film.motion[index]:.3f}",
-                        corners,
-                        gain,
-                        why_not or "yes",
-                        photo,
-                    )
-                )
+    candidates = {(frame.film, frame.index): frame for frame in chosen.frames}
+    for number, film in enumerate(chosen.measured):
+        measures = zip(film.time, film.sharpness, film.motion, strict=True)
+        for index, (time, sharp, moved) in enumerate(measures):
+            row = (film.film.path, f"{time:.6f}", f"{sharp:.4f}", f"{moved:.3f}")
+            frame = candidates.get((number, index))
+            if frame is None:
+                yield (*row, "", "", PASSED_OVER, "")
+                continue
+            known = frame.gain is not None and math.isfinite(frame.gain)
+            corners = "" if frame.gain is None else frame.seen.corners
+            gain = f"{frame.gain:.3f}" if known else ""
+            photo = "" if frame.why_not else frame.photo.name
+            yield (*row, corners, gain, frame.why_not or "yes", photo)
 
 
-def photos_of_table(path: Path) -> list[str]:
+def _photos_of_table(path: Path) -> list[str]:
     """Names of the pictures that were written beside a table; none where it cannot be read.
 
     A name that leads out of the folder is no name of a picture.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            if not file.readline(_FIRST_BYTES).startswith(_MARK):
+            if not file.readline(len(_MARK)).startswith(_MARK):
                 return []
             names = [row.get("photo") or "" for row in csv.DictReader(file)]
     except (OSError, ValueError, csv.Error):
         return []
-    return [name for name in names if name and Path(name).name == name and name.endswith(".png")]
-
-
-def depends_on(films: Sequence[Film], most: int, target_sha256: str | None) -> dict[str, Any]:
-    """What a choice depends on: the films as they are now, how many may be chosen, the target."""
-    return {
-        "films": [[realpath(film.path), *film.stamp] for film in films],
-        "most": most,
-        "target": target_sha256,
-        "version": __version__,
-    }
-
-
-def ended_of(path: Path, of: Mapping[str, Any]) -> str | None:
-    """Why a table has no more frames; None where its choice did not depend on just this."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            line = file.readline(_FIRST_BYTES)
-        made = json.loads(line.removeprefix(_MARK))
-        ended = made.pop("ended")
-    except (OSError, ValueError, AttributeError, LookupError, TypeError):
-        return None
-    return str(ended) if line.startswith(_MARK) and made == of else None
+    return [name for name in names if Path(name).name == name and name.endswith(".png")]
 
 
 def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
     """The contact sheet: chosen frames, small and side by side, in one page."""
-    numbers = chosen.numbers
-    every = sum(len(film) for film in chosen.measured)
-    several = len(chosen.measured) > 1
-    corners = np.concatenate([chosen.seen[at].pixel for at in numbers])
-    drawn = _map(corners, chosen.measured[0].film.size)
+    films, taken = chosen.measured, chosen.taken
+    corners = np.concatenate([frame.seen.pixel for frame in taken])
+    drawn = _map(corners, films[0].film.size)
     figures = [_figure(drawn, "All corners", "of the chosen frames, seen at a glance")]
-    for at, path in zip(numbers, pictures, strict=True):
-        frame, seen = chosen.frames[at], chosen.seen[at]
-        film = chosen.measured[frame.film]
+    for frame, path in zip(taken, pictures, strict=True):
+        seen, film = frame.seen, films[frame.film]
+        picture = data_uri(thumbnail(read_picture(path), _LONGEST), _QUALITY)
         figures.append(
             _figure(
-                f'<img alt="" src="{data_uri(thumbnail(read_picture(path), _LONGEST), _QUALITY)}">',
-                f"{film.film.label} " * several + f"{film.time[frame.index]:.3f} s",
+                f'<img alt="" src="{picture}">',
+                f"{film.film.label} " * (len(films) > 1) + f"{film.time[frame.index]:.3f} s",
                 f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion "
-                f"{seen.motion:.1f} px, gain {chosen.gain[at]:.2f}",
+                f"{seen.motion:.1f} px, gain {frame.gain:.2f}",
             )
         )
-    title = f"{len(numbers)} frame{'s' * (len(numbers) != 1)} of {listed(chosen.measured)}"
+    title = f"{plural(len(taken), 'frame')} of {listed(films)}"
     about = (
-        f"Chosen of {every:,} frames; boards were looked for in {len(chosen.looked_at):,}. Gain is "
-        "what a frame added to those chosen before it. frames.csv says of every frame why it was "
-        "not chosen."
+        f"Chosen of {sum(map(len, films)):,} frames; boards were looked for in "
+        f"{chosen.looked_at:,}. Gain is what a frame added to those chosen before it. frames.csv "
+        "says of every frame why it was not chosen."
     )
     return _PAGE.format(title=escape(title), about=escape(about), figures="\n".join(figures))
 
@@ -214,11 +140,3 @@ def _map(corners: npt.NDArray[np.float64], size: Sequence[int]) -> str:
     width = max(1, round(size[0] / 120))
     box = f"0 0 {size[0]} {size[1]}"
     return f'<svg viewBox="{box}" role="img"><path stroke-width="{width}" d="{dots}"/></svg>'
-
-
-def listed(films: Sequence[Measured]) -> str:
-    """The films' names, the first of many."""
-    names = [shown(one.film.path.name) for one in films]
-    return ", ".join(names[:_MOST_NAMED]) + f" and {len(names) - _MOST_NAMED} more" * (
-        len(names) > _MOST_NAMED
-    )

@@ -11,10 +11,11 @@ import av
 from filming import SIZE, photos
 
 from cubicfish_cli.app.films.choose import Seen
-from cubicfish_cli.app.films.frame_files import brightness, write_frame
+from cubicfish_cli.app.films.scan import brightness, write_frame
 from cubicfish_cli.app.films.source import Film
+from cubicfish_cli.app.listener import SILENT
 from cubicfish_cli.app.photos import Photo
-from cubicfish_cli.extensions.films.candidates import REPEATED, Candidate, kept_of, passed_over
+from cubicfish_cli.extensions.films.frames import REPEATED, Candidate, kept_of, passed_over
 
 
 @pytest.mark.slow
@@ -26,9 +27,9 @@ def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> N
     for number, (picture, value) in enumerate(zip(pictures, sharp, strict=True)):
         photo = Photo(name=str(number), path=tmp_path / f"{number}.png")
         write_frame(photo.path, av.VideoFrame.from_ndarray(picture, format="gray"))
-        seen = Seen(patches=(), sharpness=value)
+        seen = Seen(sharpness=value)
         frames.append(Candidate(film=0, index=number, photo=photo, seen=seen))
-    assert passed_over(frames, SIZE) == [REPEATED, None, None, None, "blurred", REPEATED]
+    assert passed_over(frames, SIZE, SILENT) == [REPEATED, None, None, None, "blurred", REPEATED]
 
 
 @pytest.mark.parametrize(
@@ -36,10 +37,7 @@ def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> N
     [(0, 30, 15), (50, 30, 1), (3600, 30, 40), (18_000, 30, 60), (108_000, 30, 360), (900, 0, 10)],
 )
 def test_a_long_film_has_frames_kept_more_often(frames: int, rate: float, every: int) -> None:
-    film = Film(
-        path=Path("film.mp4"), label="film", size=SIZE, frames=frames, rate=rate, counted=True,
-        stamp=(0, 0),
-    )  # fmt: skip
+    film = Film(path=Path("film.mp4"), label="film", size=SIZE, frames=frames, rate=rate)
     assert kept_of([film], 60) == every
 
 

@@ -14,9 +14,8 @@ pytest.importorskip("av")
 import av
 from filming import RATE, write_film
 
-from cubicfish_cli.app.films.decoding import Times, decode, frames
 from cubicfish_cli.app.films.scan import Measured, scan
-from cubicfish_cli.app.films.source import open_films, opened
+from cubicfish_cli.app.films.source import Times, decode, frames, open_films, opened
 from cubicfish_cli.core.errors import PhotoError
 
 SIZE = (128, 96)

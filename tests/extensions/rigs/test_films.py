@@ -63,9 +63,7 @@ def measured(times: list[float], motion: list[float]) -> Measured:
         label="film",
         size=SIZE,
         frames=0,
-        counted=False,
         rate=10.0,
-        stamp=(0, 0),
     )
     return Measured(
         film=film,
