@@ -20,7 +20,7 @@ import time
 import warnings
 from pathlib import Path
 
-from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.types import Checkerboard
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.boards.board import Board, Face
+from cubicfish_cli.app.board_faces import Face, board_face
+from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.target import Target
 
 FloatArray = npt.NDArray[np.float64]
@@ -239,7 +240,7 @@ class Sheet:
 
     def __init__(self, board: Board) -> None:
         self.board = board
-        self.face: Face = board.face(margin=0.4)
+        self.face: Face = board_face(board, margin=0.4)
         self.axes = np.stack([board.x_axis, board.y_axis, np.cross(board.x_axis, board.y_axis)])
 
     def hit(self, start: FloatArray, ray: FloatArray) -> Hit:

@@ -12,7 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from cubicfish_cli.app.drawing import drawing, lay_out
-from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.board import AROUND_SQUARE, Board
 from cubicfish_cli.core.lenses.sphere import all_around
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
@@ -82,7 +82,7 @@ def draw_board(
         pieces: how many the paper is drawn in along a side; where it is one, edges are straight.
 
     """
-    squares = board.dark_squares()
+    squares = _dark_squares(board)
     squares = board.origin + (_bent(squares) if pieces > 1 else squares) @ board.axes[:2]
     prints = [squares] if len(squares) <= _MOST_SQUARES else []
     for polygons, colour in zip(
@@ -98,6 +98,19 @@ def draw_board(
         }
         gid = f"{'paper' if colour == 'white' else 'print'} of {board.name}"
         axes.add_collection(PolyCollection(list(whole), rasterized=pieces > 1, gid=gid, **look))
+
+
+def _dark_squares(board: Board) -> FloatArray:
+    """(N, 4, 2) the corners of dark squares, or of tags, in the board's plane."""
+    if board.per_cell == 2:
+        row, column = np.indices((board.rows // 2, board.columns // 2)).reshape(2, -1)
+        first = 2 * np.stack([column, row], axis=-1)
+    else:
+        row, column = np.indices((board.rows + 1, board.columns + 1)).reshape(2, -1)
+        dark = (row + column) % 2 == (board.first_square == "light")
+        first = np.stack([column, row], axis=-1)[dark] - 1
+    corner = first[:, None] + AROUND_SQUARE
+    return board.plane_points(corner[..., 0], corner[..., 1])
 
 
 def _paper(board: Board, pieces: int = 1) -> FloatArray:

@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.boards.board import Board, FirstSquare
-from cubicfish_cli.core.boards.section import Section
-from cubicfish_cli.core.boards.shape import AXES_TOLERANCE
+from cubicfish_cli.core.boards.section import AXES_TOLERANCE, Section
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.plain_yaml import load_plain_yaml, plain_yaml_text
@@ -124,7 +123,13 @@ class Target(Brief):
 
         A ``points`` board counts when its points lie in one plane (to 1e-6 of their extent).
         """
-        return plane_count(self.boards)
+        planes: list[tuple[FloatArray, FloatArray]] = []
+        extent = max(np.ptp(board.outline(), axis=0).max() for board in self.boards)
+        for board in self.boards:
+            plane = board.plane()
+            if plane and not any(_same_plane(plane, known, 1e-3 * extent) for known in planes):
+                planes.append(plane)
+        return len(planes)
 
 
 _NO_TARGET = (
@@ -224,7 +229,7 @@ def _target(where: str, data: object) -> Target:
             )
         names.add(board.name)
         boards.append(board)
-    refuse_overlaps(where, boards)
+    _refuse_overlaps(where, boards)
     target = Target(units=units, boards=tuple(boards))
     return target.in_mirror() if mirrored else target
 
@@ -251,40 +256,17 @@ def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
     name = section.text("name", hint="a name that no other board has")
     section.where = f"{path}, board {quoted(name)}"
     kind = section.choice("type", BOARD_TYPES, hint="one of " + ", ".join(BOARD_TYPES))
-    section.allow_only(("name", "type", *BOARD_TYPES[kind].keys), f"a board of type {kind}")
     return BOARD_TYPES[kind].read(section, name, alone=alone)
 
 
 def target_text(target: Target) -> str:
     """The text of a target file: what :func:`cubicfish_cli.core.target.load_target` reads back."""
-    boards = [_record_of(board) for board in target.as_printed().boards]
+    boards = [board.as_record() for board in target.as_printed().boards]
     mirrored = {"mirrored": True} if target.mirrored else {}
     return plain_yaml_text({"units": target.units, **mirrored, "boards": boards})
 
 
-def _record_of(board: Board) -> dict[str, Any]:
-    record: dict[str, Any] = {"name": board.name, "type": board.kind, **board.own_record()}
-    if board.points is None:
-        record |= {key: getattr(board, key).tolist() for key in ("origin", "x_axis", "y_axis")}
-    shape = board.shape
-    if shape is None:
-        return record
-    if board.points is None:
-        record |= {
-            "bend": shape.bend.tolist(),
-            "twist": shape.twist,
-            "stretch": shape.stretch.tolist(),
-        }
-    row, column = np.nonzero(shape.offsets.any(axis=2))
-    if len(row):
-        record["offsets"] = [
-            [int(c), int(r), *shape.offsets[r, c].tolist()]
-            for c, r in zip(column, row, strict=True)
-        ]
-    return record
-
-
-def refuse_overlaps(where: str, boards: Sequence[Board]) -> None:
+def _refuse_overlaps(where: str, boards: Sequence[Board]) -> None:
     """Refuse markers that two boards carry, and two boards in one place.
 
     Raises:
@@ -308,17 +290,6 @@ def refuse_overlaps(where: str, boards: Sequence[Board]) -> None:
                 f"{where}, board {quoted(other.name)}, {key}: it is in the same place as "
                 f"board {quoted(one.name)}"
             )
-
-
-def plane_count(boards: Sequence[Board]) -> int:
-    """Number of distinct planes that boards lie in."""
-    planes: list[tuple[FloatArray, FloatArray]] = []
-    extent = max(np.ptp(board.outline(), axis=0).max() for board in boards)
-    for board in boards:
-        plane = board.plane()
-        if plane and not any(_same_plane(plane, known, 1e-3 * extent) for known in planes):
-            planes.append(plane)
-    return len(planes)
 
 
 def _in_the_same_place(one: Board, other: Board) -> bool:

@@ -12,6 +12,7 @@ from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.fit.alignment import aligned_difference
@@ -122,7 +123,7 @@ def drawn(page: Page, shape: tuple[int, int], dpi: int) -> np.ndarray:
     """What the renderer has of the page at the middle of each pixel: ink, outside the strip."""
     y, x = np.indices(shape)
     place = (np.stack([x, y], axis=-1) + 0.5) / dpi * INCH
-    return page.board.face(margin=0.0).is_dark(place - page.shift)
+    return board_face(page.board, margin=0.0).is_dark(place - page.shift)
 
 
 @pytest.mark.slow
@@ -143,7 +144,7 @@ def test_the_print_is_what_the_renderer_draws(run: Run, tmp_path: Path, board_ty
     assert sure[rows].mean() > 0.15
     assert (picture[rows][sure[rows]] == 0).all()  # no white hair between black and black
     assert (picture[rows][blank[rows]] == 255).all()
-    assert top - page.shift[1] - board.face(margin=0.0).upper[1] >= quiet_zone(board) - 1e-6
+    assert top - page.shift[1] - board_face(board, margin=0.0).upper[1] >= quiet_zone(board) - 1e-6
 
 
 @pytest.mark.slow

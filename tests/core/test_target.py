@@ -12,11 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES
-from cubicfish_cli.core.boards.registry import DESIGNED, ENTRIES
 from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.target import Target, load_target, target_text
+from cubicfish_cli.core.target import Target, load_target
 
 FLOOR: dict[str, Any] = {
     "name": "floor",
@@ -345,29 +343,3 @@ def test_any_value_for_any_key_is_read_or_refused_in_one_line(
     else:
         assert np.isfinite(target.boards[0].world_points([0, 1], [0, 0])).all()
     assert "\n" not in said
-
-
-def test_every_registered_type_is_of_its_name() -> None:
-    assert {kind: board.kind for kind, board in BOARD_TYPES.items()} == {k: k for k in ENTRIES}
-
-
-@pytest.mark.parametrize("kind", DESIGNED)
-def test_a_designed_board_is_as_long_as_it_says_and_reads_back(kind: str) -> None:
-    made = BOARD_TYPES[kind]
-    counts, square = (made.designed_counts[0] + 1, made.designed_counts[0]), 20.0
-    family = made.designed_family(None, made.designed_marker_count(counts))
-    board = made.designed("floor", counts, square, family, 3)
-    face = board.face(margin=0.0)
-    for axis, count in enumerate(counts):
-        length = made.designed_length(count, square)
-        assert face.upper[axis] - face.lower[axis] == pytest.approx(length)
-        assert made.designed_count(length, square) == count
-        assert made.designed_count(length - 1e-3, square) == count - 1
-    target = Target(units="mm", boards=(board,))
-    again = Target.from_data(yaml.safe_load(target_text(target))).boards[0]
-    assert type(again) is made
-    assert (again.columns, again.rows) == (board.columns, board.rows)
-    assert (again.markers is None) == (family is None)
-    if again.markers is not None:
-        assert vars(again.markers) == vars(board.markers)
-        assert len(board.marker_cells()) == made.designed_marker_count(counts)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 

@@ -18,8 +18,7 @@ from cubicfish_cli.app.viewpoints.truth import (
     project_corners,
 )
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.checkerboard import Checkerboard
-from cubicfish_cli.core.boards.types import BOARD_TYPES
+from cubicfish_cli.core.boards.types import BOARD_TYPES, Checkerboard
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 

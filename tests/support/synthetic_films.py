@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.viewpoints.truth import (
     MARGIN_SQUARES,
     Pose,
@@ -300,7 +301,7 @@ class _Plate:
     """A board as textures, each half as fine as the one before."""
 
     def __init__(self, board: Board) -> None:
-        print_ = board.face(margin=MARGIN_SQUARES)
+        print_ = board_face(board, margin=MARGIN_SQUARES)
         lower, upper = np.array(print_.lower), np.array(print_.upper)
         extent = upper - lower
         self._texel = float(extent.max()) / _TEXELS

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
@@ -35,7 +36,7 @@ def test_an_inverted_board_is_the_negative_of_the_other():
     board, other = board_of(), board_of(inverted=True)
     plane = np.random.default_rng(0).uniform(-29, 29 + 5 * 30, (500, 2))
     plane[:, 1] = np.random.default_rng(1).uniform(-29, 29 + 3 * 30, 500)
-    drawn, inverted = board.face(margin=1.0).is_dark(plane), other.face(margin=1.0).is_dark(plane)
+    drawn, inverted = (board_face(one, margin=1.0).is_dark(plane) for one in (board, other))
     np.testing.assert_array_equal(inverted, ~drawn)
     np.testing.assert_array_equal(other.marker_cells(), board.marker_cells())
 

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.diagnosis.object_faults import misdrawn
 from cubicfish_cli.app.executors.pool import Work
@@ -201,7 +202,7 @@ def test_the_printed_face_is_the_mirrors_turned_round():
     width = board.plane_points(board.columns - 1, 0)[0]
     plane = rng.uniform(-board.square, width + board.square, (400, 2))
     flipped = np.stack([width - plane[:, 0], plane[:, 1]], axis=-1)
-    drawn, seen_so = board.face(margin=1.0), shown.face(margin=1.0)
+    drawn, seen_so = board_face(board, margin=1.0), board_face(shown, margin=1.0)
     np.testing.assert_array_equal(drawn.is_dark(plane), seen_so.is_dark(flipped))
     assert 0.2 < drawn.is_dark(plane).mean() < 0.8
     cells, own = board.marker_cells(), shown.marker_cells()

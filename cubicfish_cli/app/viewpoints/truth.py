@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.boards.board import Face
+from cubicfish_cli.app.board_faces import Face, board_face
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.tables import csv_text, read_table
 from cubicfish_cli.core.target import Target
@@ -154,7 +154,7 @@ def plates(target: Target, camera_from_world: Pose) -> list[Plate]:
     for board in target.boards:
         seen.append(
             Plate(
-                face=board.face(margin=MARGIN_SQUARES),
+                face=board_face(board, margin=MARGIN_SQUARES),
                 board_from_camera=board.axes @ rotation.T,
                 eye=board.axes @ (eye - board.origin),
             )

@@ -14,6 +14,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.board_faces import marker_ink
 from cubicfish_cli.app.viewpoints.truth import (
     AnyLens,
     Pose,
@@ -23,7 +24,6 @@ from cubicfish_cli.app.viewpoints.truth import (
     rotation_matrix,
 )
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.markers import marker_modules
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.pupil import pupil_profile
@@ -347,7 +347,7 @@ def _least_px(board: Board) -> float:
     """Pixels that a square must have for its corner, or its marker, to be found."""
     if board.markers is None:
         return _SQUARE_PX
-    modules = marker_modules(board.markers, board.marker_borders[0])
+    modules = len(marker_ink(board.markers, np.zeros(1, np.intp), board.marker_borders[0])[0])
     return max(_SQUARE_PX, _MODULE_PX * modules * board.square / board.markers.side)
 
 

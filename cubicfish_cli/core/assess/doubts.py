@@ -84,14 +84,7 @@ def _half_diagonal(board: Board) -> float:
 
 
 def _departure(drawn: Board, refined: Board) -> Departure:
-    shape = refined.shape
-    if shape is None:
-        shape = BoardShape(
-            bend=np.zeros(2),
-            twist=0.0,
-            stretch=np.zeros(2),
-            offsets=np.zeros((refined.rows, refined.columns, 3)),
-        )
+    shape = refined.shape or BoardShape.none(refined.columns, refined.rows)
     turn = 0.0
     if drawn.points is not None and refined.points is not None:
         middle, moved = drawn.points.mean(axis=0), refined.points.mean(axis=0)

@@ -1,1 +1,1 @@
-"""Boards: one class per type, each with its keys in target.yaml, its corners and its print."""
+"""Boards: one class per type, each with its keys in target.yaml, its corners and its markers."""

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import floor
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.boards.markers import Markers
-from cubicfish_cli.core.boards.section import Section
+from cubicfish_cli.core.boards.section import PLACE_KEYS, SHAPE_KEYS, Section
 from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 FirstSquare = Literal["dark", "light"]
 
@@ -24,65 +21,20 @@ FirstSquare = Literal["dark", "light"]
 AROUND_SQUARE: IntArray = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.intp)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Face:
-    """The printed face of a board, in the board's own plane.
-
-    Attributes:
-        lower, upper: opposite corners of the plate, (x, y) in the target's units; the white
-            margin is inside.
-        is_dark: (..., 2) plane positions -> (...) whether there is ink.
-        steps: positions along x and along y, (N,) and (M,), between which ink neither begins
-            nor ends: cells between them are of one colour.
-
-    """
-
-    lower: tuple[float, float]
-    upper: tuple[float, float]
-    is_dark: Callable[[FloatArray], BoolArray]
-    steps: tuple[FloatArray, FloatArray]
-
-    def covers(self, plane: FloatArray) -> BoolArray:
-        """Whether plane positions (..., 2) are on the plate -> (...)."""
-        return (
-            (plane[..., 0] >= self.lower[0])
-            & (plane[..., 0] <= self.upper[0])
-            & (plane[..., 1] >= self.lower[1])
-            & (plane[..., 1] <= self.upper[1])
-        )
-
-    def in_mirror(self, last: float) -> Face:
-        """The face whose columns run the other way: x of its first corner is ``last`` here."""
-
-        def is_dark(plane: FloatArray) -> BoolArray:
-            return self.is_dark(np.stack([last - plane[..., 0], plane[..., 1]], axis=-1))
-
-        x, y = self.steps
-        return Face(
-            lower=(last - self.upper[0], self.lower[1]),
-            upper=(last - self.lower[0], self.upper[1]),
-            is_dark=is_dark,
-            steps=((last - x)[::-1], y),
-        )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Board(ABC):
     """One rigid part of the target: a planar grid of corners, or a list of points.
 
-    A type of board is a subclass, listed in :data:`cubicfish_cli.core.boards.registry.ENTRIES`.
+    A type of board is a subclass, listed in :data:`cubicfish_cli.core.boards.types.BOARD_TYPES`.
 
     Attributes:
         kind: its ``type`` in target.yaml (of the class).
-        keys: the keys that it may have there beside ``name`` and ``type`` (of the class).
+        own_keys: the keys that say there what it is (of the class).
+        common_keys: the keys that say where it is and how it is deformed (of the class).
         has_squares: whether it shows as a grid of squares, with or without markers in them.
         per_cell: corners along each side of one cell of the print: 2 on a tag, else 1.
         marker_borders: widths in modules of the frames that its markers may have; they are
             printed with the first.
-        designed_counts: the fewest and the most corners (of an aprilgrid: tags) along a side of
-            boards that are designed for a size of paper: fewer say little, more are small (of the
-            class).
-        designed_spacing: ``spacing`` of such boards (of the class).
         name: unique within the target.
         columns, rows: number of corners along x and along y (a list of points: their count, 1).
         square: side of a square, in the target's units (0 for points; the side of a tag).
@@ -100,12 +52,11 @@ class Board(ABC):
     """
 
     kind: ClassVar[str]
-    keys: ClassVar[tuple[str, ...]]
+    own_keys: ClassVar[tuple[str, ...]]
+    common_keys: ClassVar[tuple[str, ...]] = (*PLACE_KEYS, *SHAPE_KEYS)
     has_squares: ClassVar[bool] = False
     per_cell: ClassVar[int] = 1
     marker_borders: ClassVar[tuple[int, ...]] = ()
-    designed_counts: ClassVar[tuple[int, int]] = (4, 11)
-    designed_spacing: ClassVar[float] = 0.0
 
     name: str
     columns: int
@@ -122,115 +73,64 @@ class Board(ABC):
     mirrored: bool = False
 
     @classmethod
-    @abstractmethod
     def read(cls, section: Section, name: str, *, alone: bool) -> Board:
         """The board that a mapping of target.yaml describes.
 
         Args:
-            section: the mapping; it has no unknown keys.
+            section: the mapping.
             name: the board's.
             alone: whether it is the target's only board, which needs no place.
+
+        Raises:
+            TargetError: a key is missing or unknown, or a value is not usable.
+
+        """
+        keys = ("name", "type", *cls.own_keys, *cls.common_keys)
+        section.allow_only(keys, f"a board of type {cls.kind}")
+        own = cls.read_own(section)
+        place = section.place(alone=alone or "origin" not in cls.common_keys)
+        shape = section.shape(own["columns"], own["rows"])
+        return cls(name=name, **own, **place, shape=shape)
+
+    @classmethod
+    @abstractmethod
+    def read_own(cls, section: Section) -> dict[str, Any]:
+        """The fields that its :attr:`own_keys` say.
 
         Raises:
             TargetError: a key is missing, or a value is not usable.
 
         """
 
-    @classmethod
-    def designed(
-        cls, name: str, counts: tuple[int, int], square: float, family: str | None, first: int
-    ) -> Board:
-        """A new board at the world's origin.
-
-        Args:
-            name: the board's.
-            counts: corners (of an aprilgrid: tags) along x and along y.
-            square: side of a square, or of a tag.
-            family: of its markers, of those of :meth:`designed_family`; None without markers.
-            first: id of its first marker.
-
-        """
-        columns, rows = (cls.per_cell * count for count in counts)
-        return cls(
-            name=name,
-            columns=columns,
-            rows=rows,
-            square=square,
-            origin=np.zeros(3),
-            x_axis=np.array([1.0, 0.0, 0.0]),
-            y_axis=np.array([0.0, 1.0, 0.0]),
-            markers=None
-            if family is None
-            else Markers(
-                dictionary=family,
-                side=cls.designed_marker_side(square),
-                first=first,
-                count=cls.designed_marker_count(counts),
-            ),
-            spacing=cls.designed_spacing,
-        )
-
-    @classmethod
-    def designed_marker_count(cls, counts: tuple[int, int]) -> int:
-        """How many markers a board of so many corners (or tags) carries."""
-        return 0
-
-    @classmethod
-    def designed_marker_side(cls, square: float) -> float:
-        """Side of a marker."""
-        return square
-
-    @classmethod
-    def designed_length(cls, count: int, square: float) -> float:
-        """Length of the print of so many corners (or tags)."""
-        return square * (count + 1)
-
-    @classmethod
-    def designed_count(cls, length: float, square: float) -> int:
-        """How many corners (or tags) fit into a length."""
-        return floor(length / square + 1e-9) - 1
-
-    @classmethod
-    def designed_family(cls, asked: str | None, count: int) -> str | None:
-        """The family of ``count`` markers, by the name that is asked for or the usual one.
-
-        Raises:
-            TargetError: there is none of this name for such boards, or it is too small.
-            UsageError: such boards have none.
-
-        """
-        if asked is not None:
-            raise UsageError(
-                f"--dictionary is of markers, and {cls.kind}s have no markers: '--type charuco' or "
-                "'aprilgrid' do"
-            )
-        return None
-
     @abstractmethod
     def own_record(self) -> dict[str, Any]:
-        """The keys and values that :meth:`read` takes, without place and shape."""
+        """The values of :attr:`own_keys`."""
 
-    @abstractmethod
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what target.yaml has of it."""
+        record: dict[str, Any] = {"name": self.name, "type": self.kind, **self.own_record()}
+        keys, shape = self.common_keys, self.shape
+        record |= {key: getattr(self, key).tolist() for key in PLACE_KEYS if key in keys}
+        if shape is None:
+            return record
+        if "bend" in keys:
+            bend, stretch = shape.bend.tolist(), shape.stretch.tolist()
+            record |= {"bend": bend, "twist": shape.twist, "stretch": stretch}
+        cells = np.argwhere(shape.offsets.any(axis=2)).tolist()
+        if cells:
+            own = [[column, row, *shape.offsets[row, column].tolist()] for row, column in cells]
+            record["offsets"] = own
+        return record
+
     def plane_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """Positions in the board's own plane: (...,) columns and rows -> (..., 2) in units."""
-
-    @abstractmethod
-    def printed_face(self, margin: float) -> Face:
-        """The printed face, not in a mirror, with a margin of ``margin`` squares of paper.
-
-        Raises:
-            TargetError: there is no picture of this type of board.
-
-        """
-
-    @abstractmethod
-    def dark_squares(self) -> FloatArray:
-        """(N, 4, 2) the corners of dark squares (or of tags) in the board's plane."""
+        column, row = np.broadcast_arrays(np.asarray(column, float), np.asarray(row, float))
+        return np.stack([column, row], axis=-1) * self.square
 
     @property
     def rim(self) -> float:
         """How far the print reaches beyond the outermost corners, in the target's units."""
-        return 0.0
+        return self.square if self.has_squares else 0.0
 
     def printed_cells(self) -> IntArray:
         """:meth:`marker_cells` of the board as it is printed, not in a mirror."""
@@ -274,18 +174,6 @@ class Board(ABC):
             shape=self.shape.in_mirror() if self.shape else None,
             mirrored=not self.mirrored,
         )
-
-    def face(self, *, margin: float) -> Face:
-        """The printed face with a white margin of ``margin`` squares around the print.
-
-        Raises:
-            TargetError: there is no picture of this type of board.
-
-        """
-        if not self.mirrored:
-            return self.printed_face(margin)
-        last = float(self.plane_points(self.columns - 1, 0)[0])
-        return self.in_mirror().printed_face(margin).in_mirror(last)
 
     @cached_property
     def axes(self) -> FloatArray:

@@ -1,25 +1,32 @@
-"""One mapping of a target file with its line, so that errors can name the place."""
+"""One mapping of a target file: its values by key, each checked as it is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
 import numpy as np
 
+from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
-MAX_COUNT = 1000
-MIN_LENGTH, MAX_LENGTH = 1e-9, 1e9
+AXES_TOLERANCE = 1e-3
+PLACE_KEYS = ("origin", "x_axis", "y_axis")
+SHAPE_KEYS = ("bend", "twist", "stretch", "offsets")
+_MAX_COUNT = 1000
+_MIN_LENGTH, _MAX_LENGTH = 1e-9, 1e9
+_MAX_STRETCH = 0.5
 # How other tools count boards, and how it is done here.
 _OTHER_COUNTS = ("squares", "columns", "cols", "rows", "size")
 _CORNERS = "say corners: [columns, rows], counted where four squares meet"
+_OFFSETS = "a list of [column, row, along x_axis, along y_axis, into the board]"
 
 
 class Section:
-    """One mapping of a target file: values by key, each checked as it is asked for."""
+    """One mapping of a target file."""
 
     def __init__(self, where: str, data: dict[str, Any]) -> None:
         """``where`` stands at the head of what is said about a value."""
@@ -50,10 +57,16 @@ class Section:
             raise TargetError(f"{self.where}: {key} is missing: {hint}")
         return self.data[key]
 
+    def checked(self, key: str, value: Any, fits: Callable[[Any], bool], must: str) -> Any:
+        """A value that fits; ``must`` is said of another one."""
+        if not fits(value):
+            self.refuse(key, f"must be {must}, not {quoted(value)}")
+        return value
+
     def text(self, key: str, hint: str) -> str:
         """Printable text of at most 100 characters."""
         value = self.required(key, hint)
-        if isinstance(value, int | float) and not isinstance(value, bool):
+        if is_number(value):
             self.refuse(key, f"must be text: write it in quotes, {key}: '{value}'")
         if not isinstance(value, str):
             self.refuse(key, "must be text")
@@ -73,57 +86,94 @@ class Section:
     def length(self, key: str, hint: str) -> float:
         """A length above zero."""
         value = self.required(key, hint)
-        if not is_number(value) or not MIN_LENGTH <= value <= MAX_LENGTH:
-            self.refuse(key, f"must be a positive, finite number, not {quoted(value)}")
-        return float(value)
-
-    def number(self, key: str) -> float:
-        """A number of the size of a length, 0 where there is none."""
-        value = self.data.get(key, 0.0)
-        if not is_number(value) or not abs(value) <= MAX_LENGTH:
-            self.refuse(key, f"must be a finite number, not {quoted(value)}")
-        return float(value)
+        return float(self.checked(key, value, _is_positive, "a positive, finite number"))
 
     def counts(self, key: str, what: str) -> tuple[int, int]:
         """How many along x and along y, two or more of each."""
         value = self.required(key, hint=f"[columns, rows], {what}")
         if not isinstance(value, list) or len(value) != 2 or not all(map(_is_whole, value)):
             self.refuse(key, f"must be two whole numbers, [columns, rows], {what}")
-        if not all(2 <= n <= MAX_COUNT for n in value):
-            self.refuse(key, f"{value} must both lie within 2 to {MAX_COUNT} ({what})")
+        if not all(2 <= n <= _MAX_COUNT for n in value):
+            self.refuse(key, f"{value} must both lie within 2 to {_MAX_COUNT} ({what})")
         return value[0], value[1]
 
     def flag(self, key: str) -> bool:
         """True or false, false where nothing is said."""
         value = self.data.get(key, False)
-        if not isinstance(value, bool):
-            self.refuse(key, f"must be true or false, not {quoted(value)}")
-        return value
+        return bool(self.checked(key, value, lambda own: isinstance(own, bool), "true or false"))
 
     def marker_id(self, key: str) -> int:
         """The id of a marker, 0 where there is none."""
-        value = self.data.get(key, 0)
-        if not _is_whole(value) or not 0 <= value < 1_000_000:
-            self.refuse(key, f"must be a marker's id, 0 or more, not {quoted(value)}")
-        return int(value)
+        return int(self.checked(key, self.data.get(key, 0), _is_id, "a marker's id, 0 or more"))
 
-    def pair(self, key: str, limit: float) -> FloatArray:
-        """Two numbers (2,) within ±limit, zeros where there are none."""
+    def numbers(self, key: str, limit: float) -> FloatArray:
+        """Two numbers (2,) within ±limit, along x and along y; zeros where there are none."""
         value = self.data.get(key) or [0.0, 0.0]
-        if (
-            not isinstance(value, list)
-            or len(value) != 2
-            or not all(is_number(x) and abs(x) <= limit for x in value)
-        ):
+        if not are_numbers(value, 2, limit):
             self.refuse(key, f"must be two finite numbers, [along x, along y], within ±{limit:g}")
         return np.array(value, float)
 
-    def vector(self, key: str, hint: str) -> FloatArray:
-        """Three numbers (3,)."""
-        value = self.required(key, hint)
-        if not is_point(value):
-            self.refuse(key, "must be three finite numbers, [x, y, z]")
-        return np.array(value, float)
+    def place(self, *, alone: bool) -> dict[str, Any]:
+        """Origin and orthonormal axes; a board that is alone lies in the world's z = 0 plane.
+
+        Raises:
+            TargetError: they are missing, or no axes of a plane.
+
+        """
+        own = {key: self.data[key] for key in PLACE_KEYS if self.data.get(key) is not None}
+        hint = "a target of several boards needs origin, x_axis and y_axis for each"
+        if alone:
+            hint = "x_axis and y_axis go together"
+            flat = {} if own.keys() & {"x_axis", "y_axis"} else _FLAT
+            own = {"origin": [0, 0, 0], **flat, **own}
+        place = {}
+        for key in PLACE_KEYS:
+            if key not in own:
+                self.required(key, hint)
+            if not are_numbers(own[key], 3):
+                self.refuse(key, "must be three finite numbers, [x, y, z]")
+            place[key] = np.array(own[key], float)
+        origin, *axes = place.values()
+        for key, axis in zip(PLACE_KEYS[1:], axes, strict=True):
+            norm = float(np.linalg.norm(axis))
+            if abs(norm - 1) > AXES_TOLERANCE:
+                self.refuse(key, f"must have length 1 (to {AXES_TOLERANCE:g}), not {norm:.6g}")
+        cosine = float(axes[0] @ axes[1])
+        if abs(cosine) > AXES_TOLERANCE:
+            angle = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
+            self.refuse("y_axis", f"must be at a right angle to x_axis, not at {angle:.2f} degrees")
+        # The nearest orthonormal pair: the polar factor, which favours neither axis.
+        left, _, right = np.linalg.svd(np.stack(axes), full_matrices=False)
+        return dict(zip(PLACE_KEYS, (origin, *(left @ right)), strict=True))
+
+    def shape(self, columns: int, rows: int) -> BoardShape | None:
+        """What a calibration adds to a refined target's board; None where there is nothing.
+
+        Raises:
+            TargetError: a value is not usable.
+
+        """
+        if not any(self.data.get(key) is not None for key in SHAPE_KEYS):
+            return None
+        entries = self.data.get("offsets") or []
+        if not isinstance(entries, list):
+            self.refuse("offsets", f"must be {_OFFSETS}")
+        offsets = np.zeros((rows, columns, 3))
+        for entry in entries:
+            fits = are_numbers(entry, 5) and all(map(_is_whole, entry[:2]))
+            if not fits or not (0 <= entry[0] < columns and 0 <= entry[1] < rows):
+                self.refuse("offsets", f"{quoted(entry)} does not fit: {_OFFSETS}")
+            offsets[entry[1], entry[0]] = entry[2:]
+        twist = self.data.get("twist", 0.0)
+        return BoardShape(
+            bend=self.numbers("bend", _MAX_LENGTH),
+            twist=float(self.checked("twist", twist, _is_length, "a finite number")),
+            stretch=self.numbers("stretch", _MAX_STRETCH),
+            offsets=offsets,
+        )
+
+
+_FLAT = {"x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}
 
 
 def is_number(value: object) -> bool:
@@ -131,19 +181,26 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def is_point(value: object) -> bool:
-    """Whether a value is a list of three lengths."""
+def are_numbers(value: object, count: int, limit: float = _MAX_LENGTH) -> bool:
+    """Whether a value is a list of so many finite numbers within ±limit."""
     return (
         isinstance(value, list)
-        and len(value) == 3
-        and all(is_number(x) and abs(x) <= MAX_LENGTH for x in value)
+        and len(value) == count
+        and all(is_number(one) and abs(one) <= limit for one in value)
     )
 
 
-def is_place(value: object, count: int) -> bool:
-    """Whether a value is a column, or a row, of ``count``."""
-    return _is_whole(value) and 0 <= value < count  # type: ignore[operator]
+def _is_length(value: Any) -> bool:
+    return is_number(value) and abs(value) <= _MAX_LENGTH
+
+
+def _is_positive(value: Any) -> bool:
+    return is_number(value) and _MIN_LENGTH <= value <= _MAX_LENGTH
 
 
 def _is_whole(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_id(value: Any) -> bool:
+    return _is_whole(value) and 0 <= value < 1_000_000

@@ -19,7 +19,6 @@ from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result, say
-from cubicfish_cli.core.boards.registry import DESIGNED
 from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import CubicfishError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 NAMES = {"boards": "boards.pdf", "target": "target.yaml"}
 
 _OBJECTS = ("corner", "box", "board")
+_TYPES = ("checkerboard", "charuco", "aprilgrid")
 
 
 @record
@@ -72,7 +72,7 @@ class PrintOptions:
         default="A4",
     )
     board_type: Literal["checkerboard", "charuco", "aprilgrid"] | None = option(
-        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(DESIGNED)
+        "--type", "Of a target's boards. [default: checkerboard]", click.Choice(_TYPES)
     )
     square: str | None = option(
         "--square LENGTH",

@@ -21,9 +21,10 @@ from matplotlib.path import Path as Outline
 from matplotlib.transforms import Affine2D
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.board_faces import Face, board_face
 from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.core.boards.aprilgrid import AprilGrid
-from cubicfish_cli.core.boards.board import Board, Face
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.types import AprilGrid
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Point, Side
 
@@ -71,7 +72,7 @@ def _drawn(page: Page, number: str) -> Figure:
     figure.patch.set_visible(False)
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, page.width), ylim=(page.height, 0))
     axes.set_axis_off()
-    ink = ink_rectangles(page.board.face(margin=0.0)) + page.shift
+    ink = ink_rectangles(board_face(page.board, margin=0.0)) + page.shift
     # One path: where black is next to black, no reader can leave a white hair between them.
     codes = [Outline.MOVETO, *[Outline.LINETO] * 3, Outline.CLOSEPOLY] * len(ink)
     closed = np.concatenate([ink, ink[:, :1]], axis=1).reshape(-1, 2)
@@ -85,15 +86,10 @@ def _drawn(page: Page, number: str) -> Figure:
 def ink_rectangles(face: Face) -> FloatArray:
     """(N, 4, 2) rectangles that are the ink of a face, in the board's plane.
 
-    The ink's edges run along x and along y only, so its places are a grid of cells, each of one
-    colour, which the face itself tells; dark cells of a row that touch are one rectangle.
+    Dark cells of a row that touch are one rectangle.
     """
-    x, y = (
-        np.unique(np.concatenate([[low], steps[(steps > low) & (steps < high)], [high]]))
-        for steps, low, high in zip(face.steps, face.lower, face.upper, strict=True)
-    )
-    middle = np.stack(np.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2), axis=-1)
-    change = np.diff(np.pad(face.is_dark(middle), ((0, 0), (1, 1))).astype(int), axis=1)
+    x, y = face.x, face.y
+    change = np.diff(np.pad(face.dark, ((0, 0), (1, 1))).astype(int), axis=1)
     row, start = np.nonzero(change == 1)
     _, end = np.nonzero(change == -1)
     left, right, top, bottom = x[start], x[end], y[row], y[row + 1]

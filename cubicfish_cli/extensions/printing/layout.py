@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
@@ -78,7 +79,7 @@ def lay_out(board: Board, paper: Paper, *, margin: float) -> Page:
         TargetError: the board does not fit.
 
     """
-    face = board.face(margin=0.0)
+    face = board_face(board, margin=0.0)
     (left, top), (right, bottom) = face.lower, face.upper
     sizes = [(paper.short, paper.long), (paper.long, paper.short)]
     if right - left > bottom - top:

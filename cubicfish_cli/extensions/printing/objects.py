@@ -13,10 +13,12 @@ from typing import Literal
 
 import numpy as np
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.extensions.printing.designs import DESIGNS
 from cubicfish_cli.extensions.printing.layout import (
     SHORTEST_STRIP,
     STRIP,
@@ -177,28 +179,28 @@ def _fitting(
 
     White at the sheets' edges is at least ``rim`` wide.
     """
-    kind = BOARD_TYPES[wanted.type]
+    made, per_cell = DESIGNS[wanted.type], BOARD_TYPES[wanted.type].per_cell
     given = None if wanted.counts is None else _given_counts(wanted, wanted.counts)
     best: tuple[float, float, list[Counts]] = (0.0, 0.0, [])
     for square in _SQUARES if wanted.square is None else (wanted.square,):
-        quiet = square / kind.per_cell
+        quiet = square / per_cell
         white = max(quiet, rim)
         limits = [
             (
-                kind.designed_count(width - 2 * white, square),
-                kind.designed_count(height - STRIP - quiet - white, square),
+                made.count(width - 2 * white, square),
+                made.count(height - STRIP - quiet - white, square),
             )
             for width, height in rooms
         ]
         counts = given
         if given is None:
-            fewest, most = kind.designed_counts
+            fewest, most = made.counts
             if wanted.square is None:
                 limits = [(min(columns, most), min(rows, most)) for columns, rows in limits]
             counts = _told_apart(wanted, limits, fewest)
         if counts is None or (np.array(counts) > limits).any():
             continue
-        lengths = [[kind.designed_length(n, square) for n in own] for own in counts]
+        lengths = [[made.length(n, square) for n in own] for own in counts]
         best = max(best, (sum(across * down for across, down in lengths), square, counts))
     if not best[2]:
         what = [f"squares of {wanted.square:g} mm"] if wanted.square is not None else []
@@ -235,7 +237,7 @@ def _told_apart(wanted: Wanted, limits: Sequence[Counts], fewest: int) -> list[C
     have the same numbers, either way round, and none looks the same upside down: the sum of its
     numbers is odd. The first may be given, and is as it is.
     """
-    if BOARD_TYPES[wanted.type].marker_borders:
+    if DESIGNS[wanted.type].marker:
         few = wanted.counts is None and min(map(min, limits)) < fewest
         return None if few else list(limits)
     chosen: dict[int, Counts] = {} if wanted.counts is None else {0: wanted.counts}
@@ -259,12 +261,12 @@ def _told_apart(wanted: Wanted, limits: Sequence[Counts], fewest: int) -> list[C
 
 def _boards(wanted: Wanted, square: float, counts: Sequence[Counts]) -> list[Board]:
     """The boards, not yet in their places."""
-    kind = BOARD_TYPES[wanted.type]
-    markers = list(map(kind.designed_marker_count, counts))
-    family = kind.designed_family(wanted.dictionary, sum(markers))
+    made = DESIGNS[wanted.type]
+    markers = list(map(made.marker_count, counts))
+    family = made.family(wanted.dictionary, sum(markers))
     boards, first = [], 0
     for one, own, carried in zip(_SHEETS[wanted.kind], counts, markers, strict=True):
-        boards.append(kind.designed(one.name, own, square, family, first))
+        boards.append(made.board(one.name, own, square, family, first))
         first += carried
     return boards
 
@@ -279,7 +281,7 @@ def _cut_out(
 ) -> Page:
     """A sheet that is cut out of its page, with its board where it belongs in the world."""
     width, height = (sides[k] for k in one.size)
-    face, quiet = board.face(margin=0.0), quiet_zone(board)
+    face, quiet = board_face(board, margin=0.0), quiet_zone(board)
     (left, top), (right, bottom) = face.lower, face.upper
     # Words and ruler keep off an edge that is cut.
     above = "top" not in meets

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.app.photos import Photo
-from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection import closer, look
 from cubicfish_cli.corners.detection.closer import is_part, look_closer

@@ -6,6 +6,7 @@ from synthetic import checkerboard
 
 pytest.importorskip("matplotlib")
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.extensions.printing.drawing import ink_rectangles
 from tests.extensions.simulation.test_faces_markers import aprilgrid, charuco
 
@@ -20,7 +21,7 @@ BOARDS = {
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
 def test_ink_is_where_the_renderer_has_it(board):
-    face, wider = board.face(margin=0.0), board.face(margin=0.5)
+    face, wider = board_face(board, margin=0.0), board_face(board, margin=0.5)
     points = np.random.default_rng(1).uniform(wider.lower, wider.upper, (5_000, 1, 2))
     ink = ink_rectangles(face)
     inside = ((points > ink[:, 0]) & (points < ink[:, 2])).all(axis=-1).sum(axis=1)
@@ -31,13 +32,13 @@ def test_ink_is_where_the_renderer_has_it(board):
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
 def test_ink_that_touches_shares_its_edge_to_the_last_bit(board):
     # One path whose parts share edges is filled without a hair between them.
-    ink = ink_rectangles(board.face(margin=0.0))
+    ink = ink_rectangles(board_face(board, margin=0.0))
     for axis in (0, 1):
         places = np.unique(ink[..., axis])
         assert np.diff(places).min() > 1e-3
 
 
 def test_a_dark_square_is_one_rectangle():
-    ink = ink_rectangles(checkerboard("a", 6, 4, 21.0).face(margin=0.0))
+    ink = ink_rectangles(board_face(checkerboard("a", 6, 4, 21.0), margin=0.0))
     assert len(ink) == (7 * 5 + 1) // 2
     np.testing.assert_allclose(ink[:, 2] - ink[:, 0], 21.0, rtol=1e-12)

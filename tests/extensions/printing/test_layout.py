@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import checkerboard
 
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.diagnosis.object_check import check_object
 from cubicfish_cli.core.errors import TargetError, UsageError
 from cubicfish_cli.core.target import Target, load_target, target_text
@@ -101,7 +102,7 @@ def test_every_object_is_on_one_page_a_board_and_can_be_told_apart(
 
 def printed(page):
     """Left, top, right and bottom of the print on the page."""
-    face = page.board.face(margin=0.0)
+    face = board_face(page.board, margin=0.0)
     return tuple(np.concatenate([np.add(face.lower, page.shift), np.add(face.upper, page.shift)]))
 
 
@@ -253,7 +254,8 @@ def test_pages_of_any_board(columns, rows, square, size, tags):
     try:
         page = lay_out(board, on, margin=MARGIN)
     except TargetError:
-        width, height = np.subtract(board.face(margin=0.0).upper, board.face(margin=0.0).lower)
+        face = board_face(board, margin=0.0)
+        width, height = np.subtract(face.upper, face.lower)
         short, long = sorted((width, height))
         rim = max(quiet, MARGIN)
         beside = MARGIN + STRIP + quiet

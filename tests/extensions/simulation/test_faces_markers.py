@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.core.boards.aprilgrid import AprilGrid
-from cubicfish_cli.core.boards.charuco import Charuco
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.core.boards.markers import Markers
+from cubicfish_cli.core.boards.types import AprilGrid, Charuco
 
 
 def charuco(columns=5, rows=4, *, first="dark", dictionary="DICT_5X5_250", marker=0.75, start=0):
@@ -44,7 +44,7 @@ def aprilgrid(tags=(3, 2), *, spacing=0.25, start=0, family="DICT_APRILTAG_36h11
 
 def picture(board, pixels_per_unit, margin=0.0):
     """The face as an image, one sample in the middle of each pixel."""
-    one = board.face(margin=margin)
+    one = board_face(board, margin=margin)
     x, y = (
         lower + (np.arange(round((upper - lower) * pixels_per_unit)) + 0.5) / pixels_per_unit
         for lower, upper in zip(one.lower, one.upper, strict=True)
@@ -113,13 +113,13 @@ def test_small_squares_make_tag_corners_x_corners():
     row, column = np.indices((board.rows, board.columns))
     corner = board.plane_points(column, row).reshape(-1, 1, 2)
     around = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * 0.04
-    dark = board.face(margin=0.2).is_dark(corner + around)
+    dark = board_face(board, margin=0.2).is_dark(corner + around)
     # The tag lies down-right of corners with even column and row.
     even = ((row + column) % 2 == 0).ravel()
     np.testing.assert_array_equal(dark[:, [0, 2]], np.repeat(even[:, None], 2, axis=1))
     np.testing.assert_array_equal(dark[:, [1, 3]], np.repeat(~even[:, None], 2, axis=1))
     # Gaps between tags are white, also where nothing is drawn beside the outer tags.
-    assert not board.face(margin=0.2).is_dark(np.array([[1.15, 0.5], [0.5, -0.15]])).any()
+    assert not board_face(board, margin=0.2).is_dark(np.array([[1.15, 0.5], [0.5, -0.15]])).any()
 
 
 def test_other_families_and_first_ids():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.core.boards.checkerboard import Checkerboard
+from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.core.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.target import Target

@@ -195,7 +195,7 @@ MUTATIONS = tuple(
         ),
         # The object.
         (
-            "core/boards/aprilgrid.py",
+            "core/boards/types.py",
             "tag * (1 + self.spacing) + (index",
             "tag * (2 + self.spacing) + (index",
             "core/test_target",
