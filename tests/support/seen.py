@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from cubicfish_cli.app.diagnosis.counts import Count
+from cubicfish_cli.app.diagnosis.corner_count import Count
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.target import Target

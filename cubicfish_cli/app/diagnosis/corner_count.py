@@ -1,22 +1,38 @@
-"""Grids in photos that are not the target's: boards of more or fewer corners, another target."""
+"""Grids in photos that are not the target's: boards of more or fewer corners, another target.
+
+A board has more corners where photos show it as a larger grid, and never as it is drawn. It has
+fewer where whole grids of one size end in view of the lens, and no photo shows more. Where photos
+show boards and give no corners, and they are many, the set-up is to blame.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.app.diagnosis.evidence import GridEvidence, grid_boards
+from cubicfish_cli.app.diagnosis.evidence import (
+    GridEvidence,
+    PhotoEvidence,
+    boards_with_squares,
+    grid_boards,
+)
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.evidence import FitEvidence
+from cubicfish_cli.core.placement import TURNS
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.corners.detection.grids import Grid
+from cubicfish_cli.corners.identification.ends import Ends
 from cubicfish_cli.corners.identification.identified import (
     CODES,
     FEWEST_CORNERS,
     Decided,
+    GridReport,
     Identified,
 )
 
@@ -25,7 +41,34 @@ _WHOLE_BOARDS = 3
 # Photos of another target show the same grid again and again, and so much of its corners is
 # larger than every board where it is a larger one.
 _COMMON = 0.5
+# So many photos must show a thing: in one, anything may cover a line of corners, or two things may
+# look like one grid.
 _FEWEST_PHOTOS = 2
+# Fewer that are lost for one reason may be of another board, or taken by mistake.
+_MANY = 1 / 3
+# A grid fills its box when it has so much of it.
+_FILLED = 0.9
+# So many of the grids that end in view must have as many lines.
+_AGREE_SHARE = 0.8
+# A line of corners should be in view where so many of them would be visible.
+_LINE_CORNERS = 3
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """How many corners a board has, as photos show it.
+
+    Attributes:
+        board: index into the target's boards.
+        size: columns and rows that are seen.
+        photos: in how many photos.
+
+    """
+
+    board: int
+    size: Size
+    photos: int
 
 
 def squares_of_corners(evidence: FitEvidence) -> list[Finding]:
@@ -66,6 +109,31 @@ def squares_of_grids(evidence: GridEvidence) -> list[Finding]:
     return []
 
 
+def squares_counted(boards: Sequence[Board], photos: int | None = None) -> Finding:
+    """That boards have one corner less each way than the target says.
+
+    Args:
+        boards: these boards, one at least.
+        photos: how many photos show it, where nothing can be made of any; None where the
+            corners of a table are counted rightly.
+
+    """
+    first = boards[0]
+    return Finding(
+        code=Code.CORNER_COUNT,
+        case="squares" if photos is None else "all_squares",
+        severity=Severity.NOTE if photos is None else Severity.BAD,
+        boards=tuple(board.name for board in boards),
+        figures={
+            "columns": first.columns - 1,
+            "rows": first.rows - 1,
+            "drawn_columns": first.columns,
+            "drawn_rows": first.rows,
+            "photos": photos,
+        },
+    )
+
+
 def miscounted(evidence: GridEvidence) -> list[Finding]:
     """Boards of which photos show another number of corners."""
     counts = evidence.counts
@@ -99,29 +167,116 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
     return [finding]
 
 
-def squares_counted(boards: Sequence[Board], photos: int | None = None) -> Finding:
-    """That boards have one corner less each way than the target says.
+def count_corners(identified: Identified, target: Target) -> list[Count]:
+    """Count the corners of boards, where photos show others than the drawing.
 
     Args:
-        boards: these boards, one at least.
-        photos: how many photos show it, where nothing can be made of any; None where the
-            corners of a table are counted rightly.
+        identified: what became of the photos' grids.
+        target: the drawing.
+
+    Returns:
+        One for each board that has more or fewer, in the order of the boards.
 
     """
-    first = boards[0]
-    return Finding(
-        code=Code.CORNER_COUNT,
-        case="squares" if photos is None else "all_squares",
-        severity=Severity.NOTE if photos is None else Severity.BAD,
-        boards=tuple(board.name for board in boards),
-        figures={
-            "columns": first.columns - 1,
-            "rows": first.rows - 1,
-            "drawn_columns": first.columns,
-            "drawn_rows": first.rows,
-            "photos": photos,
-        },
-    )
+    boards = boards_with_squares(target)
+    counts = _find_more(identified, target, boards)
+    counts |= _find_fewer(identified, target, [one for one in boards if one not in counts])
+    return [counts[index] for index in sorted(counts)]
+
+
+def _find_more(identified: Identified, target: Target, boards: list[int]) -> dict[int, Count]:
+    """Boards that are a line longer: grids that fit nowhere, in photos without the board."""
+    as_drawn, shown = defaultdict[int, set[int]](set), defaultdict[int, set[int]](set)
+    larger = defaultdict[tuple[int, ...], set[int]](set)
+    for photo, own in enumerate(identified.grids):
+        for number, report in enumerate(own):
+            size = tuple(sorted(report.size))
+            if report.place is not None:
+                board = target.boards[report.place.board]
+                shown[report.place.board].add(photo)
+                if size == tuple(sorted((board.columns, board.rows))):
+                    as_drawn[report.place.board].add(photo)
+            elif report.corners >= FEWEST_CORNERS and _is_full(identified.found[photo][number]):
+                larger[size].add(photo)
+    counts = {}
+    for index in boards:
+        board = target.boards[index]
+        other = as_drawn[index] if len(boards) == 1 else shown[index]
+        for size in ((board.columns + 1, board.rows), (board.columns, board.rows + 1)):
+            photos = larger[tuple(sorted(size))] - other
+            if len(photos) >= max(_FEWEST_PHOTOS, len(as_drawn[index]) + 1):
+                counts[index] = Count(board=index, size=size, photos=len(photos))
+    return counts
+
+
+def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> dict[int, Count]:
+    """Boards of which photo after photo shows as many corners, and both ends; none shows more."""
+    doubtful = [index for index in boards if not _is_shown_whole(identified, target, index)]
+    scene = identified.scene
+    if scene is None or scene.camera is None or not doubtful:
+        return {}
+    scene.place_grids()
+    alone = len(boards_with_squares(target)) == 1
+    seen = defaultdict[int, list[Size]](list)
+    whole = defaultdict[int, list[tuple[Size, BoolArray]]](list)
+    for own, reports in zip(scene.photos, identified.grids, strict=True):
+        for index, report in zip(sorted(own), reports, strict=True):
+            place, grid = report.place, scene.grids[index]
+            if place is None or place.board not in doubtful or report.corners < FEWEST_CORNERS:
+                continue
+            board = target.boards[place.board]
+            size = np.array([board.columns, board.rows])
+            turn, extent = TURNS[place.turn], grid.cells.max(axis=0) + 1
+            axes = np.abs(turn).argmax(axis=1)
+            if alone and (extent[axes[0]] < extent[axes[1]]) == (size[0] >= size[1]):
+                axes = axes[::-1]  # its place may be any: it lies as its longer side does
+            columns, rows = extent[axes].tolist()
+            seen[place.board].append((columns, rows))
+            ends = scene.ends(own, index) if scene.poses[index] is not None else None
+            if ends is None or not _is_full(grid):
+                continue
+            ended = _ends_in_view(ends)[axes]
+            if not alone:
+                cells = grid.cells @ turn.T + [place.column, place.row]
+                ended = np.where(turn.sum(axis=1)[:, None] < 0, ended[:, ::-1], ended)
+                ended |= np.stack([cells.min(axis=0) == 0, cells.max(axis=0) == size - 1], axis=1)
+            whole[place.board].append(((columns, rows), ended.all(axis=1)))
+    counts = {}
+    for index, grids in whole.items():
+        board, most = target.boards[index], np.max(seen[index], axis=0)
+        short = most < [board.columns, board.rows]
+        alike = [(size == most)[short].all() for size, ended in grids if ended[short].all()]
+        if sum(alike) >= max(_FEWEST_PHOTOS, _AGREE_SHARE * len(alike)):
+            columns, rows = most.tolist()
+            counts[index] = Count(board=index, size=(columns, rows), photos=int(sum(alike)))
+    return counts
+
+
+def _is_shown_whole(identified: Identified, target: Target, index: int) -> bool:
+    """Whether photos show the first and last columns and rows of a board that are drawn.
+
+    Where one board is the whole target, a photo must show as many corners.
+    """
+    board = target.boards[index]
+    drawn = np.array([board.columns, board.rows])
+    if len(boards_with_squares(target)) == 1:
+        reports = [one for own in identified.grids for one in own if one.named]
+        sizes = [sorted(one.size) for one in reports if one.corners >= FEWEST_CORNERS]
+        return not sizes or bool((np.max(sizes, axis=0) >= sorted(drawn)).all())
+    corners = identified.corners
+    own = np.stack([corners.column, corners.row], axis=1)[corners.board == index]
+    return not len(own) or not (own.min(axis=0).any() or (own.max(axis=0) < drawn - 1).any())
+
+
+def _is_full(grid: Grid) -> bool:
+    """Whether a grid has nearly all corners of its box."""
+    return bool(len(grid) >= _FILLED * (grid.cells.max(axis=0) + 1).prod())
+
+
+def _ends_in_view(ends: Ends) -> BoolArray:
+    """(2, 2) before and after the grid along i and j: a next line should be in view, but is not."""
+    missing = np.array([ends.table[tuple(room)] for room in np.eye(4, dtype=np.intp)])
+    return np.asarray(missing.reshape(2, 2) >= _LINE_CORNERS)
 
 
 def nothing_named(evidence: GridEvidence) -> list[Finding]:
@@ -217,3 +372,53 @@ def _is_another_object(identified: Identified, target: Target) -> bool:
     seen = sum(bool(own) for own in identified.grids)
     least = max(_FEWEST_PHOTOS, _COMMON * seen)
     return any(photos >= least for size, photos in full.items() if size not in drawn)
+
+
+def many_lost(evidence: PhotoEvidence) -> list[Finding]:
+    """That more than a third of the photos in which boards were found are lost for one reason."""
+    lost = defaultdict[Code, list[Finding]](list)
+    for one in evidence.lost:
+        lost[one.code].append(one)
+    own = max(lost.values(), key=len, default=[])
+    if len(own) < _FEWEST_PHOTOS or len(own) <= _MANY * evidence.with_boards:
+        return []
+    finding = Finding(
+        code=own[0].code,
+        case="many",
+        severity=Severity.CARE,
+        images=tuple(name for one in own for name in one.images),
+        figures={**own[0].figures, "left_out": len(own), "photos": evidence.with_boards},
+    )
+    boards = grid_boards(evidence.target)
+    if finding.code is Code.TOO_LARGE and isinstance(evidence, GridEvidence) and len(boards) == 1:
+        return [_count_lone_board(finding, boards[0], evidence)]
+    return [finding]
+
+
+def _count_lone_board(finding: Finding, board: Board, evidence: GridEvidence) -> Finding:
+    """The same of a lone board, with the numbers of corners that photos show."""
+    largest = [max(own, key=_corners) for own in evidence.identified.grids if own]
+    sides = [Counter(pick(one.size) for one in largest) for pick in (max, min)]
+    long, short = (
+        max((side for side in own if own[side] >= _FEWEST_PHOTOS), default=max(own))
+        for own in sides
+    )
+    upright = board.columns < board.rows
+    counted = {
+        "columns": short if upright else long,
+        "rows": long if upright else short,
+        "drawn_columns": board.columns,
+        "drawn_rows": board.rows,
+    }
+    return Finding(
+        code=Code.CORNER_COUNT,
+        case="many",
+        severity=finding.severity,
+        images=finding.images,
+        boards=(board.name,),
+        figures={**finding.figures, **counted},
+    )
+
+
+def _corners(grid: GridReport) -> int:
+    return grid.corners

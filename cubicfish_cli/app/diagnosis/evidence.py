@@ -14,7 +14,7 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.diagnosis.counts import Count
+    from cubicfish_cli.app.diagnosis.corner_count import Count
     from cubicfish_cli.app.photos import Picture
     from cubicfish_cli.corners.detection.grids import FoundGrids
     from cubicfish_cli.corners.identification.identified import Identified
@@ -62,7 +62,7 @@ class GridEvidence(PhotoEvidence):
     @cached_property
     def counts(self) -> list[Count]:
         """Boards that have another number of corners than the target says, as photos show it."""
-        from cubicfish_cli.app.diagnosis.counts import count_corners  # for photos alone
+        from cubicfish_cli.app.diagnosis.corner_count import count_corners  # for photos alone
 
         return count_corners(self.identified, self.target)
 

@@ -2,7 +2,8 @@
 
 Beside the fitted camera and its own pose, each photo is given a lens of its own as far as one
 photo can have one: another scale, another centre, and a shear that grows from row to row. All of
-it is linear where the fit stopped, so it costs one pass over the corners.
+it is linear where the fit stopped, so it costs one pass over the corners. Single photos that are
+unlike the others were taken through another lens, or while something moved.
 """
 
 from __future__ import annotations
@@ -10,15 +11,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
+from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.cubic_fit import fit_cubic
 from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.linearise import huber_weight
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
 from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.robust import wide_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 # What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
 TERMS = 5
@@ -36,6 +44,15 @@ FEWEST_TOLD_APART = 5
 _NOTICED_PX, _SIDE = 0.05, 2000.0
 ROUGH_DECREASE = 1e-4
 """For fits that photos are only looked at beside."""
+# A photo that is unlike the others is judged by a camera that never saw it, which is right about it
+# only if it comes from so many times as many equations as unknowns, and from so many photos that
+# what the target is off by does not look like a lens of its own in one of them.
+_SUSPICIOUS = 1e-4
+_TIMES_DETERMINED = 10
+_FEWEST_OTHERS = 8
+# Wide enough to feel every corner while a pose is off.
+_WIDE_HUBER_PX = 10.0
+_TYPICAL_ROUNDS = 20
 
 
 def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
@@ -194,3 +211,181 @@ def _linearise(
         ],
         axis=2,
     )
+
+
+def best_cut(
+    orders: IntArray, weight: FloatArray, pull: FloatArray, fewest: int
+) -> tuple[float, float, BoolArray] | None:
+    """The split with the largest ratio of what is between to what is within its groups.
+
+    Args:
+        orders: (S, K) what is split, in orders that are cut in two anywhere.
+        weight: (K, n, n) information of each on what it has of its own, and ``pull`` (K, n) that
+            times it.
+        pull: see ``weight``.
+        fewest: how many a group has at least.
+
+    Returns:
+        The ratio, what is between, and which are behind the cut; None where there are too few.
+
+    """
+    count = len(pull)
+    square = np.einsum("ki,ki->k", pull, np.linalg.solve(weight, pull[:, :, None])[:, :, 0])
+    mean = np.linalg.solve(weight.sum(axis=0), pull.sum(axis=0))
+    total = float(square.sum() - mean @ pull.sum(axis=0))
+    # Of those up to each cut, and of those behind it: sums suffice for their scatter.
+    cuts = np.arange(fewest, count - fewest + 1)
+    best: tuple[float, float, BoolArray] | None = None
+    for order in orders if cuts.size else []:
+        before = [np.cumsum(terms[order], axis=0) for terms in (weight, pull, square)]
+        within = np.zeros(len(cuts))
+        for w, p, s in (
+            [terms[cuts - 1] for terms in before],
+            [terms[-1] - terms[cuts - 1] for terms in before],
+        ):
+            means = np.linalg.solve(w, p[:, :, None])[:, :, 0]
+            within += np.maximum(s - np.sum(means * p, axis=1), 0)
+        within = np.maximum(within, max(1e-12 * total, 1e-300))
+        cut = int(np.argmin(within))
+        between = float(total - within[cut])
+        ratio = between / float(within[cut]) * (count - 2)
+        if best is None or ratio > best[0]:
+            second = np.zeros(count, bool)
+            second[order[cuts[cut] :]] = True
+            best = (ratio, between, second)
+    return best
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unlike:
+    """How one photo differs from the others.
+
+    Attributes:
+        photo: its index.
+        chance: how often the most unlike of so many right photos would be as unlike.
+        share: of the photo's squared error that it explains.
+        gain_px: RMS of what it explains, pixels.
+
+    """
+
+    photo: int
+    chance: float
+    share: float
+    gain_px: float
+
+
+def odd_photos(fit: TargetFit) -> list[Finding]:
+    """Photos that by themselves have another lens than the rest, or are sheared."""
+    pairs, photos = fit.reference.pairs, lenses_of(fit)
+    suspects = [
+        one.photo for one in unlike(photos) if one.chance < _SUSPICIOUS and one.share > WORTH / 2
+    ]
+    if not suspects:
+        return []
+    if 2 * len(suspects) < len(pairs.images):
+        # They have bent the lens and the other photos' poses: judge by a lens without them.
+        left_out = np.array(suspects)
+        if not _can_do_without(fit, left_out):
+            return []
+        photos = _refit_without(fit, left_out)
+    certain = [
+        one
+        for one in unlike(photos)
+        if one.photo in suspects
+        and one.chance < BY_CHANCE
+        and one.share > WORTH
+        and one.gain_px > noticed_px(pairs)
+    ]
+    if not 0 < 2 * len(certain) < len(pairs.images):
+        return []
+    most = max(certain, key=lambda one: one.gain_px)
+    return [
+        Finding(
+            code=Code.PHOTO_LENS,
+            # A camera that eight others determine hardly hangs on one.
+            severity=Severity.NOTE if len(certain) == 1 else Severity.CARE,
+            images=tuple(pairs.images[one.photo] for one in certain),
+            figures={
+                "size_px": most.gain_px,
+                "share": most.share,
+                "worst": pairs.images[most.photo],
+            },
+        )
+    ]
+
+
+def _can_do_without(fit: TargetFit, left_out: IntArray) -> bool:
+    """Whether the other photos make a camera that is right about photos it has not seen."""
+    pairs = fit.reference.pairs
+    others = np.count_nonzero(~np.isin(pairs.image, left_out))
+    poses = len(pairs.images) - len(left_out)
+    unknowns = len(fit.cubic.lens.parameters) + 6 * poses
+    return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
+
+
+def _refit_without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
+    """What each photo has of its own beside a lens that was fitted without some."""
+    pairs = fit.reference.pairs
+    good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
+    few = select_fit(fit, good)
+    cubic = fit_cubic(
+        few.reference, few.cubic.prior, start=few.cubic, relative_decrease=ROUGH_DECREASE
+    )
+    poses = fit.cubic.poses.with_photos(good, cubic.poses)
+    # Beside their poses under the other lens, photos would look grossly wrong all over.
+    left_out = np.setdiff1d(np.arange(len(poses)), good)
+    lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, left_out)
+    placed = adjust(lens, poses[left_out], others, huber_px=_WIDE_HUBER_PX)
+    poses = poses.with_photos(left_out, placed.poses)
+    photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)
+    if not np.isfinite(photos.own).all():
+        raise FitError("photos have no place beside a lens that was fitted without them")
+    return photos
+
+
+def unlike(photos: PhotoLenses) -> list[Unlike]:
+    """How much less like the others each photo is than those are like each other.
+
+    One for each of ``photos.photos``; none where they are too few to tell.
+    """
+    count = len(photos.photos)
+    if count < FEWEST_TOLD_APART:
+        return []
+    own, size = photos.own, photos.own.shape[1]
+    noise = photos.squares / np.maximum(photos.numbers, 1)
+    # A photo in dim light is noisier than the others, and nothing else.
+    noise = np.maximum(noise, np.median(noise))
+    weight = invertible(photos.information) / (size * noise[:, None, None])
+    off = own - _find_typical(own, weight)
+    distance = np.einsum("ki,kij,kj->k", off, weight, off)
+    # What the photos' own terms are beyond noise, by the better half of them.
+    spread = max(1.0, float(np.median(distance)))
+    # The noise, 1, is known from all corners; what is beyond it is told by the better half of the
+    # photos (Satterthwaite 1946).
+    numbers = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
+    chance = fdtrc(size, np.clip(photos.numbers, 1, numbers), distance / spread) * count
+    worth = distance * size * noise
+    return [
+        Unlike(
+            photo=int(photos.photos[index]),
+            chance=float(chance[index]),
+            gain_px=float(np.sqrt(2 * worth[index] / max(photos.numbers[index], 1))),
+            share=float(worth[index] / (worth[index] + photos.squares[index] + 1e-300)),
+        )
+        for index in range(count)
+    ]
+
+
+def _find_typical(own: FloatArray, weight: FloatArray) -> FloatArray:
+    """(M,) what most photos (K, M) have: their median by what each can tell, (K, M, M).
+
+    A photo hardly tells some of its own terms from its pose; what it says of them is no evidence.
+    Weighted least squares in which photos beyond noise count by one over their distance in noise.
+    """
+    counts = np.ones(len(own))
+    for _ in range(_TYPICAL_ROUNDS):
+        typical = mean_of(own, counts[:, None, None] * weight)
+        off = own - typical
+        distance = np.einsum("ki,kij,kj->k", off, weight, off)
+        counts = 1 / np.sqrt(np.maximum(distance, 1.0))
+    return typical

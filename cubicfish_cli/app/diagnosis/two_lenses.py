@@ -17,11 +17,11 @@ from cubicfish_cli.app.diagnosis.photo_lenses import (
     ROUGH_DECREASE,
     WORTH,
     PhotoLenses,
+    best_cut,
     lenses_of,
     mean_of,
     noticed_px,
 )
-from cubicfish_cli.app.diagnosis.two_groups import best_cut
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, UncertaintyGrid
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.errors import FitError

@@ -4,19 +4,15 @@ Where there is no fit, it is measured with no drawing but each board's own grid 
 Every board in every photo is taken as a flat thing of its own: a lens and a pose for each follow
 from that. Where two boards are in one photo, their poses give one's place in the other's frame,
 and that it is the same in all photos gives the ratio of their squares.
-
-Grids of tags whose gaps are wider or narrower than the target says.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
-from cubicfish_cli.app.diagnosis.evidence import MarkerEvidence
-from cubicfish_cli.app.diagnosis.mirrored import in_mirror, richest
+from cubicfish_cli.app.diagnosis.mirrored import in_mirror
 from cubicfish_cli.app.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
@@ -24,7 +20,7 @@ from cubicfish_cli.core.fit.evidence import FailedFit, FitEvidence
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
-from cubicfish_cli.core.fit.robust import local_noise_px, neighbours, noise_px, times_noise
+from cubicfish_cli.core.fit.robust import local_noise_px, noise_px, times_noise
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import mean_rotation
 from cubicfish_cli.core.observations import Observations
@@ -204,62 +200,3 @@ def of_failure(evidence: FailedFit) -> list[Finding]:
     if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
         return []
     return [_add_evidence(fault, "corrected", after_px=noise_px(again.residual))]
-
-
-# So many gaps tell, and so many of them must be off to the same side.
-_LEAST_GAPS, _MOST = 12, 80
-# By how much, as a share: corners are good to a hundredth of a gap, outlines of tags are not.
-_OFF, _OFF_OUTLINES = 0.05, 0.2
-# Photos in which tags are read again.
-_PHOTOS = 3
-
-
-def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
-    """Boards of tags with another spacing, by gaps between corners or between tags themselves."""
-    from cubicfish_cli.corners.detection.markers_measure import tags_apart  # for photos alone
-
-    target, findings = evidence.target, []
-    for index, board in enumerate(target.boards):
-        if board.per_cell != 2 or board.markers is None:
-            continue
-        gaps, off = _measure_gaps(evidence.corners, index), _OFF
-        if len(gaps) < _LEAST_GAPS and not target.mirrored:
-            photos = islice(richest(evidence), _PHOTOS)
-            apart = [tags_apart(picture, target, index, grids) for picture, grids in photos]
-            gaps, off = np.concatenate([np.zeros(0), *apart]) - 1, _OFF_OUTLINES
-        if len(gaps) < _LEAST_GAPS:
-            continue
-        low, middle, high = np.percentile(gaps, [100 - _MOST, 50, _MOST]) / board.spacing
-        if low > 1 + off or high < 1 - off:
-            finding = Finding(
-                code=Code.BOARD_SQUARE,
-                case="spacing",
-                severity=Severity.BAD,
-                boards=(board.name,),
-                figures={
-                    "gaps": len(gaps),
-                    "spacing": float(middle * board.spacing),
-                    "drawn_spacing": board.spacing,
-                },
-            )
-            findings.append(finding)
-    return findings
-
-
-def _measure_gaps(corners: Observations, board: int) -> FloatArray:
-    """Gaps between tags of a board, in sides of the tags on both sides of each, as photos show it.
-
-    That of four corners in a line hardly depends on how the lens or the view stretches it.
-    """
-    own = corners.select(corners.board == board)
-    if not len(own.pixel):
-        return np.zeros(0)
-    parts = []
-    for following, place in zip(neighbours(own), (own.column, own.row), strict=True):
-        line = np.flatnonzero(place % 2 == 0)[None]
-        for _ in range(3):
-            line = line[:, following[line[-1]] >= 0]
-            line = np.concatenate([line, following[line[-1]][None]])
-        first, gap, last = np.linalg.norm(np.diff(own.pixel[line], axis=0), axis=-1)
-        parts.append(gap / (0.5 * (first + last)))
-    return np.concatenate(parts)

@@ -5,8 +5,7 @@ import pytest
 from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
-from cubicfish_cli.app.diagnosis.corner_count import another_target, nothing_named
-from cubicfish_cli.app.diagnosis.counts import Count
+from cubicfish_cli.app.diagnosis.corner_count import Count, another_target, nothing_named
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

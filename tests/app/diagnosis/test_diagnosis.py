@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 from simulated import CornerErrors, simulated_corners
 
 from cubicfish_cli.app.diagnosis import (
-    odd_photos,
     other_lens,
     photo_lenses,
     two_lenses,
@@ -26,7 +25,6 @@ from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.left_out import board_fault, board_findings
 from cubicfish_cli.app.diagnosis.mirrored import handed, mirrored_object, seen_sides
 from cubicfish_cli.app.diagnosis.object_faults import object_fault
-from cubicfish_cli.app.diagnosis.odd_photos import Unlike, unlike
 from cubicfish_cli.app.diagnosis.other_lens import (
     LensChange,
     failed_lens,
@@ -36,6 +34,8 @@ from cubicfish_cli.app.diagnosis.other_lens import (
 from cubicfish_cli.app.diagnosis.photo_lenses import (
     BY_CHANCE,
     PhotoLenses,
+    Unlike,
+    unlike,
 )
 from cubicfish_cli.app.diagnosis.two_lenses import best_split, left_out_share
 from cubicfish_cli.app.diagnosis.wrong_drawing import measured_object
@@ -772,15 +772,15 @@ def test_one_odd_photo_is_no_reason_to_doubt_a_camera(fitted, monkeypatch, odd, 
     fit = SimpleNamespace(reference=SimpleNamespace(pairs=fitted.pairs))
     told = [Unlike(photo=photo, chance=1e-9, share=0.6, gain_px=0.4 + photo) for photo in odd]
     for name, answer in (("unlike", told), ("lenses_of", None), ("_refit_without", None)):
-        monkeypatch.setattr(odd_photos, name, lambda *_, answer=answer: answer)
-    monkeypatch.setattr(odd_photos, "_can_do_without", lambda *_: True)
-    (found,) = odd_photos.odd_photos(fit)
+        monkeypatch.setattr(photo_lenses, name, lambda *_, answer=answer: answer)
+    monkeypatch.setattr(photo_lenses, "_can_do_without", lambda *_: True)
+    (found,) = photo_lenses.odd_photos(fit)
     assert (found.code, found.severity) == (Code.PHOTO_LENS, severity)
     assert found.images == tuple(fitted.pairs.images[photo] for photo in odd)
     assert found.figures["worst"] == found.images[-1]
     # Without the others nobody can say so.
-    monkeypatch.setattr(odd_photos, "_can_do_without", lambda *_: False)
-    assert odd_photos.odd_photos(fit) == []
+    monkeypatch.setattr(photo_lenses, "_can_do_without", lambda *_: False)
+    assert photo_lenses.odd_photos(fit) == []
 
 
 def test_photos_that_all_differ_accuse_none_of_them():

@@ -8,7 +8,7 @@ import pytest
 from seen import grid_evidence
 from synthetic import checkerboard, lens_of_size, poses_around
 
-from cubicfish_cli.app.diagnosis.lost_photos import many_lost
+from cubicfish_cli.app.diagnosis.corner_count import many_lost
 from cubicfish_cli.app.viewpoints.truth import camera_points
 from cubicfish_cli.core.codes import Code, Remedy, Severity
 from cubicfish_cli.core.target import Target

@@ -15,8 +15,7 @@ from synthetic import (
     synthetic_corners,
 )
 
-from cubicfish_cli.app.diagnosis.corner_count import miscounted
-from cubicfish_cli.app.diagnosis.counts import Count
+from cubicfish_cli.app.diagnosis.corner_count import Count, miscounted
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.identification.name_grids import name_grids

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.app.diagnosis.two_groups import best_cut
+from cubicfish_cli.app.diagnosis.photo_lenses import best_cut
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding, RigFinding
 from cubicfish_cli.core.fit.adjustment import Adjustment
