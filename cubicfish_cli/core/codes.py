@@ -77,7 +77,6 @@ class Code(StrEnum):
     MOVED = "moved"
     CORNERS_OFF = "corners_off"
     # Of photos so far: why they are not enough, and what cannot be said of the next.
-    FEW_PHOTOS = "few_photos"
     NOT_CERTAIN = "not_certain"
     NOT_TRUSTED = "not_trusted"
     MIDDLE_UNSEEN = "middle_unseen"

@@ -1,63 +1,158 @@
-"""Whether photos so far are enough, and one line of advice from the record alone."""
+"""Whether photos so far are enough, and which parts of the picture they leave empty.
+
+Photos are enough where the verdict asks for none: advice, report and commands all go by it.
+"""
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.gaps import Gaps, find_gaps
+from cubicfish_cli.core.angles import angle_from_axis, azimuth
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
-from cubicfish_cli.core.assess.verdict import verdict
+from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.finding import Finding, asks_for_photos
+from cubicfish_cli.core.fit.findings import FieldCells, field_cells
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 GOAL_PX = 0.2
-"""Wanted over the field, for photos of up to :data:`GOAL_SIDE` pixels per side; larger ones in
-proportion."""
+"""What proposals aim at over the field, for photos of up to :data:`GOAL_SIDE` pixels per side;
+larger ones in proportion."""
 GOAL_SIDE = 2000.0
-FEWEST_PHOTOS = 3
-ENOUGH_COVERAGE = 0.85
-# The picture beyond the trusted field counts as not seen yet below this share of its inner circle.
-_SEEN_SHARE = 0.5
-HEED_FIRST = "heed the verdict first"
-NOISE_ALONE = "heed the verdict first; by the uncertainty alone"
 _PARTS = 2
+# The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
+_MIDDLE_FIELD_DEG = 20.0
+_OUTER_RING = 0.4
+# A part counts as empty when so many of its squares hold no corner.
+_EMPTY_SHARE = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part of the picture without corners.
+
+    Attributes:
+        sides: indices of SIDES; all eight is a ring, none the middle.
+        from_deg, to_deg: angles from the axis.
+        share: of the field's squares that are empty there, of all squares of the field.
+
+    """
+
+    sides: tuple[int, ...]
+    from_deg: float
+    to_deg: float
+    share: float
+
+    @property
+    def words(self) -> str:
+        """``upper left, 60–80° from the axis``."""
+        reach = f"{self.from_deg:.0f}–{self.to_deg:.0f}° from the axis"
+        if not self.sides:
+            return f"the middle, up to {self.to_deg:.0f}° from the axis"
+        if len(self.sides) == 8:
+            return f"all around, {reach}"
+        *others, last = (SIDES[side] for side in self.sides)
+        return f"{' and '.join(filter(None, [', '.join(others), last]))}, {reach}"
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "sides": [SIDES[side] for side in self.sides],
+            "from_deg": self.from_deg,
+            "to_deg": self.to_deg,
+            "share": self.share,
+            "words": self.words,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gaps:
+    """What photos so far do not show.
+
+    Attributes:
+        parts: empty parts of the field, the largest first.
+        cells: the field in squares, and which hold corners.
+
+    """
+
+    parts: tuple[Part, ...]
+    cells: FieldCells
+
+
+def find_gaps(camera: CubicCamera, pairs: Observations) -> Gaps:
+    """Look for parts of the field without corners: of the middle, and of two rings around it.
+
+    Args:
+        camera: the camera.
+        pairs: the corners that it was fitted to.
+
+    """
+    cells = field_cells(camera, pairs.pixel)
+    row, column = np.nonzero(cells.field)
+    rays = camera.unproject((np.stack([column, row], axis=-1) + 0.5) * cells.cell - 0.5)
+    seen = np.isfinite(rays[:, 0])
+    rays, gone = rays[seen], cells.empty[row, column][seen]
+    angle, side = np.degrees(angle_from_axis(rays)), side_of(rays[:, :2])
+    rim = max(camera.max_angle_deg, _MIDDLE_FIELD_DEG)
+    outer = rim - _OUTER_RING * (rim - _MIDDLE_FIELD_DEG)
+    parts = []
+    for low, high in ((0.0, _MIDDLE_FIELD_DEG), (_MIDDLE_FIELD_DEG, outer), (outer, rim)):
+        ring = (angle >= low) & (angle < high)
+        ways = [ring] if not low else [ring & (side == way) for way in range(len(SIDES))]
+        lost = [
+            way for way, own in enumerate(ways) if own.any() and gone[own].mean() >= _EMPTY_SHARE
+        ]
+        if lost:
+            share = sum(gone[ways[way]].sum() for way in lost) / len(rays)
+            sides = tuple(lost) if low else ()
+            parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
+    return Gaps(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
+
+
+# Clockwise from the right, y down, an eighth of a turn each.
+SIDES = (
+    "right", "lower right", "bottom", "lower left", "left", "upper left", "top", "upper right",
+)  # fmt: skip
+
+
+def side_of(offset: FloatArray) -> IntArray:
+    """Which eighth of the picture offsets (..., 2) from the axis lie in, an index of SIDES."""
+    turn = azimuth(offset)
+    eighth: IntArray = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
+    return eighth
 
 
 def default_goal(image_size: tuple[int, int]) -> float:
-    """The uncertainty that is wanted where nobody says, pixels."""
+    """The uncertainty that is aimed at where nobody says, pixels."""
     return GOAL_PX * max(1.0, max(image_size) / GOAL_SIDE)
 
 
 def why_not_enough(
-    now: FieldUncertainty | None, goal: float, gaps: Gaps, photos: int, camera: CubicCamera
+    judged: Verdict, now: FieldUncertainty | None = None, goal: float | None = None
 ) -> list[Finding]:
-    """Why photos so far are not enough; nothing where they are."""
-    reasons = []
-    care = partial(Finding, severity=Severity.CARE)
-    if photos < FEWEST_PHOTOS:
-        reasons.append(care(code=Code.FEW_PHOTOS))
-    if now is not None and now.p95_px > goal:
+    """Why photos so far are not enough; nothing where they are.
+
+    Args:
+        judged: what the camera is worth.
+        now: its uncertainty over the field, where that is known.
+        goal: what was asked for over 95 % of the field, pixels; None where nothing was.
+
+    """
+    reasons = [one for one in judged.reasons if asks_for_photos([one])]
+    if judged.level == "bad" and judged.reasons[0] not in reasons:
+        first = judged.reasons[0]
+        said = {"against": first.why, "mend": first.do}
+        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
+    if goal is not None and now is not None and now.p95_px > goal:
         figures = {"p95_px": now.p95_px, "goal_px": goal}
-        reasons.append(care(code=Code.NOT_CERTAIN, figures=figures))
-    if gaps.cells.coverage < ENOUGH_COVERAGE:
-        figures = {"share": gaps.cells.coverage}
-        reasons.append(care(code=Code.LOW_COVERAGE, case="advice", figures=figures))
-    if seen_share(camera) < _SEEN_SHARE:
-        figures = {"known_deg": camera.max_angle_deg}
-        reasons.append(care(code=Code.SMALL_FIELD, case="advice", figures=figures))
+        reasons.append(Finding(code=Code.NOT_CERTAIN, severity=Severity.CARE, figures=figures))
     return reasons
-
-
-def seen_share(camera: CubicCamera) -> float:
-    """Area of the trusted field over that of the largest circle in the picture."""
-    x, y = camera.outline().T
-    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-    return float(area / (np.pi * (min(camera.image_size) / 2) ** 2))
 
 
 def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
@@ -69,21 +164,13 @@ def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
         pairs: the pairs that it was fitted to.
 
     """
-    gaps = find_gaps(camera, pairs)
-    now = fit.uncertainty.field
-    goal = default_goal(camera.image_size)
-    reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
-    judged = verdict(fit, camera.image_size, camera.outline())
-    if judged.level == "bad" and not (judged.asks_for_photos and gaps.parts):
-        return f"{HEED_FIRST}: {judged.reasons[0].do}"
+    gaps, now = find_gaps(camera, pairs), fit.uncertainty.field
+    reasons = why_not_enough(verdict(fit, camera.image_size, camera.outline()))
     if not reasons:
         known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
-        wanted = f" (goal: {goal:g} px)" if now else ""
-        # The corners' noise may ask for no more photos, and held-out errors for some all the same.
-        begin = f"{NOISE_ALONE} photos are enough" if judged.asks_for_photos else "enough photos"
-        return (
-            f"{begin}: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}{wanted}"
-        )
+        return f"enough photos: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}"
+    if reasons[0].code is Code.NOT_TRUSTED:
+        return f"heed the verdict first: {reasons[0].figures['mend']}"
     where = "; ".join(part.words for part in gaps.parts[:_PARTS])
-    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0]}"
+    next_ones = f"show the target next at: {where}" if where else f"more photos: {reasons[0].what}"
     return f"{next_ones} ('cubicfish advise' says from where)"

@@ -27,7 +27,6 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import (
     Finding,
     Level,
-    asks_for_photos,
     level_of,
 )
 from cubicfish_cli.core.types import FloatArray
@@ -50,7 +49,8 @@ _OVERFIT = ((1.5, _RIGHT_PX), (3.0, 0.5))
 _BESIDE_COMPANION = ((1.02, 0.0), (2.0, 0.5))
 # Error on other photos over that when the camera was calibrated.
 _WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
-_COVERAGE = (0.5, 0.2)
+# Where a third of the field has no corner, figures of the rest say nothing of it.
+COVERAGE = (2 / 3, 0.2)
 _SEEN_SHARE = 0.3
 # How far pixels may be off by all that photos say, of which corners' noise is the least: where a
 # camera counts as certain, and where it is as bad as corners that are off by so much.
@@ -59,9 +59,9 @@ _RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
 _REJECTED_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
-_FEW_PHOTOS = 3
+FEW_PHOTOS = 3
 # Photos of one flat board from which on a lens is known somehow, and well.
-_FEW_OF_A_PLANE = (8, 4)
+FEW_OF_A_PLANE = (8, 4)
 # Error at the rim over that in the middle, and the error from which that matters.
 _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
 # Less of the rim than this is told beside the coverage of the whole.
@@ -93,11 +93,6 @@ class Verdict:
     def words(self) -> str:
         """``good``, ``usable with care`` or ``not to be trusted``."""
         return WORDS[self.level]
-
-    @property
-    def asks_for_photos(self) -> bool:
-        """Whether a reason says to take photos, more or others."""
-        return asks_for_photos(self.reasons)
 
     @property
     def line(self) -> str:
@@ -255,7 +250,7 @@ def _of_figures(
     else:
         level = _above(error / scale, _ERROR_PX)
         yield from _reason(level, Code.LARGE_ERRORS, error_px=error)
-    case = "few" if 0 < photos < _FEW_PHOTOS else ""
+    case = "few" if 0 < photos < FEW_PHOTOS else ""
     level = _care(math.isnan(held_out) and not of.says_nothing)
     yield from _reason(level, Code.NOT_HELD_OUT, case, photos=photos or None)
     level = ratio_above(held_out, rms, _OVERFIT, scale)
@@ -265,7 +260,7 @@ def _of_figures(
     uncertain = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
     yield from _reason(uncertain, Code.UNCERTAIN, median_px=known.median_px)
     if of.flat and photos:  # much of a lens is open in each photo: the others must tell it
-        level = _above(1 - photos, (1 - _FEW_OF_A_PLANE[0], 1 - _FEW_OF_A_PLANE[1]))
+        level = _above(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
         yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
     # What was left out.
@@ -276,7 +271,7 @@ def _of_figures(
     every = left_out + photos
     level = _above(left_out / max(every, 1), _REJECTED_SHARE)
     yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
-    level = _above(-of.coverage, (-_COVERAGE[0], -_COVERAGE[1]))
+    level = _above(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
     yield from _reason(level, Code.LOW_COVERAGE, share=of.coverage)
     lift, full = ("point", 20) if of.lift == "point" else ("", 16)
     yield from _reason(_care(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.enough import FEWEST_PHOTOS, default_goal, why_not_enough
-from cubicfish_cli.app.sufficiency.gaps import Gaps, find_gaps
+from cubicfish_cli.app.sufficiency.enough import Gaps, default_goal, find_gaps, why_not_enough
 from cubicfish_cli.app.viewpoints.views import Distances, Viewpoint, sample_views
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
-from cubicfish_cli.core.assess.verdict import verdict
-from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.assess.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
+from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -44,7 +43,7 @@ class Advice:
         pixel: (N, 2) corners so far.
         photos: how many there are.
         noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
-        goal_px: uncertainty that is wanted over the field.
+        goal_px: uncertainty that proposals aim at over the field.
         now: uncertainty; None where it cannot be worked out.
         sigma: (rows, columns) the uncertainty over the photo, pixels; NaN outside the field, or
             where it cannot be worked out.
@@ -110,7 +109,9 @@ def advise(
         fit: its record.
         pairs: the pairs that it was fitted to, world points those of the target as fitted.
         target: the calibration target as fitted; None for pairs that came without one.
-        goal_px: uncertainty wanted over the field; by default :func:`default_goal`.
+        goal_px: uncertainty wanted over 95 % of the field: more than that is not enough, whatever
+            the verdict. By default photos are enough where the verdict asks for none, and
+            proposals aim at :func:`default_goal`.
         proposals: how many photos to propose.
         seed: of the poses that are tried.
 
@@ -133,12 +134,8 @@ def advise(
     if knowledge is not None:
         knowledge, now = _as_recorded(knowledge, fit, field)
         sigma = field.sigma_px(knowledge.information)
-    reasons = why_not_enough(now, goal, gaps, len(pairs.images), camera)
     judged = verdict(fit, camera.image_size, camera.outline())
-    if judged.level == "bad":
-        first = judged.reasons[0]
-        said = {"against": first.why, "mend": first.do}
-        reasons.insert(0, Finding(code=Code.NOT_TRUSTED, severity=Severity.BAD, figures=said))
+    reasons = why_not_enough(judged, now, goal_px)
     if field.blind:
         figures = {"blind_deg": float(np.degrees(field.blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
@@ -150,7 +147,7 @@ def advise(
         views = _views(knowledge, target, within, notes, field, seed)
         if knowledge is not None and views:
             found, needed = proposed(knowledge, views, gaps.cells, field, goal, proposals)
-        short = FEWEST_PHOTOS - len(pairs.images)
+        short = (FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS) - len(pairs.images)
         needed = None if needed is None else max(needed, short, 1)
     return Advice(
         camera=camera,

@@ -17,13 +17,11 @@ from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.assess.verdict import Verdict
     from cubicfish_cli.extensions.advice.advise import Advice
     from cubicfish_cli.extensions.advice.proposals import Proposal
 
 _MOST_PARTS = 4
 _PICTURES = (".svg", ".png", ".pdf")
-# What to name, and how, where corners are lacking.
 
 
 @record
@@ -36,7 +34,7 @@ class AdviseOptions:
         corners: the corners.csv of the fit, where it is not beside the camera.
         picture: also draws where the target should appear: .svg, .png or .pdf.
         poses: also writes the proposed poses.
-        goal_px: the uncertainty wanted over the field; by default 0.2, more for large photos.
+        goal_px: the uncertainty wanted over 95 % of the field; without it the verdict decides.
         seed: another one tries other poses.
 
     """
@@ -60,8 +58,8 @@ class AdviseOptions:
     )
     goal_px: float | None = option(
         "--goal PX",
-        "The uncertainty wanted over the field. [default: 0.2, more for photos of more than 2000 "
-        "pixels per side]",
+        "The uncertainty wanted over 95 % of the field. Without it, photos are enough where the "
+        "verdict asks for none.",
         FloatRange(min=0, min_open=True),
     )
     seed: int = option(
@@ -76,7 +74,6 @@ class AdviceFiles:
     Attributes:
         model: the camera's file.
         advice: what photos leave open, and which to take next.
-        verdict: what the camera is worth.
         picture: the drawing; None where none was asked for.
         poses: the table of proposed poses; likewise.
 
@@ -84,7 +81,6 @@ class AdviceFiles:
 
     model: Path
     advice: Advice
-    verdict: Verdict
     picture: Path | None = None
     poses: Path | None = None
 
@@ -153,9 +149,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         poses = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
         files[table] = pose_table_text(poses)
     write_files(files, overwrite=run.overwrite)
-    return AdviceFiles(
-        model=path, advice=advice, verdict=facts.known.verdict, picture=drawing, poses=table
-    )
+    return AdviceFiles(model=path, advice=advice, picture=drawing, poses=table)
 
 
 @as_command(
@@ -174,33 +168,28 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
     Reads FOLDER (by default: calibration): the camera, its poses, and the corners beside it. Says
     which parts of the picture are empty and how many more photos it takes, and proposes the three
     that would help most: where the target should be in the picture, and how far that lowers the
-    camera's uncertainty, worked out from the fit's own equations. Says "enough" when it is.
+    camera's uncertainty, worked out from the fit's own equations. Says "enough" where the verdict
+    asks for no photos.
     """
     if how.print(made):
         return
-    _print(made.advice, made.verdict)
+    _print(made.advice)
     print_wrote(made.written)
 
 
-def _print(advice: Advice, judged: Verdict) -> None:
+def _print(advice: Advice) -> None:
     from cubicfish_cli.core.assess.camera_facts import COVERED
 
     result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
     if advice.now is not None:
-        result(
-            f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning} "
-            f"(goal: {advice.goal_px:g} px)"
-        )
+        goal = "" if advice.enough else f" (goal: {advice.goal_px:g} px)"
+        result(f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning}{goal}")
     result(f"{'coverage':<12}{100 * advice.gaps.cells.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:
-        if judged.asks_for_photos:
-            result(f"Heed the verdict first: {judged.line}.")
-            result("By the uncertainty alone more photos are not needed.")
-        else:
-            result("Enough: more photos are not needed.")
+        result("Enough: more photos are not needed.")
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
-        result("Not enough: " + "; ".join(reason.line for reason in advice.reasons) + ".")
+        result("Not enough: " + "; ".join(reason.why for reason in advice.reasons) + ".")
         result(_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:

@@ -84,8 +84,8 @@ def _draw_map(axes: Axes, advice: Advice) -> None:
     if advice.now is None:
         title = "No corners in the hatched squares; dots are the corners so far"
     else:
-        begin = "Enough" if advice.enough else "Now"
-        title = f"{begin}: {advice.now.words}; wanted: {goal:g} px"
+        end = "" if advice.enough else f"; wanted: {goal:g} px"
+        title = f"{'Enough' if advice.enough else 'Now'}: {advice.now.words}{end}"
     _draw_frame(axes, advice, title)
     field = axes.patches[0]
     norm = BoundaryNorm(_LEVELS, len(_COLOURS))

@@ -14,17 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.enough import ENOUGH_COVERAGE
-from cubicfish_cli.app.sufficiency.gaps import place_words, tilt_words
+from cubicfish_cli.app.sufficiency.enough import SIDES, side_of
 from cubicfish_cli.app.viewpoints.views import Viewpoint
+from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
+from cubicfish_cli.core.assess.verdict import COVERAGE
 from cubicfish_cli.core.fit.findings import FieldCells
-from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.extensions.advice.field import Field
 from cubicfish_cli.extensions.advice.knowledge import Knowledge
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""
+_MIDDLE_DEG = 12.0
+# Below this slant a face looks at the camera.
+_HEAD_ON_DEG = 12.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +101,7 @@ def proposed(
         state, level = tried[best], sums[best]
         empty &= ~filled[best]
         taken[best] = True
-        covered = 1 - empty.sum() / squares >= ENOUGH_COVERAGE
+        covered = 1 - empty.sum() / squares >= COVERAGE[0]
         if needed is None and level.p95_px <= goal and covered:
             needed = len(chosen)
         if len(chosen) >= proposals and needed is not None:
@@ -118,3 +122,34 @@ def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
 def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     """How much of the uncertainty is left, on the whole and where it is worst."""
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
+
+
+def place_words(ray: FloatArray) -> str:
+    """Where in the picture a ray (3,) is: ``in the lower right of the picture, 52° ...``."""
+    angle = float(np.degrees(angle_from_axis(ray)))
+    if angle < _MIDDLE_DEG:
+        return "in the middle of the picture"
+    side = SIDES[int(side_of(ray[:2]))]
+    word = {"bottom": "at", "top": "at", "left": "on", "right": "on"}.get(side, "in")
+    return f"{word} the {side} of the picture, {angle:.0f}° from the axis"
+
+
+def tilt_words(front: FloatArray, middle: FloatArray) -> str:
+    """``its face turned 35° to the left`` (its left edge is then the farther one), or facing.
+
+    Args:
+        front: (3,) where the face looks, a unit vector in the camera frame.
+        middle: (3,) where it is.
+
+    """
+    x, y, z = ray = middle / np.linalg.norm(middle)
+    angle = float(np.degrees(np.arccos(np.clip(-front @ ray, -1, 1))))
+    if angle < _HEAD_ON_DEG:
+        return "facing the camera"
+    # The camera's own x and y, turned along with its axis to the ray the short way.
+    share = 1 / max(1 + z, 1e-9)
+    right = np.array([1 - x * x * share, -x * y * share, -x])
+    down = np.array([-x * y * share, 1 - y * y * share, -y])
+    side = SIDES[int(side_of(np.array([right @ front, down @ front])))]
+    where = {"bottom": "downwards", "top": "upwards"}.get(side, f"to the {side}")
+    return f"its face turned {angle:.0f}° {where}"

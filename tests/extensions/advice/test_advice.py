@@ -14,21 +14,13 @@ from synthetic import (
     synthetic_correspondences,
 )
 
-from cubicfish_cli.app.sufficiency.enough import summary, why_not_enough
-from cubicfish_cli.app.sufficiency.gaps import (
-    find_gaps,
-    place_words,
-    side_of,
-    tilt_words,
-)
+from cubicfish_cli.app.sufficiency.enough import find_gaps, side_of, summary, why_not_enough
 from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.app.viewpoints.views import Distances, sample_views, view_from
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.assess.uncertainty import (
-    FieldUncertainty,
-    summed,
-)
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord
+from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, UncertaintyGrid, summed
+from cubicfish_cli.core.assess.verdict import COVERAGE, verdict
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
@@ -39,6 +31,7 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
 from cubicfish_cli.extensions.advice.field import GRID, reach_of
 from cubicfish_cli.extensions.advice.knowledge import know, recorded_poses
+from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 
 TARGET = corner_of_three()
 NOISE = 0.1
@@ -152,7 +145,7 @@ def test_what_is_predicted_comes_true(truth):
 def test_empty_parts_are_named_and_photos_go_there(poor, advice):
     gaps = advice.gaps
     assert not advice.enough
-    assert gaps.cells.coverage < 0.85
+    assert gaps.cells.coverage < COVERAGE[0]
     assert Code.LOW_COVERAGE in [reason.code for reason in advice.reasons]
     # What is named is where the empty squares are.
     row, column = np.nonzero(gaps.cells.empty)
@@ -313,8 +306,9 @@ def test_a_good_calibration_is_enough(fitted):
     assert line.startswith("enough photos: corners cover")
     # Where the verdict asks for photos, nothing says that there are enough.
     overfit = replace(fitted.fit, rms_px=0.15, held_out_rms_px=0.3)
-    line = summary(fitted.camera, overfit, fitted.pairs)
-    assert line.startswith("heed the verdict first; by the uncertainty alone photos are enough")
+    assert "enough" not in summary(fitted.camera, overfit, fitted.pairs)
+    asked = advise(fitted.camera, overfit, fitted.pairs, TARGET, proposals=1)
+    assert [reason.code for reason in asked.reasons] == [Code.OVERFITTED]
     # Least of all where the camera is not to be trusted.
     wrong = replace(fitted.fit, held_out_rms_px=9 * fitted.fit.rms_px + 1)
     assert "enough" not in summary(fitted.camera, wrong, fitted.pairs)
@@ -365,19 +359,36 @@ def test_pairs_without_a_target_get_regions_only(poor):
     assert blind.notes[0].code is Code.NO_POSES
 
 
-@pytest.mark.slow
-def test_reasons():
-    fit = fit_of(poses_around(TARGET, 12, seed=3))
-    gaps = find_gaps(fit.camera, fit.pairs)
-    fine = FieldUncertainty(median_px=0.05, p95_px=0.1)
-    assert why_not_enough(fine, 0.2, gaps, 12, fit.camera) == []
-    assert len(why_not_enough(fine, 0.2, gaps, 2, fit.camera)) == 1
-    assert (
-        "certain to 0.100 px only, and 0.05 px"
-        in why_not_enough(fine, 0.05, gaps, 12, fit.camera)[0].line
-    )
-    narrow = replace(fit.camera, max_angle_deg=30.0)
-    assert "30° from its axis only" in why_not_enough(fine, 0.2, gaps, 12, narrow)[0].line
+FINE = {
+    **vars(ErrorStatistics(rms_px=0.1, median_px=0.08, p95_px=0.2, max_px=0.4, corners=900)),
+    "images": 12, "held_out_rms_px": 0.1, "companion_held_out_rms_px": 0.2, "coverage": 0.9,
+    "covered_deg": 80.0, "rank": 16,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "lacking"),
+    [
+        ({}, None),
+        ({"coverage": 0.73}, None),
+        ({"coverage": 0.62}, Code.LOW_COVERAGE),
+        ({"images": 2, "held_out_rms_px": np.nan}, Code.NOT_HELD_OUT),
+        ({"images": 5, "flat": True}, Code.FEW_PHOTOS_OF_A_PLANE),
+        ({"uncertainty": UncertaintyGrid(median_px=0.7)}, Code.UNCERTAIN),
+        ({"companion_held_out_rms_px": 0.05}, Code.RADIAL_IS_NEARER),
+    ],
+)
+def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacking):
+    judged = verdict(FitRecord(**{**FINE, **changed}), IMAGE_SIZE)
+    assert (judged.level == "good") == (lacking is None)
+    codes = [reason.code for reason in why_not_enough(judged)]
+    assert codes == ([] if lacking is None else [lacking])
+
+
+def test_more_than_a_good_camera_may_be_asked_for():
+    now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
+    assert why_not_enough(good, now, 0.2) == []
+    assert "certain to 0.100 px only, and 0.05 px" in why_not_enough(good, now, 0.05)[0].line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 
