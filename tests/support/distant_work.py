@@ -10,10 +10,10 @@ from synthetic import lens_of_size
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core import files
 from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.projections import PerspectiveView
+from cubicfish_cli.core.views.view import CentralView
 
 LENS = lens_of_size(0.125)
-MAP = build_map(LENS, PerspectiveView.with_field(100, (40, 30)))
+MAP = build_map(LENS, CentralView.with_field("perspective", 100, (40, 30)))
 
 
 def render(job, photos) -> dict:

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.views.choose import CENTRAL_KINDS
-from cubicfish_cli.core.views.view import CentralView
+from cubicfish_cli.core.views.view import CentralView, View
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +26,7 @@ class SavedMap:
         """The view itself, of a kind that has a focal length."""
         kind, *values = (self.view[key] for key in ("kind", "size", "focal", "rotation"))
         size, focal, rotation = values
-        return CENTRAL_KINDS[kind](size=tuple(size), focal=focal, rotation=tuple(rotation))
+        return CentralView(kind=kind, size=tuple(size), focal=focal, rotation=tuple(rotation))
 
 
 def read_map(path: Path) -> SavedMap:
@@ -43,3 +42,9 @@ def read_map(path: Path) -> SavedMap:
             format=str(data["format"]),
             image_size=tuple(data["image_size"].tolist()),
         )
+
+
+def every_pixel(view: View) -> np.ndarray:
+    """(H, W, 2) every pixel of a view."""
+    width, height = view.size
+    return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)

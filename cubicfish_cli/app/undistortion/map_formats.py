@@ -24,7 +24,6 @@ from cubicfish_cli.core.files import Content
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, write_npz
 from cubicfish_cli.core.views.plane import PlaneView
-from cubicfish_cli.core.views.projections import EquidistantView, PerspectiveView
 from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, View
 
 Floats = npt.NDArray[np.float32]
@@ -248,8 +247,8 @@ def write_opencv_view(path: Path, view: View) -> None:
 
 
 def _opencv_model(view: View) -> tuple[str, int]:
-    if isinstance(view, PerspectiveView):
+    if view.kind == "perspective":
         return "pinhole", 5
-    if isinstance(view, EquidistantView):
+    if view.kind == "equidistant":
         return "fisheye", 4
     return view.kind, 4

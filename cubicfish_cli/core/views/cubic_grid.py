@@ -18,15 +18,6 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import EXPONENTS, lift, lift_rotation
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.plane import PlaneView
-from cubicfish_cli.core.views.projections import (
-    CylindricalView,
-    EpipolarCylindricalView,
-    EpipolarEquirectangularView,
-    EquidistantView,
-    EquirectangularView,
-    PerspectiveView,
-    StereographicView,
-)
 from cubicfish_cli.core.views.view import CentralView, View
 
 _MONOMIALS = [(i, j, k, column) for column, (i, j, k) in enumerate(EXPONENTS.tolist())]
@@ -70,19 +61,18 @@ def grid_of(camera: CubicCamera, view: View) -> CubicGrid | None:
     if not isinstance(view, CentralView):
         return None
     turn = view.camera_from_view
-    x, y = view.slopes()
+    x, y = ((np.arange(float(side)) - (side - 1) / 2) / view.focal for side in view.size)
     sideways = turn[:, [1, 0, 2]]
-    makers: dict[type[View], Callable[[], CubicGrid]] = {
-        PerspectiveView: lambda: _FlatGrid(camera, turn, x, y),
-        CylindricalView: lambda: _cylinder(camera, turn, x, y),
-        EquirectangularView: lambda: _sphere(camera, turn, x, y),
-        EpipolarCylindricalView: lambda: _SidewaysGrid(_cylinder(camera, sideways, y, x)),
-        EpipolarEquirectangularView: lambda: _SidewaysGrid(_sphere(camera, sideways, y, x)),
-        StereographicView: lambda: _StereographicGrid(camera, turn, x, y),
-        EquidistantView: lambda: _EquidistantGrid(camera, turn, x, y),
+    makers: dict[str, Callable[[], CubicGrid]] = {
+        "perspective": lambda: _FlatGrid(camera, turn, x, y),
+        "cylindrical": lambda: _cylinder(camera, turn, x, y),
+        "equirectangular": lambda: _sphere(camera, turn, x, y),
+        "epipolar-cylindrical": lambda: _SidewaysGrid(_cylinder(camera, sideways, y, x)),
+        "epipolar-equirectangular": lambda: _SidewaysGrid(_sphere(camera, sideways, y, x)),
+        "stereographic": lambda: _StereographicGrid(camera, turn, x, y),
+        "equidistant": lambda: _EquidistantGrid(camera, turn, x, y),
     }
-    make = makers.get(type(view))
-    return make() if make else None
+    return makers[view.kind]()
 
 
 class _FlatGrid(CubicGrid):

@@ -22,8 +22,8 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import BoolArray
 from cubicfish_cli.core.views.cubic_grid import grid_of
-from cubicfish_cli.core.views.plane import PlaneView, PointProjector, seen_near
-from cubicfish_cli.core.views.view import MAX_SIDE, View
+from cubicfish_cli.core.views.plane import PlaneView, seen_near
+from cubicfish_cli.core.views.view import MAX_SIDE, PointProjector, View
 from cubicfish_cli.core.wording import Brief
 
 FORMAT = "cubicfish undistort_map 1"

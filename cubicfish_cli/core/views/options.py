@@ -58,22 +58,12 @@ INTERPOLATIONS = get_args(Interpolation)
 INNER, OUTER = 0.0, 1.0
 _ENDS = {"inner": INNER, "outer": OUTER}
 _FIELD = ("hfov_deg", "vfov_deg", "focal", "fit")
-
-
-def _above_0(number: float) -> bool:
-    return number > 0
-
-
-def _is_share(number: float) -> bool:
-    return INNER <= number <= OUTER
-
-
 _NUMBERS: Mapping[str, tuple[str, str, int, Callable[[float], bool]]] = {
     "size": ("--size", "WIDTHxHEIGHT in whole pixels", 2, float.is_integer),
-    "hfov_deg": ("--hfov", "a number of degrees above 0", 1, _above_0),
-    "vfov_deg": ("--hfov", "a number of degrees above 0", 1, _above_0),
-    "focal": ("--scale", "a number of pixels per radian above 0", 1, _above_0),
-    "fit": ("--fit", "'inner', 'outer' or a share from 0 to 1", 1, _is_share),
+    "hfov_deg": ("--hfov", "a number of degrees above 0", 1, lambda number: number > 0),
+    "vfov_deg": ("--hfov", "a number of degrees above 0", 1, lambda number: number > 0),
+    "focal": ("--scale", "a number of pixels per radian above 0", 1, lambda number: number > 0),
+    "fit": ("--fit", "'inner', 'outer' or a share from 0 to 1", 1, lambda share: 0 <= share <= 1),
     "rotate_deg": ("--rotate", "yaw,pitch,roll in degrees", 3, math.isfinite),
 }
 """Name -> its option, what it must be, how many numbers that is, and what each holds to."""
@@ -198,18 +188,12 @@ def _too_wide(kind: str, axis: int, angle_deg: float) -> str:
 
 def is_numbers(values: object, count: int) -> bool:
     """Whether ``values`` is a tuple of ``count`` finite numbers."""
-    return (
-        isinstance(values, tuple)
-        and len(values) == count
-        and all(
-            isinstance(value, int | float) and not isinstance(value, bool) and _finite(value)
-            for value in values
-        )
-    )
-
-
-def _finite(value: float) -> bool:
     try:
-        return math.isfinite(value)
+        return (
+            isinstance(values, tuple)
+            and len(values) == count
+            and not any(isinstance(value, bool) for value in values)
+            and all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+        )
     except OverflowError:  # a whole number beyond every float
         return False

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.options import is_numbers
-from cubicfish_cli.core.views.view import View
+from cubicfish_cli.core.views.view import PointProjector, View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
@@ -38,17 +38,6 @@ _STEP = 1e-3
 _MOST_DEFAULT_SIDE = 8192
 
 
-class PointProjector(Protocol):
-    """What shows a plane: a camera, or P of points."""
-
-    @property
-    def image_size(self) -> tuple[int, int]:
-        """(width, height) of the photos, pixels."""
-
-    def project(self, points: npt.ArrayLike, /) -> FloatArray:
-        """Points (..., 3) -> pixels (..., 2), NaN where they are not seen."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlaneView(View):
     """A plane, seen squarely from its front.
@@ -63,8 +52,7 @@ class PlaneView(View):
 
     """
 
-    kind: ClassVar[str] = "plane"
-
+    kind: str = "plane"
     origin: Vector
     x_axis: Vector
     y_axis: Vector
@@ -100,76 +88,14 @@ class PlaneView(View):
             pixel = homogeneous[..., :2] / homogeneous[..., 2:]
             return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)
 
-    def describe(self) -> str:
+    def describe(self, unit: str = "unit") -> str:
         """The scale."""
-        return self.scale_in("unit")
-
-    def scale_in(self, unit: str) -> str:
-        """The scale in words, where it is known which unit of length it is of."""
         return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
 
 
 def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
     """What takes points to pixels where how near they are counts."""
     return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
-
-
-def plane_view(
-    camera: PointProjector,
-    *,
-    origin: FloatArray,
-    x_axis: FloatArray,
-    y_axis: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-    pixels_per_unit: float | None = None,
-) -> PlaneView:
-    """The squared-up picture of a rectangle in a plane.
-
-    Args:
-        camera: takes points of the frame that the vectors are in to pixels.
-        origin: (3,) a point of the plane.
-        x_axis: (3,) unit vector in the plane, of growing column.
-        y_axis: (3,) unit vector in the plane, of growing row; seen from the front, x is to the
-            right and y down.
-        low: (2,) the rectangle's first corner, along the axes from ``origin``.
-        high: (2,) its last corner.
-        pixels_per_unit: the picture's scale; None for the largest that the photo has there.
-
-    Raises:
-        ViewError: the camera does not see the rectangle, or sees it from behind, where the
-            picture would be mirrored.
-
-    """
-    sides = high - low
-    along = [np.linspace(start, end, _LOOKS) for start, end in zip(low, high, strict=True)]
-    place = np.stack(np.meshgrid(*along), axis=-1)
-    axes = np.array([x_axis, y_axis])
-    step = _STEP * float(sides.max())
-    here, project = origin + place @ axes, seen_near(camera)
-    across, down = ((project(here + step * axis) - project(here)) / step for axis in axes)
-    area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
-    width, height = camera.image_size
-    u, v = np.moveaxis(project(here), -1, 0)
-    with np.errstate(invalid="ignore"):
-        seen = np.isfinite(area) & (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
-    if not seen.any():
-        raise ViewError("the camera does not see this plane: check the pose and the board's name")
-    if np.median(area[seen]) <= 0:
-        raise ViewError(
-            "the camera is behind this plane, whose picture would be mirrored: "
-            "check the target's axes and the pose"
-        )
-    scale = pixels_per_unit
-    if scale is None:
-        # The larger of the two stretches at the place where the photo shows most.
-        lengths = np.stack([np.hypot(*np.moveaxis(part, -1, 0)) for part in (across, down)])
-        scale = float(min(lengths[:, seen].max(), _MOST_DEFAULT_SIDE / sides.max()))
-    size = (max(1, round(float(sides[0]) * scale)), max(1, round(float(sides[1]) * scale)))
-    first = origin + (low + 0.5 / scale) @ axes  # the middle of the first pixel
-    vectors = {"origin": first, "x_axis": axes[0], "y_axis": axes[1]}
-    plain: dict[str, Any] = {name: tuple(vector.tolist()) for name, vector in vectors.items()}
-    return PlaneView(size=size, pixels_per_unit=scale, **plain)
 
 
 def build_plane(
@@ -196,7 +122,7 @@ def build_plane(
 
     Raises:
         ViewError: there is no such board, it has no plane, the pose is none, or the camera does
-            not see the plane from its front.
+            not see the plane, or sees it from behind, where the picture would be mirrored.
 
     """
     refusal = Refusal(error=ViewError)
@@ -205,17 +131,41 @@ def build_plane(
         raise ViewError("rotation is no rotation matrix (3, 3)")
     place = refusal.numbers([np.asarray(translation)], "translation", 3, limit=_LIMIT)[0]
     plane = board_with_plane(target, board)
-    corners = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])
     beyond = plane.square if margin is None else margin
-    return plane_view(
-        camera,
-        origin=turn @ np.asarray(plane.origin) + place,
-        x_axis=turn @ np.asarray(plane.x_axis),
-        y_axis=turn @ np.asarray(plane.y_axis),
-        low=corners[0] - beyond,
-        high=corners[1] + beyond,
-        pixels_per_unit=pixels_per_unit,
-    )
+    low, high = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])
+    low, high = low - beyond, high + beyond
+    # Seen from the front, x is to the right and y down.
+    axes = np.array([turn @ np.asarray(axis) for axis in (plane.x_axis, plane.y_axis)])
+    origin = turn @ np.asarray(plane.origin) + place
+    sides = high - low
+    along = [np.linspace(start, end, _LOOKS) for start, end in zip(low, high, strict=True)]
+    here = origin + np.stack(np.meshgrid(*along), axis=-1) @ axes
+    step, project = _STEP * float(sides.max()), seen_near(camera)
+    across, down = ((project(here + step * axis) - project(here)) / step for axis in axes)
+    area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
+    width, height = camera.image_size
+    u, v = np.moveaxis(project(here), -1, 0)
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(area) & (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
+    if not seen.any():
+        raise ViewError("the camera does not see this plane: check the pose and the board's name")
+    if np.median(area[seen]) <= 0:
+        raise ViewError(
+            "the camera is behind this plane, whose picture would be mirrored: "
+            "check the target's axes and the pose"
+        )
+    scale = pixels_per_unit
+    if scale is None:
+        # The larger of the two stretches at the place where the photo shows most.
+        lengths = np.stack([np.hypot(*np.moveaxis(part, -1, 0)) for part in (across, down)])
+        scale = float(min(lengths[:, seen].max(), _MOST_DEFAULT_SIDE / sides.max()))
+    first = origin + (low + 0.5 / scale) @ axes  # the middle of the first pixel
+    vectors: dict[str, Any] = {
+        name: tuple(vector.tolist())
+        for name, vector in (("origin", first), ("x_axis", axes[0]), ("y_axis", axes[1]))
+    }
+    size = (max(1, round(float(sides[0]) * scale)), max(1, round(float(sides[1]) * scale)))
+    return PlaneView(size=size, pixels_per_unit=scale, **vectors)
 
 
 def board_with_plane(target: Target, name: str) -> Board:

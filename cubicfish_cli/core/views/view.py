@@ -1,20 +1,40 @@
-"""A view: an output picture, and the ray that each of its pixels looks along."""
+"""A view: an output picture, and the ray that each of its pixels looks along.
+
+Kinds of views from the camera's own place differ in how they lay out directions. With the view's
+axis along z, x to the right and y down, and offsets (x, y) from the picture's middle in focal
+lengths:
+
+- perspective: (x, y) = (X, Y) / Z. Straight lines are straight.
+- cylindrical: x = azimuth about the vertical, y = Y / √(X² + Z²). Verticals are straight.
+- equirectangular: x = azimuth, y = elevation below the horizon.
+- epipolar-cylindrical: x = X / √(Y² + Z²), y = angle about the horizontal, downwards.
+- epipolar-equirectangular: x = angle from the plane X = 0, y = angle about the horizontal.
+- stereographic: radius 2·tan(θ/2), θ from the axis. Shapes are kept in the small.
+- equidistant: radius θ. What "fisheye" means in most programs.
+
+The epipolar ones are those of the same name on their sides. Where x points from one camera to
+another, all that a row shows lies in one plane through both: their rows agree beyond 180° too.
+
+The six faces of a cube about the camera are six perspective views.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.core.angles import columns, unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.options import WIDEST, is_numbers
+from cubicfish_cli.core.views.options import FACES, WIDEST, is_numbers
 from cubicfish_cli.core.wording import quoted
 
 Rotation = tuple[float, float, float]
@@ -22,24 +42,33 @@ Rotation = tuple[float, float, float]
 MAX_SIDE = 32_766
 """cv2.remap counts pixels in 16 bits."""
 
+# What a picture sensibly shows where its scale grows without bounds towards the limit: offsets at
+# 80° and 160° from the middle.
+_FLAT = math.tan(math.radians(80.0))
+_PLANET = 2 * math.tan(math.radians(80.0))
+# The seam of a full turn may be met by rounding.
+_SLACK = 1e-9
+# A picture's very edge lies beyond the seam, so that the seam itself is in the picture.
+_BEYOND = 1 - 1e-6
 
-class Camera(Protocol):
-    """What a map is made from.
 
-    ``project`` takes camera-frame rays (..., 3) to pixels (..., 2), NaN outside the cone of
-    half-angle ``max_angle_deg`` about +z where the camera may be trusted.
-    """
+class PointProjector(Protocol):
+    """What shows points: a camera, or P of points."""
 
     @property
     def image_size(self) -> tuple[int, int]:
-        """(width, height) of the camera's photos, pixels."""
+        """(width, height) of the photos, pixels."""
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        """Points (..., 3) -> pixels (..., 2), NaN where they are not seen."""
+
+
+class Camera(PointProjector, Protocol):
+    """What shows directions: rays of any length, NaN beyond a cone about +z."""
 
     @property
     def max_angle_deg(self) -> float:
         """Half-angle of the cone where the camera may be trusted."""
-
-    def project(self, points: npt.ArrayLike, /) -> FloatArray:
-        """Camera-frame rays (..., 3) -> pixels (..., 2)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +76,7 @@ class View(ABC):
     """An output picture.
 
     Attributes:
+        kind: how it lays out what it shows.
         size: (width, height), pixels.
 
     Raises:
@@ -54,8 +84,7 @@ class View(ABC):
 
     """
 
-    kind: ClassVar[str]
-
+    kind: str
     size: tuple[int, int]
 
     def __post_init__(self) -> None:
@@ -81,24 +110,128 @@ class View(ABC):
         NaN where the view does not show the direction.
         """
 
+    @abstractmethod
+    def describe(self, unit: str = "unit") -> str:
+        """The view in a few words, after its size; ``unit`` is what lengths are in."""
+
     def parameters(self) -> dict[str, Any]:
         """What a kind of view adds to the record, as plain data."""
-        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "size"}
+        values = {one.name: getattr(self, one.name) for one in fields(self)[2:]}
         return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
-
-    @abstractmethod
-    def describe(self) -> str:
-        """The view in a few words, after its size."""
 
     def to_json(self) -> str:
         """The view as JSON text: its kind, its size and :meth:`parameters`."""
         return json.dumps({"kind": self.kind, "size": list(self.size)} | self.parameters())
 
-    def pixel_grid(self) -> FloatArray:
-        """(H, W, 2) every pixel of the view."""
-        width, height = self.size
-        x, y = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-        return np.stack([x, y], axis=-1)
+
+@dataclass(frozen=True, kw_only=True)
+class Projection:
+    """How a kind of view lays out directions.
+
+    Attributes:
+        rays: offsets in focal lengths (..., 2) -> rays of the view (..., 3); NaN off the view.
+        offsets: the inverse; NaN where the view does not show the ray.
+        most: the largest offsets along x and y that such a view sensibly shows.
+
+    """
+
+    rays: Callable[[FloatArray], FloatArray]
+    offsets: Callable[[FloatArray], FloatArray]
+    most: tuple[float, float]
+
+    @property
+    def on_its_side(self) -> Projection:
+        """The same with x and y exchanged."""
+        return Projection(
+            rays=lambda flat: self.rays(flat[..., ::-1])[..., [1, 0, 2]],
+            offsets=lambda rays: self.offsets(rays[..., [1, 0, 2]])[..., ::-1],
+            most=self.most[::-1],
+        )
+
+
+def _perspective_rays(flat: FloatArray) -> FloatArray:
+    return np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1)
+
+
+def _perspective_offsets(rays: FloatArray) -> FloatArray:
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing that lies behind
+        return np.where(rays[..., 2:] > 0, rays[..., :2] / rays[..., 2:], np.nan)
+
+
+def _cylindrical_rays(flat: FloatArray) -> FloatArray:
+    x = _within(flat[..., 0], math.pi)
+    return np.stack([np.sin(x), flat[..., 1], np.cos(x)], axis=-1)
+
+
+def _cylindrical_offsets(rays: FloatArray) -> FloatArray:
+    x, y, z = columns(rays)
+    across = np.hypot(x, z)
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing straight up or down
+        slope = np.where(across > 0, y / across, np.nan)
+    return np.stack([np.where(across > 0, np.arctan2(x, z), np.nan), slope], axis=-1)
+
+
+def _equirectangular_rays(flat: FloatArray) -> FloatArray:
+    x, y = _within(flat[..., 0], math.pi), _within(flat[..., 1], math.pi / 2)
+    return np.stack([np.sin(x) * np.cos(y), np.sin(y), np.cos(x) * np.cos(y)], axis=-1)
+
+
+def _equirectangular_offsets(rays: FloatArray) -> FloatArray:
+    x, y, z = columns(rays)
+    return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=-1)
+
+
+def _stereographic_rays(flat: FloatArray) -> FloatArray:
+    square = np.sum(flat * flat, axis=-1, keepdims=True)
+    return np.concatenate([flat, 1 - square / 4], axis=-1)
+
+
+def _stereographic_offsets(rays: FloatArray) -> FloatArray:
+    rays = unit_rays(rays)
+    down = 1 + rays[..., 2:]
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing straight behind
+        return np.where(down > 0, 2 * rays[..., :2] / down, np.nan)
+
+
+def _equidistant_rays(flat: FloatArray) -> FloatArray:
+    theta = _within(np.hypot(flat[..., 0], flat[..., 1])[..., None], math.pi)
+    return np.concatenate([flat * np.sinc(theta / math.pi), np.cos(theta)], axis=-1)
+
+
+def _equidistant_offsets(rays: FloatArray) -> FloatArray:
+    x, y, z = columns(rays)
+    rho = np.hypot(x, y)
+    theta = np.arctan2(rho, z)
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing straight behind
+        scale = np.where(rho > 0, theta / rho, np.where(z > 0, 1.0, np.nan))
+    return rays[..., :2] * scale[..., None]
+
+
+def _within(angle: FloatArray, limit: float) -> FloatArray:
+    return np.where(np.abs(angle) <= limit * (1 + _SLACK), angle, np.nan)
+
+
+_CYLINDRICAL = Projection(
+    rays=_cylindrical_rays, offsets=_cylindrical_offsets, most=(math.pi, _FLAT)
+)
+_EQUIRECTANGULAR = Projection(
+    rays=_equirectangular_rays, offsets=_equirectangular_offsets, most=(math.pi, math.pi / 2)
+)
+PROJECTIONS: Mapping[str, Projection] = {
+    "perspective": Projection(
+        rays=_perspective_rays, offsets=_perspective_offsets, most=(_FLAT, _FLAT)
+    ),
+    "cylindrical": _CYLINDRICAL,
+    "equirectangular": _EQUIRECTANGULAR,
+    "epipolar-cylindrical": _CYLINDRICAL.on_its_side,
+    "epipolar-equirectangular": _EQUIRECTANGULAR.on_its_side,
+    "stereographic": Projection(
+        rays=_stereographic_rays, offsets=_stereographic_offsets, most=(_PLANET, _PLANET)
+    ),
+    "equidistant": Projection(
+        rays=_equidistant_rays, offsets=_equidistant_offsets, most=(math.pi, math.pi)
+    ),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,12 +239,12 @@ class CentralView(View):
     """A view from the camera's own place: its pixels depend on directions alone.
 
     Attributes:
+        kind: one of :data:`PROJECTIONS`.
         focal: pixels; the scale of the picture at its middle, pixels per radian.
         rotation: rotation vector (radians) of camera_from_view: it turns a ray of the view
             into the camera's frame. Zero looks along the camera's axis.
 
-    The view's axis meets the picture's middle, ((width − 1)/2, (height − 1)/2). A kind of view
-    is told by two functions: which ray lies at an offset from the middle, and where a ray lies.
+    The view's axis meets the picture's middle, ((width − 1)/2, (height − 1)/2).
     """
 
     focal: float
@@ -129,40 +262,10 @@ class CentralView(View):
                 f"a view's focal length must be positive, in pixels, not {quoted(self.focal)}"
             )
 
-    @staticmethod
-    @abstractmethod
-    def flat_rays(flat: FloatArray) -> FloatArray:
-        """Offsets in focal lengths (..., 2) -> rays of the view (..., 3); NaN off the view."""
-
-    @staticmethod
-    @abstractmethod
-    def ray_offsets(rays: FloatArray) -> FloatArray:
-        """The inverse of :meth:`flat_rays`; NaN where the view does not show the ray."""
-
-    @classmethod
-    @abstractmethod
-    def least_focal(cls, size: tuple[int, int]) -> float:
-        """The focal length at which a picture shows all that this kind of view sensibly can."""
-
-    @classmethod
-    def offset(cls, angle: float, axis: int) -> float:
-        """Half a field (radians) along x (axis 0) or y (1) -> offset in focal lengths."""
-        ray = np.array([0.0, 0.0, math.cos(angle)])
-        ray[axis] = math.sin(angle)
-        return float(cls.ray_offsets(ray)[axis])
-
-    @classmethod
-    def half_field(cls, offset: float, axis: int) -> float:
-        """The inverse of :meth:`offset`; the largest half field for an offset beyond it."""
-        flat = np.zeros(2)
-        flat[axis] = offset
-        ray = cls.flat_rays(flat)
-        angle = math.atan2(ray[axis], ray[2])
-        return math.radians(WIDEST[cls.kind][axis][0]) / 2 if math.isnan(angle) else angle
-
     @classmethod
     def with_field(
         cls,
+        kind: str,
         field_deg: float,
         size: tuple[int, int],
         rotation: Rotation = (0.0, 0.0, 0.0),
@@ -177,10 +280,30 @@ class CentralView(View):
             ViewError: the size is not usable.
 
         """
-        axis = int(vertical)
-        side = size[axis] if is_numbers(size, 2) else 1  # what is wrong with it is said below
-        focal = side / 2 / cls.offset(math.radians(field_deg) / 2, axis)
-        return cls(size=size, focal=focal, rotation=rotation)
+        axis, half = int(vertical), math.radians(field_deg) / 2
+        ray = np.array([0.0, 0.0, math.cos(half)])
+        ray[axis] = math.sin(half)
+        focal = size[axis] / 2 / float(PROJECTIONS[kind].offsets(ray)[axis])
+        return cls(kind=kind, size=size, focal=focal, rotation=rotation)
+
+    @property
+    def least_focal(self) -> float:
+        """The focal length at which the picture shows all that its kind sensibly can."""
+        most = PROJECTIONS[self.kind].most
+        focal = [side / 2 / end for side, end in zip(self.size, most, strict=True)]
+        # Towards the limit of what is endless nearly all pixels go to the rim; other kinds end.
+        return max(focal) if self.kind in _ENDLESS else min(focal) * _BEYOND
+
+    def half_field(self, offset: float, axis: int) -> float:
+        """An offset in focal lengths along x (axis 0) or y (1) -> half a field, radians.
+
+        The largest half field for an offset beyond that.
+        """
+        flat = np.zeros(2)
+        flat[axis] = offset
+        ray = PROJECTIONS[self.kind].rays(flat)
+        angle = math.atan2(ray[axis], ray[2])
+        return math.radians(WIDEST[self.kind][axis][0]) / 2 if math.isnan(angle) else angle
 
     @property
     def hfov_deg(self) -> float:
@@ -208,30 +331,23 @@ class CentralView(View):
         """Rotation matrix (3, 3)."""
         return matrix_of_rotation(np.array(self.rotation))
 
-    def slopes(self) -> tuple[FloatArray, FloatArray]:
-        """Offsets from the middle in focal lengths: x (W,) of the columns, y (H,) of the rows."""
-        x, y = self.middle
-        width, height = self.size
-        columns, rows = np.arange(width, dtype=float), np.arange(height, dtype=float)
-        return (columns - x) / self.focal, (rows - y) / self.focal
-
-    def view_rays(self, pixel: npt.ArrayLike) -> FloatArray:
-        """Pixels of the view (..., 2) -> rays in the view's own frame (..., 3), of any length."""
-        return self.flat_rays((np.asarray(pixel, float) - self.middle) / self.focal)
-
     def rays(self, pixel: npt.ArrayLike) -> FloatArray:
         """Pixels of the view (..., 2) -> rays in the camera's frame (..., 3)."""
-        return self.view_rays(pixel) @ self.camera_from_view.T
+        flat = (np.asarray(pixel, float) - self.middle) / self.focal
+        return PROJECTIONS[self.kind].rays(flat) @ self.camera_from_view.T
 
     def pixels(self, rays: npt.ArrayLike) -> FloatArray:
         """Camera-frame rays (..., 3) -> pixels of the view (..., 2); NaN where it shows none."""
-        flat = self.ray_offsets(np.asarray(rays, float) @ self.camera_from_view)
-        return flat * self.focal + self.middle
+        own = np.asarray(rays, float) @ self.camera_from_view
+        return PROJECTIONS[self.kind].offsets(own) * self.focal + self.middle
 
-    def describe(self) -> str:
+    def describe(self, unit: str = "unit") -> str:
         """Kind, field and focal length."""
         kind = "" if self.kind == "perspective" else f"{self.kind}, "
         return f"{kind}{self.hfov_deg:.1f}° across, focal length {self.focal:.2f} px"
+
+
+_ENDLESS = ("perspective", "stereographic")
 
 
 def rotation_from_angles(
@@ -241,13 +357,7 @@ def rotation_from_angles(
 
     ``yaw_deg`` turns to the right, ``pitch_deg`` up, and ``roll_deg`` turns the view clockwise
     about its own axis, as seen by the camera.
-
-    Raises:
-        ViewError: an angle is not finite.
-
     """
-    if not is_numbers((yaw_deg, pitch_deg, roll_deg), 3):
-        raise ViewError("a view's angles must be finite numbers of degrees")
     turns = ((0, yaw_deg, 0), (pitch_deg, 0, 0), (0, 0, roll_deg))
     yaw, pitch, roll = (cv2.Rodrigues(np.radians(np.array(turn, float)))[0] for turn in turns)
     return rotation_vector(np.asarray(yaw @ pitch @ roll, float))
@@ -262,3 +372,16 @@ def rotation_vector(matrix: FloatArray) -> Rotation:
     """Rotation matrix (3, 3) -> rotation vector."""
     x, y, z = cv2.Rodrigues(matrix)[0].ravel().tolist()
     return x, y, z
+
+
+def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, CentralView]:
+    """The faces of a cube turned by ``rotation``: flat views of 90°, ``side`` pixels square."""
+    turn = matrix_of_rotation(np.array(rotation))
+    views = {}
+    for name, (yaw, pitch) in FACES.items():
+        face = matrix_of_rotation(np.array(rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch)))
+        own = rotation_vector(turn @ face)
+        views[name] = CentralView(
+            kind="perspective", size=(side, side), focal=side / 2, rotation=own
+        )
+    return views

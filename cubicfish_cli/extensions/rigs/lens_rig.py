@@ -10,8 +10,7 @@ from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.io.camera_format import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.views.choose import build_view
-from cubicfish_cli.core.views.fit import sees
+from cubicfish_cli.core.views.choose import build_view, sees
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
 from cubicfish_cli.extensions.rigs.stereo import rectify
 

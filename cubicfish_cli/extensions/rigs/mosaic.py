@@ -20,8 +20,7 @@ from cubicfish_cli.core.angles import unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.choose import build_view
-from cubicfish_cli.core.views.fit import sees
+from cubicfish_cli.core.views.choose import build_view, sees
 from cubicfish_cli.core.views.maps import UndistortMap, build_map
 from cubicfish_cli.core.views.view import (
     CentralView,

@@ -15,8 +15,7 @@ from cubicfish_cli.commands.map import MapFiles, files_of, write_maps
 from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.plain_yaml import plain_yaml_text
-from cubicfish_cli.core.views.choose import ChosenView, chosen_view
-from cubicfish_cli.core.views.fit import sees
+from cubicfish_cli.core.views.choose import ChosenView, chosen_view, sees
 from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.core.views.view import CentralView, View

@@ -2,7 +2,7 @@
 
 In the rectified frame x points along the line between the cameras. Half-planes that end in that
 line hold what a row shows: flat pictures have such rows up to 180°, and pictures on a cylinder or a
-sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.core.views.projections` are,
+sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.core.views.view` are,
 all around it.
 """
 
@@ -17,12 +17,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.fit import seen_field_deg, sees
-from cubicfish_cli.core.views.projections import (
-    EpipolarCylindricalView,
-    EpipolarEquirectangularView,
-    PerspectiveView,
-)
+from cubicfish_cli.core.views.choose import seen_field_deg, sees
 from cubicfish_cli.core.views.view import Camera, CentralView, rotation_vector
 from cubicfish_cli.extensions.rigs.rig import Rig
 
@@ -30,17 +25,17 @@ FORMAT_VERSION = 1
 
 # What is left of a direction across the line between the cameras, for it to say anything.
 _LEAST_AHEAD = 0.1
-_DEPTHS: Mapping[type[CentralView], tuple[str, str]] = {
-    PerspectiveView: (
+_DEPTHS: Mapping[str, tuple[str, str]] = {
+    "perspective": (
         "Z = focal * baseline_x / disparity",
         "X = Z * (column - middle[0]) / focal, Y = Z * (row - middle[1]) / focal",
     ),
-    EpipolarCylindricalView: (
+    "epipolar-cylindrical": (
         "r = focal * baseline_x / disparity",
         "X = r * (column - middle[0]) / focal, Y = r * sin(b), Z = r * cos(b), "
         "b = (row - middle[1]) / focal",
     ),
-    EpipolarEquirectangularView: (
+    "epipolar-equirectangular": (
         "r = baseline_x / (tan(a) - tan(a - disparity / focal)), a = (column - middle[0]) / focal",
         "X = r * tan(a), Y = r * sin(b), Z = r * cos(b), b = (row - middle[1]) / focal",
     ),
@@ -48,7 +43,7 @@ _DEPTHS: Mapping[type[CentralView], tuple[str, str]] = {
 """Kinds of views whose rows agree -> how far a point is from the line between the cameras (or, of
 flat ones, how far ahead), and where; in the first camera's rectified frame."""
 
-ROW_ALIGNED = tuple(kind.kind for kind in _DEPTHS)
+ROW_ALIGNED = tuple(_DEPTHS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,7 +99,7 @@ class RectifiedPair:
             ViewError: it has other rows for the two.
 
         """
-        if type(view) not in _DEPTHS:
+        if view.kind not in _DEPTHS:
             raise ViewError(
                 f"rows of {view.kind} views do not agree: choose " + ", ".join(ROW_ALIGNED)
             )
@@ -158,7 +153,7 @@ class RectifiedPair:
     def as_record(self, view: CentralView) -> dict[str, Any]:
         """What it takes to get from disparities to points, plain data."""
         x, y = view.middle
-        depth, point = _DEPTHS[type(view)]
+        depth, point = _DEPTHS[view.kind]
         record: dict[str, Any] = {
             "cubicfish_stereo": FORMAT_VERSION,
             "kind": view.kind,
@@ -175,7 +170,7 @@ class RectifiedPair:
                 (view.camera_from_view.T @ turn).tolist() for turn in self.rotations
             ],
         }
-        if isinstance(view, PerspectiveView):
+        if view.kind == "perspective":
             first, second = self.projections(view)
             record |= {"P1": first.tolist(), "P2": second.tolist(), "Q": self.Q(view).tolist()}
         return record

@@ -13,10 +13,10 @@ from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.errors import PhotoError, ViewError
 from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.projections import PerspectiveView
+from cubicfish_cli.core.views.view import CentralView
 
 LENS = lens_of_size(0.125)
-MAP = build_map(LENS, PerspectiveView.with_field(100, (40, 30)))
+MAP = build_map(LENS, CentralView.with_field("perspective", 100, (40, 30)))
 
 
 def jobs_of(folder, count):

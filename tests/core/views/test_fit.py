@@ -13,8 +13,15 @@ from synthetic import TRUE_LENS
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.views.choose import CENTRAL_KINDS, axis_focal, build_view
-from cubicfish_cli.core.views.fit import _region, _shows, fit_view, seen_field_deg, sees
+from cubicfish_cli.core.views.choose import (
+    _region,
+    _shows,
+    axis_focal,
+    build_view,
+    fit_view,
+    seen_field_deg,
+    sees,
+)
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.options import WIDEST
 from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
@@ -63,18 +70,20 @@ def lost(camera, view: CentralView) -> int:
     return int((~((pixel >= -0.52) & (pixel <= limit)).all(axis=-1)).sum())
 
 
+def fitted(camera, kind, share, rotation=(0.0, 0.0, 0.0), size=SIZE) -> tuple[CentralView, bool]:
+    return fit_view(camera, CentralView(kind=kind, size=size, focal=1.0, rotation=rotation), share)
+
+
 def narrower(view: CentralView, by: float) -> CentralView:
     return replace(view, focal=view.focal * by)
 
 
-@pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
+@pytest.mark.parametrize("kind", list(WIDEST))
 @pytest.mark.parametrize("field", [60, 140, 180, 220])
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
 def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
     camera = lens(field)
-    view, at_limit = fit_view(
-        camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=0.0
-    )
+    view, at_limit = fitted(camera, kind, 0.0, rotation_from_angles(**angles))
     assert build_map(camera, view).valid.all()
     if at_limit:
         assert field >= 180
@@ -82,14 +91,12 @@ def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
         assert not build_map(camera, narrower(view, 0.99)).valid.all()
 
 
-@pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
+@pytest.mark.parametrize("kind", list(WIDEST))
 @pytest.mark.parametrize("field", [60, 140, 180, 220])
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
 def test_outer_loses_nothing_and_could_not_be_narrower(kind, field, angles):
     camera = lens(field)
-    view, at_limit = fit_view(
-        camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0
-    )
+    view, at_limit = fitted(camera, kind, 1.0, rotation_from_angles(**angles))
     if at_limit:
         # Only these have directions that no picture of theirs can reach.
         assert kind in ("perspective", "cylindrical", "epipolar-cylindrical")
@@ -103,13 +110,11 @@ def test_outer_loses_nothing_and_could_not_be_narrower(kind, field, angles):
         assert lost(camera, narrower(view, 1.02)) > 0
 
 
-@pytest.mark.parametrize("kind", list(CENTRAL_KINDS))
+@pytest.mark.parametrize("kind", list(WIDEST))
 def test_a_view_that_looks_aside_loses_nothing_either(kind):
     camera = lens(220)
     for angles in ({"yaw_deg": 90}, {"pitch_deg": 90}, {"yaw_deg": 180}):
-        view, at_limit = fit_view(
-            camera, CENTRAL_KINDS[kind], SIZE, rotation_from_angles(**angles), share=1.0
-        )
+        view, at_limit = fitted(camera, kind, 1.0, rotation_from_angles(**angles))
         assert at_limit or lost(camera, view) == 0
         if kind in ("equirectangular", "equidistant"):
             assert not at_limit
@@ -117,8 +122,7 @@ def test_a_view_that_looks_aside_loses_nothing_either(kind):
 
 def test_shares_run_from_inner_to_outer():
     camera = cubic_camera(85.0)
-    kind = CENTRAL_KINDS["equidistant"]
-    views = [fit_view(camera, kind, SIZE, share=s)[0] for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    views = [fitted(camera, "equidistant", s)[0] for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
     fields = [view.hfov_deg for view in views]
     assert fields == sorted(fields)
     kept = [kept_share(camera, view) for view in views]
@@ -133,26 +137,26 @@ def test_shares_run_from_inner_to_outer():
 def test_a_view_whose_middle_is_unseen_has_no_inner_fit():
     rotation = rotation_from_angles(yaw_deg=150)
     with pytest.raises(ViewError, match="does not see the middle"):
-        fit_view(lens(180), CENTRAL_KINDS["perspective"], SIZE, rotation, share=0.0)
+        fitted(lens(180), "perspective", 0.0, rotation)
 
 
 def test_the_photos_corners_count_where_the_circle_is_cut():
     # A wide lens on a small sensor: the photo's frame, not the cone, ends what is seen.
     camera = replace(lens(180), fx=300.0, fy=300.0)
-    view, _ = fit_view(camera, CENTRAL_KINDS["equidistant"], (480, 360), share=1.0)
+    view, _ = fitted(camera, "equidistant", 1.0, size=(480, 360))
     assert view.hfov_deg < 120
     assert lost(camera, view) == 0
-    inner, _ = fit_view(camera, CENTRAL_KINDS["perspective"], (480, 360), share=0.0)
+    inner, _ = fitted(camera, "perspective", 0.0, size=(480, 360))
     assert build_map(camera, inner).valid.all()
     assert not build_map(camera, narrower(inner, 0.99)).valid.all()
 
 
 @pytest.mark.parametrize("yaw", [0, 40, 180])
-@pytest.mark.parametrize("kind", sorted(CENTRAL_KINDS))
+@pytest.mark.parametrize("kind", sorted(WIDEST))
 def test_the_seen_field_is_what_rays_say(kind, yaw):
     camera = cubic_camera(100.0)
     rotation = rotation_from_angles(yaw_deg=yaw)
-    view = CENTRAL_KINDS[kind].with_field(150, (700, 500), rotation)
+    view = CentralView.with_field(kind, 150, (700, 500), rotation)
     if WIDEST[kind][0][1]:  # the camera is beyond both ends of a full turn, and nothing between
         view = replace(view, focal=700 / (2 * np.pi))
     step = 0.01

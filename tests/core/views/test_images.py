@@ -16,11 +16,11 @@ from cubicfish_cli.app.undistortion.images import (
 )
 from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.core.views.maps import build_map, save_map
-from cubicfish_cli.core.views.projections import PerspectiveView
+from cubicfish_cli.core.views.view import CentralView
 
 LENS = lens_of_size(0.125)
 WIDTH, HEIGHT = LENS.image_size
-MAP = build_map(LENS, PerspectiveView.with_field(160, (70, 50), (0, 0.3, 0.2)))
+MAP = build_map(LENS, CentralView.with_field("perspective", 160, (70, 50), (0, 0.3, 0.2)))
 RNG = np.random.default_rng(2)
 
 

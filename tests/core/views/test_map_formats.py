@@ -22,11 +22,10 @@ from cubicfish_cli.app.undistortion.map_formats import (
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.views.maps import UndistortMap, build_map
-from cubicfish_cli.core.views.projections import EquidistantView, PerspectiveView
-from cubicfish_cli.core.views.view import rotation_from_angles
+from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
 CAMERA = cubic_camera(100.0)  # 960x720
-VIEW = PerspectiveView.with_field(150, (192, 108), rotation_from_angles(yaw_deg=25))
+VIEW = CentralView.with_field("perspective", 150, (192, 108), rotation_from_angles(yaw_deg=25))
 MAP = build_map(CAMERA, VIEW)
 VALID = MAP.valid
 
@@ -127,7 +126,7 @@ def test_the_pgm_pair_is_what_ffmpeg_takes(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("view", [VIEW, EquidistantView.with_field(200, (160, 120))])
+@pytest.mark.parametrize("view", [VIEW, CentralView.with_field("equidistant", 200, (160, 120))])
 def test_the_way_back_undoes_the_way_there(view):
     there = build_map(CAMERA, view)
     back = build_redistort_map(CAMERA, view)

@@ -13,8 +13,7 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.views import maps
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map, save_map
-from cubicfish_cli.core.views.projections import PerspectiveView
-from cubicfish_cli.core.views.view import rotation_from_angles
+from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
 LENS = lens_of_size(0.25)
 SIZE = LENS.image_size
@@ -74,7 +73,7 @@ def check_against_truth(camera, view, tolerance):
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 50, "pitch_deg": -20, "roll_deg": 70}])
 @pytest.mark.parametrize("field", [40, 120, 170])
 def test_the_map_is_the_projection_of_the_views_rays(angles, field):
-    view = PerspectiveView.with_field(field, (90, 70), rotation_from_angles(**angles))
+    view = CentralView.with_field("perspective", field, (90, 70), rotation_from_angles(**angles))
     check_against_truth(LENS, view, 2e-5)
 
 
@@ -86,7 +85,7 @@ def test_the_cubic_cameras_fast_way_agrees_with_the_plain_one(angles, field):
     camera = cubic_camera()
     share = np.abs(camera.P) / np.linalg.norm(camera.P, axis=1, keepdims=True)
     assert share.min() > 1e-6  # no entry is idle
-    view = PerspectiveView.with_field(field, (90, 70), rotation_from_angles(**angles))
+    view = CentralView.with_field("perspective", field, (90, 70), rotation_from_angles(**angles))
     if angles.get("yaw_deg") == 180 and field < 170:
         assert not build_map(camera, view).valid.any()
     elif angles.get("yaw_deg") != 180:
@@ -111,7 +110,7 @@ class Crop:
     ("shift", "columns", "rows"), [(0.0, 10, 8), (0.25, 9, 7), (-0.25, 9, 7), (0.75, 9, 7)]
 )
 def test_only_pixels_with_four_neighbours_in_the_photo_are_valid(shift, columns, rows):
-    view = PerspectiveView(size=(20, 20), focal=8.0)
+    view = CentralView(kind="perspective", size=(20, 20), focal=8.0)
     made = build_map(Crop(view, shift), view)
     assert made.valid.any(axis=0).sum() == columns
     assert made.valid.any(axis=1).sum() == rows
@@ -123,7 +122,7 @@ def test_only_pixels_with_four_neighbours_in_the_photo_are_valid(shift, columns,
 
 @pytest.mark.parametrize("side", [(-3, 0), (3, 0), (0, -3), (0, 3)])
 def test_each_edge_of_the_photo_counts_by_itself(side):
-    view = PerspectiveView(size=(10, 8), focal=8.0)
+    view = CentralView(kind="perspective", size=(10, 8), focal=8.0)
     camera = Crop(view, 5.0)
     camera.project = lambda points: Crop.project(camera, points) + side
     columns, rows = build_map(camera, view).valid.any(axis=0), build_map(camera, view).valid.any(1)
@@ -135,12 +134,14 @@ def test_the_cubic_camera_takes_the_fast_way(monkeypatch):
         raise AssertionError("projected ray by ray")
 
     monkeypatch.setattr(CubicCamera, "project", slow)
-    assert build_map(cubic_camera(), PerspectiveView(size=(9, 9), focal=5.0)).valid.all()
+    assert build_map(
+        cubic_camera(), CentralView(kind="perspective", size=(9, 9), focal=5.0)
+    ).valid.all()
 
 
 def test_the_cone_ends_where_the_camera_says():
     camera = cubic_camera(max_angle_deg=50.0)
-    view = PerspectiveView.with_field(140, (201, 151))
+    view = CentralView.with_field("perspective", 140, (201, 151))
     made = check_against_truth(camera, view, 2e-5)
     x, y = np.meshgrid(np.arange(201), np.arange(151))
     rays = view.rays(np.stack([x, y], axis=-1))
@@ -150,7 +151,7 @@ def test_the_cone_ends_where_the_camera_says():
 
 
 def test_blocks_of_rows_leave_no_seam(monkeypatch):
-    view = PerspectiveView.with_field(120, (90, 70), (0.1, -0.2, 0.3))
+    view = CentralView.with_field("perspective", 120, (90, 70), (0.1, -0.2, 0.3))
     for camera in (LENS, cubic_camera()):
         whole = build_map(camera, view)
         monkeypatch.setattr(maps, "_PIXELS_PER_BLOCK", 1000)
@@ -174,12 +175,15 @@ def test_remap_by_the_map_shows_the_pixels_that_it_says():
 
 def test_photos_too_large_for_remap_are_refused():
     with pytest.raises(ViewError, match="40000x10"):
-        build_map(replace(LENS, image_size=(40_000, 10)), PerspectiveView(size=(4, 3), focal=2.0))
+        build_map(
+            replace(LENS, image_size=(40_000, 10)),
+            CentralView(kind="perspective", size=(4, 3), focal=2.0),
+        )
 
 
 @pytest.fixture
 def saved(tmp_path):
-    made = build_map(LENS, PerspectiveView.with_field(120, (32, 24), (0.1, 0.2, 0.3)))
+    made = build_map(LENS, CentralView.with_field("perspective", 120, (32, 24), (0.1, 0.2, 0.3)))
     path = tmp_path / "undistort_map.npz"
     save_map(path, made, overwrite=False)
     return path, made
@@ -202,7 +206,11 @@ def test_a_map_is_not_overwritten_unasked(saved):
     with pytest.raises(OutputError, match="--overwrite"):
         save_map(path, made, overwrite=False)
     assert path.read_bytes() == before
-    save_map(path, build_map(LENS, PerspectiveView(size=(5, 4), focal=3.0)), overwrite=True)
+    save_map(
+        path,
+        build_map(LENS, CentralView(kind="perspective", size=(5, 4), focal=3.0)),
+        overwrite=True,
+    )
     assert read_map(path).map_x.shape == (4, 5)
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 

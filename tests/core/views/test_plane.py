@@ -4,20 +4,26 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
+from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.plane import plane_view
+from cubicfish_cli.core.views.plane import build_plane
 
 CAMERA = cubic_camera(100.0)
 ORIGIN = np.array([-30.0, -20.0, 60.0])
 TILT = np.radians(35)
 X, Y = np.array([np.cos(TILT), 0, np.sin(TILT)]), np.array([0.0, 1, 0])
-RECTANGLE = {"low": np.array([-5.0, 0]), "high": np.array([55.0, 40])}
 
 
-def made(**changes):
-    given = {"origin": ORIGIN, "x_axis": X, "y_axis": Y, **RECTANGLE, **changes}
-    return plane_view(CAMERA, **given)
+def made(origin=ORIGIN, x_axis=X, y_axis=Y, **asked):
+    """A board of corners 10 apart over 60 x 40, the first of them 5 before the origin along x."""
+    pose = np.eye(3), np.zeros(3)
+    places = {"x_axis": tuple(x_axis.tolist()), "y_axis": tuple(y_axis.tolist())}
+    first = tuple((np.asarray(origin) - 5 * x_axis).tolist())
+    board = Checkerboard(name="b", columns=7, rows=5, square=10.0, origin=first, **places)
+    target = Target(units="mm", boards=(board,))
+    return build_plane(CAMERA, target, "b", *pose, margin=0.0, **asked)
 
 
 def test_a_pixel_is_a_point_of_the_plane_at_the_scale():

@@ -17,14 +17,13 @@ from cubicfish_cli.app.undistortion.video import (
 )
 from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.core.views.maps import build_map, camera_for_photos
-from cubicfish_cli.core.views.projections import PerspectiveView
-from cubicfish_cli.core.views.view import rotation_from_angles
+from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
 av = pytest.importorskip("av")
 
 SIZE = (192, 144)
 CAMERA = camera_for_photos(cubic_camera(100.0), SIZE)
-VIEW = PerspectiveView.with_field(140, (128, 96), rotation_from_angles(yaw_deg=45))
+VIEW = CentralView.with_field("perspective", 140, (128, 96), rotation_from_angles(yaw_deg=45))
 MAP = build_map(CAMERA, VIEW)
 TIMES = [0, 40, 80, 133, 160, 300, 301, 420]  # milliseconds: not at a constant rate
 
@@ -207,7 +206,7 @@ def test_what_a_file_cannot_hold_is_said_and_leaves_nothing(tmp_path, name, says
 def test_odd_sides_are_refused_with_even_ones(tmp_path):
     source = tmp_path / "in.mp4"
     write_video(source)
-    odd = build_map(CAMERA, PerspectiveView.with_field(90, (127, 95)))
+    odd = build_map(CAMERA, CentralView.with_field("perspective", 90, (127, 95)))
     with pytest.raises(ViewError, match="--size 128x96"):
         run(source, tmp_path / "out.mp4", made=odd)
     assert not (tmp_path / "out.mp4").exists()

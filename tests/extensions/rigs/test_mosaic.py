@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from saved_maps import every_pixel
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import stitch
@@ -16,13 +17,15 @@ from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.maps import camera_for_photos
-from cubicfish_cli.core.views.projections import CylindricalView, EquirectangularView
+from cubicfish_cli.core.views.view import CentralView
 from cubicfish_cli.extensions.rigs.mosaic import Body, edge_distance, mosaic_of
 from cubicfish_cli.extensions.rigs.rig import RigCamera
 from tests.extensions.rigs.test_stereo import calibrated as calibrated_pair
 
 Light = Callable[[np.ndarray], np.ndarray]
-PANORAMA = EquirectangularView(size=(400, 200), focal=400 / (2 * np.pi) * (1 - 1e-6))
+PANORAMA = CentralView(
+    kind="equirectangular", size=(400, 200), focal=400 / (2 * np.pi) * (1 - 1e-6)
+)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +77,7 @@ def test_far_things_are_where_they_belong_all_around(ring: Body) -> None:
     made = mosaic_of(ring, PANORAMA)
     picture, shown = made.render(photos_of(ring, smooth, far))
     assert shown.mean() > 0.999
-    true = smooth(PANORAMA.rays(PANORAMA.pixel_grid()))
+    true = smooth(PANORAMA.rays(every_pixel(PANORAMA)))
     assert np.abs(picture - true)[shown].max() < 0.1
     assert picture.dtype == np.float32
 
@@ -116,7 +119,7 @@ def test_things_at_the_distance_that_is_named_join(ring: Body) -> None:
 
     photos = photos_of(ring, smooth, sphere)
     picture, shown = mosaic_of(near, PANORAMA).render(photos)
-    true = smooth(PANORAMA.rays(PANORAMA.pixel_grid()))
+    true = smooth(PANORAMA.rays(every_pixel(PANORAMA)))
     # At the very edge of a field the photos' black shows through.
     assert np.quantile(np.abs(picture - true)[shown], 0.99) < 0.1
     wrong, _ = mosaic_of(ring, PANORAMA).render(photos)
@@ -146,7 +149,7 @@ def test_what_does_not_go_together_is_said(ring: Body) -> None:
         made.render({**photos, "left": photos["left"][:100]})
     with pytest.raises(ViewError, match="none of the cameras"):
         made.render({})
-    narrow = CylindricalView(size=(20, 10), focal=200.0, rotation=(0.0, np.pi, 0.0))
+    narrow = CentralView(kind="cylindrical", size=(20, 10), focal=200.0, rotation=(0.0, np.pi, 0.0))
     with pytest.raises(ViewError, match="no camera of the rig sees"):
         mosaic_of(Body(cameras=ring.cameras[:1]), narrow)
 
@@ -159,9 +162,9 @@ def test_a_calibrated_rig_joins_what_its_true_lenses_see() -> None:
         rays = rays_of(own.lens, own.lens.image_size) @ rotation_matrix(place[0])
         light = 127 + 100 * np.sin(rays @ [20.0, 0, 0]) * np.sin(rays @ [0, 20.0, 0])
         photos[one.name] = np.nan_to_num(light).astype(np.float32)
-    view = CylindricalView.with_field(120, (700, 300))
+    view = CentralView.with_field("cylindrical", 120, (700, 300))
     picture = stitch(rig, photos, view)
-    rays = view.rays(view.pixel_grid())
+    rays = view.rays(every_pixel(view))
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     # A fitted lens may turn its rays a little, and the rig's frame is the first one's.
     first, own = rig.cameras[0], truth.cameras[0].lens

@@ -18,11 +18,7 @@ from cubicfish_cli.core.geometry import camera_centre
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.projections import (
-    EpipolarCylindricalView,
-    EpipolarEquirectangularView,
-    PerspectiveView,
-)
+from cubicfish_cli.core.views.view import CentralView
 from cubicfish_cli.extensions.rigs.rig import Rig
 from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
 
@@ -33,9 +29,11 @@ BOARDS = [
 ]
 PLACE: Pose = (np.array([0.02, 0.1, -0.03]), np.array([-120.0, 4.0, 6.0]))
 VIEWS = {
-    "perspective": PerspectiveView(size=(801, 601), focal=220.0),
-    "epipolar-cylindrical": EpipolarCylindricalView(size=(801, 901), focal=220.0),
-    "epipolar-equirectangular": EpipolarEquirectangularView(size=(701, 901), focal=220.0),
+    "perspective": CentralView(kind="perspective", size=(801, 601), focal=220.0),
+    "epipolar-cylindrical": CentralView(kind="epipolar-cylindrical", size=(801, 901), focal=220.0),
+    "epipolar-equirectangular": CentralView(
+        kind="epipolar-equirectangular", size=(701, 901), focal=220.0
+    ),
 }
 
 
@@ -124,7 +122,9 @@ def test_pictures_of_a_flat_scene_match_row_by_row() -> None:
     """What cv2.remap makes of rendered photos, not what the cameras say of points."""
     rig, truth = calibrated()
     pair = pair_of(rig)
-    view = EpipolarCylindricalView(size=(525, 901), focal=220.0)  # to 50 degrees on either side
+    view = CentralView(
+        kind="epipolar-cylindrical", size=(525, 901), focal=220.0
+    )  # to 50 degrees on either side
     pictures = []
     for number, (camera, own) in enumerate(zip(pair.cameras, pair.views(view), strict=True)):
         lens, place = truth.cameras[number].lens, truth.camera_from_rig[number]

@@ -227,7 +227,7 @@ MUTATIONS = tuple(
             "core/views/test_frames",
         ),
         (
-            "core/views/projections.py",
+            "core/views/view.py",
             "np.arctan2(x, z), np.nan), slope",
             "np.arctan2(z, x), np.nan), slope",
             "core/views/test_projections",
