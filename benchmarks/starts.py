@@ -26,7 +26,7 @@ import numpy as np
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import held, starts
-from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.statistics import huber_px
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
 

@@ -28,7 +28,7 @@ from cubicfish_cli.core.assess.verdict import photo_verdicts
 from cubicfish_cli.core.files import sha256_of
 from cubicfish_cli.core.finding import joined
 from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.findings import FieldCells, field_cells
+from cubicfish_cli.core.fit.coverage import FieldCells, field_cells
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.fit.subset import select

@@ -7,9 +7,9 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.fit.linear import linear_coefficients
+from cubicfish_cli.core.fit.nearest_cubic import linear_ratios
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.lift import sphere_basis
+from cubicfish_cli.core.lenses.lift import lift, sphere_basis
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 
@@ -43,8 +43,8 @@ def cubic_camera(
     radial = radial_camera(half_angle_deg)
     rays = cone_rays(np.deg2rad(half_angle_deg), 400)
     centre, scale = np.array([radial.cx, radial.cy]), radial.fx
-    coefficients = linear_coefficients(
-        rays, (radial.project(rays) - centre) / scale, denominator_pull=1e-3
+    coefficients = linear_ratios(
+        lift(rays) @ sphere_basis(), (radial.project(rays) - centre) / scale, denominator_pull=1e-3
     )
     noise = np.random.default_rng(seed).standard_normal(coefficients.shape)
     coefficients = coefficients + bend * noise

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from cubicfish_cli.app.conversion.to_lens import ConversionError, conversion_error
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.nearest_cubic import refined_cubic
+from cubicfish_cli.core.fit.nearest_cubic import linear_cubic, refined_cubic
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.core.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
@@ -158,7 +157,7 @@ def _sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
     rays, pixel = _seen(lens, max_angle_deg + _MARGIN_DEG)
     radial = _reference(lens, rays, pixel)
     for pull in _PULLS:
-        linear = CubicFit.linear(rays, pixel, radial, denominator_pull=pull)
+        linear = linear_cubic(rays, pixel, radial, denominator_pull=pull)
         refined = refined_cubic(linear, rays, pixel, stiffness=pull * linear.scale)
         for P in (refined.P, linear.P):
             if check_validity(P, max_angle_deg).valid:

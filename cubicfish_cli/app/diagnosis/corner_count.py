@@ -22,7 +22,7 @@ from cubicfish_cli.app.diagnosis.evidence import (
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import FitEvidence
+from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.placement import TURNS
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray

@@ -29,7 +29,7 @@ from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence, P
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import CornerEvidence, Evidence, FailedFit, FitEvidence
+from cubicfish_cli.core.fit.calibration import CornerEvidence, Evidence, FailedFit, FitEvidence
 
 E = TypeVar("E", bound=Evidence)
 

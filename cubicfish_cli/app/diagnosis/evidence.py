@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import Evidence
+from cubicfish_cli.core.fit.calibration import Evidence
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 

@@ -16,10 +16,10 @@ from cubicfish_cli.app.diagnosis.other_lens import left_out_lens
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.evidence import FitEvidence
-from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.refinement import TargetFit
-from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.start import fit_poses
+from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations

@@ -18,7 +18,7 @@ from cubicfish_cli.core.boards.board import Board, FirstSquare
 from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES, alike
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.robust import neighbours
+from cubicfish_cli.core.fit.statistics import neighbours
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray

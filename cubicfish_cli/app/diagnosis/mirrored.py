@@ -13,9 +13,9 @@ import numpy as np
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, grid_boards
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import FailedFit
+from cubicfish_cli.core.fit.calibration import FailedFit
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.robust import neighbours, noise_px
+from cubicfish_cli.core.fit.statistics import neighbours, noise_px
 from cubicfish_cli.core.fit.subset import flatness
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import IntArray

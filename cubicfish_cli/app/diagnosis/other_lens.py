@@ -13,10 +13,9 @@ import numpy as np
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.known_lens import fit_poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial
-from cubicfish_cli.core.fit.robust import noise_px
-from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.start import fit_poses
+from cubicfish_cli.core.fit.statistics import noise_px, rms_px
 from cubicfish_cli.core.fit.subset import flatness, select_photos
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations

@@ -16,14 +16,12 @@ from scipy.special import fdtrc
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.adjustment import adjust, huber_weight
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic
-from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.lenses import FixedLens
-from cubicfish_cli.core.fit.linearise import huber_weight
+from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
 from cubicfish_cli.core.fit.refinement import TargetFit
-from cubicfish_cli.core.fit.robust import wide_px
+from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray

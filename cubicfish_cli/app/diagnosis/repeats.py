@@ -6,7 +6,7 @@ import numpy as np
 
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import FitEvidence
+from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.folds import NEAR_SHARE, repeated_groups
 
 _FEWEST_PHOTOS = 3

@@ -26,8 +26,8 @@ from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, UncertaintyGrid
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic
-from cubicfish_cli.core.fit.evidence import FitEvidence
 from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import rms_px

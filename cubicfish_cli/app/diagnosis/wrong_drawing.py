@@ -16,12 +16,11 @@ from cubicfish_cli.app.diagnosis.mirrored import in_mirror
 from cubicfish_cli.app.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import FailedFit, FitEvidence
+from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
-from cubicfish_cli.core.fit.robust import local_noise_px, noise_px, times_noise
-from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.statistics import local_noise_px, noise_px, rms_px, times_noise
 from cubicfish_cli.core.geometry import mean_rotation
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

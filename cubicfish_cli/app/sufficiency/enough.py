@@ -16,7 +16,7 @@ from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding, asks_for_photos
-from cubicfish_cli.core.fit.findings import FieldCells, field_cells
+from cubicfish_cli.core.fit.coverage import FieldCells, field_cells
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray

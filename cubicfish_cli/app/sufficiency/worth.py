@@ -16,7 +16,7 @@ from cubicfish_cli.app.sufficiency.enough import default_goal
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.fit.subset import middle, world_scale
 from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
 from cubicfish_cli.core.observations import Observations

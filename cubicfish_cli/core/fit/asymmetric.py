@@ -11,22 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
-from cubicfish_cli.core.fit.fit_lens import gram
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.robust import noise_px, wide_px
+from cubicfish_cli.core.fit.normal_equations import gram
 from cubicfish_cli.core.geometry import decentring, decentring_slope
 from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
-from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 _BENDS = 5
-# It only holds another lens, and starts the search for the nearest one.
-_DECREASE = 1e-6
-# A turn of the camera with decentring and tilt does what a shift of the principal point does, to
-# well below any noise. So that the frame is not left to chance, a lens that only holds P stays
-# within about this share of the focal length of the principal point that the corners gave.
-_CENTRE_SPREAD = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -213,39 +203,3 @@ class _Onto:
         by_values[:, [8, 9, 12]] = self._tilted(bends)
         by_values[:, 10:12] = -self.values[:2, None, None] * self.tilted[:, None] * self.tilted
         return by_values
-
-
-def bend(
-    camera: RadialCamera,
-    terms: int,
-    poses: Poses,
-    pairs: Observations,
-    residual: FloatArray,
-    spread: float,
-) -> tuple[BentFit, Poses]:
-    """The bent lens nearest to corners, anchored there, and the poses that go with it.
-
-    Args:
-        camera: the radial lens to start from.
-        terms: how many of its coefficients are free.
-        poses: camera_from_world of each photo under it.
-        pairs: the corners.
-        residual: (K, 2) of the radial lens, of those pairs that tell its errors, pixels.
-        spread: expected asymmetry, see :class:`BentFit`.
-
-    """
-    noise = max(noise_px(residual), 1e-3)
-    lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
-    if spread:
-        fit = adjust(
-            lens,
-            poses,
-            pairs,
-            huber_px=wide_px(residual),
-            relative_decrease=_DECREASE,
-            damping=WARM_DAMPING,
-        )
-        lens, poses = fit.lens, fit.poses
-    return replace(
-        lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
-    ), poses

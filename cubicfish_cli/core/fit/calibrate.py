@@ -14,14 +14,23 @@ from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.alignment import in_references_frame
-from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.coverage_extent import coverage_extent, trusted_angle_deg
+from cubicfish_cli.core.fit.calibration import Calibration, Diagnose, FailedFit, FitEvidence
+from cubicfish_cli.core.fit.coverage import (
+    blind_angle,
+    coverage_extent,
+    field_cells,
+    trusted_angle_deg,
+)
 from cubicfish_cli.core.fit.cubic_fit import CubicResult
-from cubicfish_cli.core.fit.evidence import Diagnose, FailedFit, FitEvidence
-from cubicfish_cli.core.fit.findings import blind_angle, dropped_groups, field_cells
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.model_selection import RefineTarget, SelectedModel, select_model
+from cubicfish_cli.core.fit.model_selection import (
+    Progress,
+    RefineTarget,
+    SelectedModel,
+    Stages,
+    select_model,
+)
 from cubicfish_cli.core.fit.photo_spread import photo_spread
 from cubicfish_cli.core.fit.radial_reference import (
     CHECK_ALL,
@@ -37,13 +46,12 @@ from cubicfish_cli.core.fit.refinement import (
 )
 from cubicfish_cli.core.fit.rejection import (
     dropped_corners,
+    dropped_groups,
     strays,
     without_gross,
     without_noisy,
 )
-from cubicfish_cli.core.fit.robust import within_noise
-from cubicfish_cli.core.fit.stages import Progress, Stages
-from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
+from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px, within_noise
 from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one, world_scale
 from cubicfish_cli.core.fit.uncertainty import uncertainty_grid
 from cubicfish_cli.core.lenses.cubic import CubicCamera

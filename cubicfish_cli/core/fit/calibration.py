@@ -1,17 +1,22 @@
-"""A fitted camera and how well it fits."""
+"""What a fit hands over: the fitted camera, or what is known of why there is none."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, RunnerUp
 from cubicfish_cli.core.fit.held_out import HeldOut
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import Level
+from cubicfish_cli.core.fit.refinement import Level, NominalTarget, TargetFit
+from cubicfish_cli.core.fit.subset import select_photos, world_scale
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -81,3 +86,72 @@ class Calibration(Calibrated):
     def named(self, corners: Observations) -> Observations:
         """Corners of the photos by the names that the fit gave them, of the target as fitted."""
         return renamed(corners, self.target, self.renamed) if self.target else corners
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """What hypotheses are judged by: each kind has attributes of its own.
+
+    Attributes:
+        known: what was found before, and comes first.
+
+    """
+
+    known: Sequence[Finding] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CornerEvidence(Evidence):
+    """Named corners.
+
+    Attributes:
+        pairs: all pairs, in the target's units.
+        target: the drawing; None for pairs that came without one.
+
+    """
+
+    pairs: Observations
+    target: Target | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FailedFit(CornerEvidence):
+    """Corners of which there is no fit.
+
+    Attributes:
+        fits: whether they do fit one lens and the drawing, so that neither is to blame.
+
+    """
+
+    fits: bool = False
+
+    @cached_property
+    def scaled(self) -> tuple[Observations, float]:
+        """The pairs in a unit in which the target is of order 1, and that in the target's."""
+        scale = world_scale(self.pairs)
+        pairs = self.pairs.with_world(self.pairs.world / scale)
+        return select_photos(pairs, np.arange(len(pairs.images))), scale
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FitEvidence(CornerEvidence):
+    """Corners with their fit.
+
+    Attributes:
+        nominal_fit: the fit to the target as drawn.
+        fit: the final fit.
+        nominal: the target as drawn.
+        dropped: photo and board of each corner that was left out as grossly wrong.
+        uncertainty: what is stated of the camera.
+
+    """
+
+    nominal_fit: TargetFit
+    fit: TargetFit
+    nominal: NominalTarget
+    dropped: Sequence[tuple[str, str | None]]
+    uncertainty: UncertaintyGrid
+
+
+Diagnose = Callable[[Evidence], Sequence[Finding]]
+"""Tells what is likely wrong with a set-up; the likeliest first where there is no fit."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.fit.fit_lens import gram
+from cubicfish_cli.core.fit.normal_equations import gram
 from cubicfish_cli.core.fit.poses import cross, rotation_from_vector
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

@@ -12,8 +12,8 @@ from cubicfish_cli.core.assess.fit_record import ErrorStatistics, PhotoRecord
 from cubicfish_cli.core.assess.records import plain_record
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.held_out import pose_only_residual
-from cubicfish_cli.core.fit.known_lens import fit_poses
 from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import error_statistics, photo_records
 from cubicfish_cli.core.fit.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.core.lenses.cubic import CubicCamera

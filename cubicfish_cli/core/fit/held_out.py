@@ -9,15 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, State, adjust
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
-from cubicfish_cli.core.fit.linearise import State
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import TargetFit
-from cubicfish_cli.core.fit.robust import huber_px, wide_px
-from cubicfish_cli.core.fit.statistics import likely_positive
+from cubicfish_cli.core.fit.statistics import huber_px, likely_positive, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.linearise import State, linearise
+from cubicfish_cli.core.fit.adjustment import Adjustment, State, linearise
+from cubicfish_cli.core.fit.lenses import FitLens
 from cubicfish_cli.core.fit.normal_equations import Eliminated, NormalEquations
 from cubicfish_cli.core.fit.rig_lens import body_of
 from cubicfish_cli.core.observations import Observations

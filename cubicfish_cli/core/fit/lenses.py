@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol, Self
 
 import numpy as np
 
 from cubicfish_cli.core.fit.asymmetric import BentFit, StillRays
-from cubicfish_cli.core.fit.fit_lens import FitLens, gram
-from cubicfish_cli.core.fit.linear import linear_coefficients
-from cubicfish_cli.core.fit.normal_equations import solve_scaled
+from cubicfish_cli.core.fit.normal_equations import gram, solve_scaled
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
@@ -25,6 +24,29 @@ _TOLD_APART = 1e-13
 _FAR = np.delete(np.arange(49), 47)
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
+
+
+class FitLens(Protocol):
+    """A lens that least squares can adjust."""
+
+    @property
+    def parameters(self) -> FloatArray:
+        """(K,) the free parameters; K may be 0."""
+
+    def with_parameters(self, parameters: FloatArray) -> Self:
+        """The same lens with other parameters."""
+
+    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Camera-frame points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d param (N, 2, K)."""
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Camera-frame points (N, 3) -> pixel (N, 2), without derivatives."""
+
+    def prior(self) -> FloatArray:
+        """Gram matrix (K + 1, K + 1) of pseudo-observations.
+
+        Products of their derivatives by the parameters and, last, of their residuals, pixels.
+        """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -168,38 +190,6 @@ class CubicFit:
     ray_prior: RayPrior | None = None
     travel: float = 0.0
     travel_weight: float = 0.0
-
-    @classmethod
-    def linear(
-        cls,
-        rays: FloatArray,
-        pixel: FloatArray,
-        camera: RadialCamera,
-        *,
-        denominator_pull: float,
-        weights: FloatArray | None = None,
-    ) -> CubicFit:
-        """P by linear least squares (Eq. 8–9, reweighted), without a prior.
-
-        Args:
-            rays: (N, 3) unit rays.
-            pixel: (N, 2) where they are seen.
-            camera: a lens like it, whose centre and focal length normalise pixels.
-            denominator_pull: how firmly P3Φ is kept near a constant.
-            weights: (N,) of each ray; 1 by default.
-
-        """
-        centre, scale = np.array([camera.cx, camera.cy]), (camera.fx + camera.fy) / 2
-        coefficients = linear_coefficients(
-            rays, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
-        )
-        mean = (lift(rays) @ sphere_basis()).mean(axis=0)
-        return cls(
-            coefficients=coefficients,
-            denominator_basis=np.linalg.svd(mean[None])[2][1:].T,
-            centre=centre,
-            scale=scale,
-        )
 
     @property
     def parameters(self) -> FloatArray:

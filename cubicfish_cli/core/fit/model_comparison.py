@@ -14,16 +14,13 @@ from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
 from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
-from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.cubic_fit import PriorChoice, choose_prior, fit_cubic
 from cubicfish_cli.core.fit.folds import folds_of
-from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, cone_angle
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.prior_choice import choose_prior
 from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
-from cubicfish_cli.core.fit.robust import wide_px
-from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.statistics import rms_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens

@@ -7,25 +7,67 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
-from cubicfish_cli.core.fit.cubic_fit import NEAR_DECREASE, RunnerUp, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import FIRMEST, NEAR_DECREASE, RADIAL, RunnerUp, fit_cubic
 from cubicfish_cli.core.fit.folds import folds_of
 from cubicfish_cli.core.fit.held_out import HeldOut, held_out_error
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.orientation import oriented
-from cubicfish_cli.core.fit.prior_choice import FIRMEST, RADIAL
 from cubicfish_cli.core.fit.refinement import LEVELS, Level, NominalTarget, TargetFit, refine_object
 from cubicfish_cli.core.fit.rejection import without
-from cubicfish_cli.core.fit.stages import Stage, Stages
 from cubicfish_cli.core.types import BoolArray
 
+Progress = Callable[[str, float], None]
+# What each is called, and roughly how long it takes beside the others.
+_STAGES: dict[str, tuple[str, float]] = {
+    "start": ("poses and a radial lens", 1.0),
+    "cubic": ("the cubic camera", 5.0),
+    "held out": ("held-out photos", 4.0),
+    "shape": ("boards' shapes", 2.5),
+    "shape held out": ("boards' shapes, held-out photos", 6.0),
+    "points": ("single corners", 3.0),
+    "points held out": ("single corners, held-out photos", 6.0),
+    "checks": ("what may be wrong", 3.0),
+}
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
-_STAGES: dict[Level, tuple[Stage, Stage]] = {
-    "shape": ("shape", "shape held out"),
-    "points": ("points", "points held out"),
-}
 RefineTarget = Literal["off", "shape", "points", "auto"]
 Judged = tuple[TargetFit, HeldOut | None, NominalTarget]
+
+
+class Stages:
+    """The stages of one fit.
+
+    Args:
+        progress: called with words and the share done, 0 to 1; None where nobody waits.
+        refined: whether the target may be fitted too.
+        hold_out: whether photos are held out.
+
+    """
+
+    def __init__(self, progress: Progress | None, *, refined: bool, hold_out: bool) -> None:
+        left_out = set[str]()
+        if not refined:
+            left_out |= {"shape", "shape held out", "points", "points held out"}
+        if not hold_out:
+            left_out |= {"held out", "shape held out", "points held out"}
+        self._progress = progress
+        self._plan = [stage for stage in _STAGES if stage not in left_out]
+        self._share = 0.0
+
+    def begin(self, stage: str, done: int = 0, parts: int = 1) -> None:
+        """Say that a stage begins, or that so many of its parts are done.
+
+        What was not planned, or comes again, keeps the share that was reached.
+        """
+        if self._progress is None:
+            return
+        if stage in self._plan:
+            weights = [_STAGES[each][1] for each in self._plan]
+            before = self._plan.index(stage)
+            share = (sum(weights[:before]) + weights[before] * done / parts) / sum(weights)
+            self._share = max(self._share, share)
+        counted = f" ({done + 1} of {parts})" if parts > 1 else ""
+        self._progress(_STAGES[stage][0] + counted, self._share)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,8 +140,7 @@ def select_model(
     reached, named = fit, nominal
     refused: list[TargetFit] = []
     for level in LEVELS[1:]:
-        fitting, holding = _STAGES[level]
-        stages.begin(fitting)
+        stages.begin(level)
         starts = oriented(reached, named) if level == "points" else [(reached, named)]
         # How P is held matters where the selection may end.
         may_end = auto or level == refine_target
@@ -109,7 +150,7 @@ def select_model(
             for start, own in (starts if judge else starts[-1:])
         ]
         if judge:
-            progress = partial(stages.begin, holding)
+            progress = partial(stages.begin, f"{level} held out")
             found = [(*_judged(one, progress), own) for one, _, own in found]
         reached, error, named = better_named(found)
         if judge:

@@ -1,4 +1,9 @@
-"""The cubic nearest to a radial lens: what P is held to, and where its fit starts."""
+"""The cubic nearest to a radial lens: what P is held to, and where its fit starts.
+
+First by linear least squares (Zhu & Yin 2010, Eq. 8–9): u·P3Φ − P1Φ = 0 and v·P3Φ − P2Φ = 0 weight
+each pair by its unknown denominator P3Φ, which biases the plain solution. Dividing by the previous
+round's denominator (Sanathanan & Koerner 1963) removes that. Then in pixels.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +19,11 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import BoolArray, FloatArray
 
+ROUNDS = 10
+# Rounds end when no denominator changes by more than this share of their mean.
+_SETTLED = 1e-6
+# A pair beside a pole must not get an unbounded weight in the next round.
+_SMALLEST_SHARE = 0.02
 MARGIN_DEG = 5.0
 """The valid cone reaches this far beyond the farthest corner."""
 # The prior's cone reaches this far beyond the farthest corner: past the valid cone.
@@ -35,6 +45,92 @@ _SETTLED = 1e-6
 _FREE = 47  # numbers of P, its scale held
 # Pixels that a ray counts as being off which the lens of a step does not see.
 _UNSEEN_PX = 1e3
+
+
+def linear_ratios(
+    values: FloatArray,
+    pixel: FloatArray,
+    *,
+    denominator_pull: float,
+    rounds: int = ROUNDS,
+    weights: FloatArray | None = None,
+) -> FloatArray:
+    """C (3, K) whose ratios of rows C · values are the pixels; the mean of C3 · values is 1.
+
+    Solved in the row space of Φ (on the sphere it has 16 dimensions): with all 20 columns the
+    smallest singular vector would be one of the cubics that vanish on all points. Rays that a
+    smooth lens made leave the solution nearly free even then (numerator and denominator may share
+    a factor), with poles wherever rounding puts them; a small pull of P3Φ towards 1 picks the tame
+    one.
+
+    Args:
+        values: (N, K) Φ of each point in a basis of its row space.
+        pixel: (N, 2), best normalised to order 1 (Hartley).
+        denominator_pull: weight of C3 · values = 1 at each point; 0 is the homogeneous system of
+            the paper.
+        rounds: reweighting rounds, at most; 0 is the paper's plain solution.
+        weights: (N,) of each point's two equations; 1 by default.
+
+    """
+    denominator = np.ones(len(values))
+    weight = denominator if weights is None else weights
+    coefficients = np.zeros((3, values.shape[1]))
+    for _ in range(rounds + 1):
+        rows = values * (weight / denominator)[:, None]
+        zeros = np.zeros_like(rows)
+        system = np.vstack(
+            [
+                np.hstack([-rows, zeros, pixel[:, :1] * rows]),
+                np.hstack([zeros, -rows, pixel[:, 1:] * rows]),
+            ]
+        )
+        if denominator_pull > 0:
+            pull = denominator_pull * np.hstack([zeros, zeros, values])
+            wanted = np.concatenate([np.zeros(len(system)), np.full(len(pull), denominator_pull)])
+            solution = np.linalg.lstsq(np.vstack([system, pull]), wanted, rcond=None)[0]
+        else:
+            # The triangular factor has the same right singular vectors and is small.
+            solution = np.linalg.svd(np.linalg.qr(system, mode="r"))[2][-1]
+        coefficients = solution.reshape(3, -1)
+        found = values @ coefficients[2]
+        scale = found.mean()
+        coefficients, found = coefficients / scale, found / scale
+        found = np.maximum(found, _SMALLEST_SHARE)
+        settled = np.abs(found - denominator).max() < _SETTLED
+        denominator = found
+        if settled:
+            break
+    return coefficients
+
+
+def linear_cubic(
+    rays: FloatArray,
+    pixel: FloatArray,
+    camera: RadialCamera,
+    *,
+    denominator_pull: float,
+    weights: FloatArray | None = None,
+) -> CubicFit:
+    """P by linear least squares (Eq. 8–9, reweighted), without a prior.
+
+    Args:
+        rays: (N, 3) unit rays.
+        pixel: (N, 2) where they are seen.
+        camera: a lens like it, whose centre and focal length normalise pixels.
+        denominator_pull: how firmly P3Φ is kept near a constant.
+        weights: (N,) of each ray; 1 by default.
+
+    """
+    centre, scale = np.array([camera.cx, camera.cy]), (camera.fx + camera.fy) / 2
+    values = lift(rays) @ sphere_basis()
+    return CubicFit(
+        coefficients=linear_ratios(
+            values, (pixel - centre) / scale, denominator_pull=denominator_pull, weights=weights
+        ),
+        denominator_basis=np.linalg.svd(values.mean(axis=0)[None])[2][1:].T,
+        centre=centre,
+        scale=scale,
+    )
 
 
 def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float:
@@ -99,7 +195,7 @@ def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> Nearest
     valid_deg = float(np.rad2deg(cone_angle(camera, last, MARGIN_DEG)))
     for share, pull in product(_SHARES_BEYOND, (DENOMINATOR_PULL, *SAFER_PULLS)):
         weights = np.where(within, 1.0, share)
-        start = CubicFit.linear(rays, pixel, camera, denominator_pull=pull, weights=weights)
+        start = linear_cubic(rays, pixel, camera, denominator_pull=pull, weights=weights)
         lens = refined_cubic(start, rays, pixel, weights=weights)
         miss = lens.far(rays) - pixel
         # The rays reach beyond the valid cone, and no pole may be there either.

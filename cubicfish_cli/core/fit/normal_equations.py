@@ -7,13 +7,13 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.linalg.lapack import dposv
 from scipy.sparse import csr_array
 
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 # As shares of the diagonal: of the damping that stands for none, and of the least pivot.
@@ -104,24 +104,22 @@ class NormalEquations:
             both = terms.by_pose.transpose(0, 2, 1) @ terms.by_corner
             self.pose_corner[terms.pose, :, corner] += both
 
-    def held(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
-        """With the pulls of the lens, of the boards and of free corners."""
-        shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
+    def hold(self, priors: Sequence[FloatArray], pull: float, offsets: FloatArray) -> None:
+        """Add the pulls of the lens and of the boards, and of free corners' offsets (Q, 3) to 0.
+
+        Args:
+            priors: the Gram matrix of each, in the order in which their unknowns stand.
+            pull: of one coordinate of an offset, squared.
+            offsets: how far the corners are from where they are pulled to.
+
+        """
         first = 0
-        for prior in (lens_prior, world.prior()):
+        for prior in priors:
             own = first + np.arange(len(prior) - 1)
-            shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
+            self.shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
             first += len(own)
-        pull = world.offset_weight**2
-        corner_shared[:, :, -1] += pull * world.offsets
-        return NormalEquations(
-            shared=shared,
-            pose=self.pose,
-            pose_shared=self.pose_shared,
-            corner=self.corner + pull * np.eye(3),
-            corner_shared=corner_shared,
-            pose_corner=self.pose_corner,
-        )
+        self.corner[:] += pull * np.eye(3)
+        self.corner_shared[:, :, -1] += pull * offsets
 
     def without(self, poses: IntArray, put_in: NormalEquations) -> NormalEquations:
         """The equations less what was seen from some poses, which stay where they are.
@@ -289,3 +287,9 @@ def summed_by(index: IntArray, count: int, left: FloatArray, right: FloatArray) 
     )
     summed = sparse.T @ right.reshape(len(places), -1)
     return np.asarray(summed).reshape(count, size, -1)
+
+
+def gram(slope: FloatArray, residual: FloatArray) -> FloatArray:
+    """(K + 1, K + 1) products of derivatives (L, K) and, last, of residuals (L,)."""
+    rows = np.column_stack([slope, residual])
+    return np.asarray(rows.T @ rows)

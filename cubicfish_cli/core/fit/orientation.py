@@ -19,12 +19,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from cubicfish_cli.core.fit.adjustment import State, linearise
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
-from cubicfish_cli.core.fit.linearise import State, linearise
 from cubicfish_cli.core.fit.normal_equations import summed_by
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, free_target
-from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.fit.statistics import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Symmetry, chosen, symmetries
 from cubicfish_cli.core.types import FloatArray, IntArray

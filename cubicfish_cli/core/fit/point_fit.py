@@ -17,13 +17,14 @@ from cubicfish_cli.core.assess.fit_record import FitRecord, PhotoRecord
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.folds import photo_folds
-from cubicfish_cli.core.fit.known_lens import fit_poses
-from cubicfish_cli.core.fit.linear import ROUNDS, linear_ratios
+from cubicfish_cli.core.fit.nearest_cubic import ROUNDS, linear_ratios
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial, refit_radial
-from cubicfish_cli.core.fit.robust import gross_px, huber_px
+from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import (
     error_statistics,
+    gross_px,
+    huber_px,
     photo_records,
     rms_px,
 )

@@ -15,12 +15,11 @@ from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.asymmetric import BentFit, bend
-from cubicfish_cli.core.fit.known_lens import fit_poses
+from cubicfish_cli.core.fit.asymmetric import BentFit
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.robust import gross_px, noise_px, wide_px
-from cubicfish_cli.core.fit.start import start_at_centre
+from cubicfish_cli.core.fit.start import fit_poses, start_at_centre
+from cubicfish_cli.core.fit.statistics import gross_px, noise_px, wide_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -58,6 +57,12 @@ _ALL_TERMS = 4
 _NEAR_DECREASE = 1e-8
 # Where another fit follows at once.
 _ROUGH_DECREASE = 1e-5
+# It only holds another lens, and starts the search for the nearest one.
+_BENT_DECREASE = 1e-6
+# A turn of the camera with decentring and tilt does what a shift of the principal point does, to
+# well below any noise. So that the frame is not left to chance, a lens that only holds P stays
+# within about this share of the focal length of the principal point that the corners gave.
+_CENTRE_SPREAD = 0.01
 LOST_PX = 10.0
 """What a corner that a known lens does not see counts as being off, at first."""
 
@@ -109,7 +114,7 @@ class RadialReference:
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
         """The nearest lens of this expected asymmetry, and the poses that go with it."""
         if spread not in self._bent:
-            self._bent[spread] = bend(
+            self._bent[spread] = _bend(
                 self.camera, self.terms, self.poses, self.pairs, self.errors, spread
             )
         return self._bent[spread]
@@ -457,3 +462,39 @@ def _focal_uncertainty(fit: RadialAdjustment) -> float:
     )
     focal = abs(fit.lens.lens.fx)
     return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / focal)
+
+
+def _bend(
+    camera: RadialCamera,
+    terms: int,
+    poses: Poses,
+    pairs: Observations,
+    residual: FloatArray,
+    spread: float,
+) -> tuple[BentFit, Poses]:
+    """The bent lens nearest to corners, anchored there, and the poses that go with it.
+
+    Args:
+        camera: the radial lens to start from.
+        terms: how many of its coefficients are free.
+        poses: camera_from_world of each photo under it.
+        pairs: the corners.
+        residual: (K, 2) of the radial lens, of those pairs that tell its errors, pixels.
+        spread: expected asymmetry, see :class:`BentFit`.
+
+    """
+    noise = max(noise_px(residual), 1e-3)
+    lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
+    if spread:
+        fit = adjust(
+            lens,
+            poses,
+            pairs,
+            huber_px=wide_px(residual),
+            relative_decrease=_BENT_DECREASE,
+            damping=WARM_DAMPING,
+        )
+        lens, poses = fit.lens, fit.poses
+    return replace(
+        lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
+    ), poses

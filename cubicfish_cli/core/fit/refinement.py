@@ -11,14 +11,13 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.cubic_fit import CubicResult, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import CubicResult, choose_prior, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
-from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.folds import folds_of
+from cubicfish_cli.core.fit.lenses import FitLens
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
-from cubicfish_cli.core.fit.prior_choice import choose_prior
 from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
-from cubicfish_cli.core.fit.robust import huber_px, noise_px, weighed
+from cubicfish_cli.core.fit.statistics import huber_px, noise_px, weighed
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Symmetry
 from cubicfish_cli.core.target import Target

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from cubicfish_cli.core.assess.fit_record import DroppedCorner
-from cubicfish_cli.core.fit.cubic_fit import fit_cubic
-from cubicfish_cli.core.fit.findings import noisy_photos
-from cubicfish_cli.core.fit.prior_choice import EXPECTED
+from cubicfish_cli.core.codes import Code
+from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.cubic_fit import EXPECTED, fit_cubic
 from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.core.fit.refinement import TargetFit
-from cubicfish_cli.core.fit.robust import around, gross_px, noise_by_photo, stray_px, tail_px
+from cubicfish_cli.core.fit.statistics import around, gross_px, noise_by_photo, stray_px, tail_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray
@@ -25,6 +26,12 @@ _FEWEST_NEIGHBOURS = 3
 # A corner stands alone when it is so many times farther off than most neighbours (percent) are.
 _BEYOND_NEIGHBOURS = 3.0
 _MOST = 75
+_FEW_PHOTOS = 3
+# A photo this many times noisier than the median photo does more harm than good.
+_NOISY = 4.0
+_NOISY_PX = 0.5
+_GROUP_SHARE = 0.5
+_GROUP_SIZE = 4
 
 
 def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedCorner, ...]:
@@ -121,3 +128,68 @@ def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
     residual = fit.cubic.residual[rows]
     near = replace(fit.cubic.fit, residual=residual, world=world, pairs=pairs)
     return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=near))
+
+
+def dropped_groups(
+    before: Observations, dropped: Sequence[tuple[str, str | None, float]]
+) -> list[Finding]:
+    """Boards of which a photo lost most corners: no single slips but one cause.
+
+    Args:
+        before: the pairs before any was dropped.
+        dropped: photo, board and error in pixels of each dropped corner.
+
+    """
+    groups: dict[tuple[str, str], list[float]] = {}
+    for image, board, error in dropped:
+        if board is not None:
+            groups.setdefault((image, board), []).append(error)
+    lost: dict[str, list[tuple[str, list[float], int]]] = {}
+    for (image, board), errors in groups.items():
+        own = (before.image == before.images.index(image)) & (
+            before.board == before.boards.index(board)
+        )
+        if len(errors) >= max(_GROUP_SIZE, _GROUP_SHARE * own.sum()):
+            lost.setdefault(board, []).append((image, errors, int(own.sum())))
+    return [_group(board, own) for board, own in lost.items()]
+
+
+def _group(board: str, lost: Sequence[tuple[str, list[float], int]]) -> Finding:
+    """What is said of photos that lost most corners of a board: names, errors, all corners."""
+    typical = [float(np.median(errors)) for _, errors, _ in lost]
+    return Finding(
+        code=Code.BOARD_DROPPED,
+        images=tuple(image for image, _, _ in lost),
+        boards=(board,),
+        figures={
+            "dropped": sum(len(errors) for _, errors, _ in lost),
+            "corners": sum(all_ for *_, all_ in lost),
+            "low_px": min(typical),
+            "high_px": max(typical),
+        },
+    )
+
+
+def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding]:
+    """Photos whose corners are much noisier than the others': blurred, moving, badly lit.
+
+    Returns:
+        Index of each and what to say of it; none where they would be a third or more.
+
+    """
+    photos = len(pairs.images)
+    if photos < _FEW_PHOTOS + 1:
+        return {}
+    noise = noise_by_photo(pairs.image, residual, photos)
+    typical = float(np.median(noise))
+    noisy = np.flatnonzero(noise > max(_NOISY * typical, _NOISY_PX))
+    if 3 * len(noisy) >= photos:
+        return {}
+    return {
+        int(photo): Finding(
+            code=Code.NOISY,
+            images=(pairs.images[photo],),
+            figures={"times": float(noise[photo] / typical)},
+        )
+        for photo in noisy
+    }

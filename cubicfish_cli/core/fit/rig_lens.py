@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cubicfish_cli.core.fit.fit_lens import FitLens
+from cubicfish_cli.core.fit.lenses import FitLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.types import FloatArray, IntArray
 

@@ -1,17 +1,46 @@
-"""Reprojection errors in numbers. RMS is always sqrt(mean(dx² + dy²)) over corners."""
+"""Reprojection errors in numbers. RMS is always sqrt(mean(dx² + dy²)) over corners.
+
+How large an error is noise, of all corners and of each photo's, and from where on it is gross.
+Photos differ in sharpness and light, and a sheet bends in some. What in corners' errors changes
+from each corner to the next is their own noise.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import stdtr
 
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, PhotoRecord, PoseRecord
 from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.subset import with_mean_weight_one
+from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 _FEWEST_TO_COMPARE = 2
+# Median of the length of a 2D normal vector of unit standard deviation a component.
+_MEDIAN_OF_RAYLEIGH = 1.17741
+# The same of 95 in a hundred.
+_MOST, _MOST_OF_RAYLEIGH = 95, 2.44775
+# The Huber loss leaves errors within this many standard deviations alone: of normal ones, all but
+# three in ten thousand.
+_HUBER_SIGMAS = 4.0
+# While it is not known yet whether it is the fewer that are wrong: photos of another lens, a board
+# that moved.
+_WIDE_SIGMAS = 8.0
+_SMALLEST_HUBER_PX = 0.1
+# A corner is dropped when it is off by more than both of these.
+GROSS_PX = 3.0
+_GROSS_SIGMAS = 12.0
+# Errors of neighbouring corners that go together make a fit so much worse than their noise.
+_BEYOND_NOISE = 1.5
+ALIKE = 10
+"""Corners of one photo share their errors: about so many of them say what one would."""
+_POSE = 6
+# Fewer photos do not show how much photos differ.
+_FEWEST_PHOTOS = 3
 
 
 def error_statistics(residual: FloatArray, corners: int | None = None) -> ErrorStatistics:
@@ -79,3 +108,149 @@ def photo_records(
         pose = PoseRecord(rotation_vector=tuple(vectors[photo]), translation=tuple(shifts[photo]))
         records.append(PhotoRecord(image=name, **vars(errors), camera_from_world=pose))
     return tuple(records)
+
+
+def noise_px(residual: FloatArray) -> float:
+    """Robust standard deviation a component, from the median length: (N, 2) -> pixels."""
+    if not len(residual):
+        return 0.0
+    return float(np.median(np.hypot(residual[:, 0], residual[:, 1])) / _MEDIAN_OF_RAYLEIGH)
+
+
+def noise_by_photo(image: IntArray, residual: FloatArray, photos: int) -> FloatArray:
+    """(M,) :func:`noise_px` of each photo's residuals (N, 2); ``image`` (N,) is non-decreasing."""
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    ordered = length[np.lexsort((length, image))]
+    first, stop = np.searchsorted(image, [np.arange(photos), np.arange(1, photos + 1)])
+    noise, seen = np.zeros(photos), first < stop
+    middle = np.array([first + stop - 1, first + stop])[:, seen] // 2
+    noise[seen] = ordered[middle].mean(axis=0) / _MEDIAN_OF_RAYLEIGH
+    return noise
+
+
+def tail_px(residual: FloatArray) -> float:
+    """Standard deviation a component as 95 in a hundred residuals (N, 2) have it, pixels.
+
+    Real finders' errors have longer tails than a normal distribution of the median's.
+    """
+    if not len(residual):
+        return 0.0
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    return float(np.percentile(length, _MOST) / _MOST_OF_RAYLEIGH)
+
+
+def huber_px(residual: FloatArray) -> float:
+    """Where the Huber loss turns linear, pixels: it follows the noise of these residuals."""
+    return max(_SMALLEST_HUBER_PX, _HUBER_SIGMAS * noise_px(residual))
+
+
+def wide_px(residual: FloatArray) -> float:
+    """Where it turns linear at first, pixels."""
+    return max(_SMALLEST_HUBER_PX, _WIDE_SIGMAS * noise_px(residual))
+
+
+def gross_px(residual: FloatArray) -> float:
+    """From which length on a residual is gross, pixels."""
+    return max(GROSS_PX, _GROSS_SIGMAS * noise_px(residual))
+
+
+def stray_px(noise: FloatArray) -> FloatArray:
+    """From which length on what sets a corner off from its neighbours is no noise, pixels."""
+    return np.maximum(_SMALLEST_HUBER_PX, _GROSS_SIGMAS * noise)
+
+
+def neighbours(pairs: Observations) -> tuple[IntArray, IntArray]:
+    """(N,) index of the corner in the next column, and in the next row; -1 where it is not seen."""
+    right, down = _at(pairs, [(1, 0), (0, 1)]).T
+    return right, down
+
+
+def around(pairs: Observations) -> IntArray:
+    """(N, 8) indices of the corners around each on its board; -1 where they are not seen."""
+    return _at(pairs, [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+
+
+def _at(pairs: Observations, steps: Sequence[tuple[int, int]]) -> IntArray:
+    """(N, K) index of the corner so many columns and rows on, in the same photo and board."""
+    # One free column and row beyond the last, so that no step ends on another row or board.
+    width, height = int(pairs.column.max()) + 2, int(pairs.row.max()) + 2
+    view = pairs.image * max(len(pairs.boards), 1) + pairs.board
+    key = (view * height + pairs.row) * width + pairs.column
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    wanted = key[:, None] + np.array([row * width + column for column, row in steps])
+    place = np.minimum(np.searchsorted(ordered, wanted), len(ordered) - 1)
+    found = (ordered[place] == wanted) & (pairs.board >= 0)[:, None]
+    return np.where(found, order[place], -1)
+
+
+def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
+    """Standard deviation a coordinate of what is not smooth in residuals (N, 2), pixels.
+
+    What a wrong lens, pose or target leaves changes little from corner to corner, noise changes
+    fully: second differences along the rows keep the noise and lose the rest. 0 when unknown.
+    """
+    if not len(residual) or (pairs.board < 0).any():
+        return 0.0
+    right, _ = neighbours(pairs)
+    middle = np.flatnonzero(right >= 0)
+    middle = middle[(right[right[middle]] >= 0) & pairs.tells_error[middle]]
+    if len(middle) < 20:
+        return 0.0
+    last = right[right[middle]]
+    bend = residual[middle] - 2 * residual[right[middle]] + residual[last]
+    # The median length of a 2D normal vector, and 1 + 4 + 1 variances.
+    return float(np.median(np.hypot(bend[:, 0], bend[:, 1])) / 1.17741 / np.sqrt(6))
+
+
+def times_noise(pairs: Observations, residual: FloatArray) -> float | None:
+    """How many times the corners' own noise residuals (N, 2) are; None where it is not known."""
+    noise = local_noise_px(pairs, residual)
+    return noise_px(residual[pairs.tells_error]) / noise if noise else None
+
+
+def within_noise(pairs: Observations, residual: FloatArray) -> bool:
+    """Whether residuals (N, 2) are no larger than the corners' own noise explains."""
+    times = times_noise(pairs, residual)
+    return times is not None and times < _BEYOND_NOISE
+
+
+def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
+    """(M,) what a corner of each photo weighs, the mean over corners 1: one over its variance.
+
+    Empirical Bayes: photos' log variances are drawn to their mean, by as much as the scatter that
+    so few independent errors leave is larger than what photos truly differ by. Photos that
+    differ by no more than this scatter weigh the same, as much as a photo that tells no error does.
+
+    Args:
+        pairs: the pairs, with the weights that they came with.
+        residual: (N, 2) projection less pixel, pixels, every photo's pose fitted.
+
+    """
+    photos, own = len(pairs.images), pairs.tells_error
+    of_photo = np.bincount(pairs.image, minlength=photos)
+    count = np.bincount(pairs.image[own], minlength=photos)
+    told = residual[own] * np.sqrt(pairs.weight[own])[:, None]
+    noise, known = noise_by_photo(pairs.image[own], told, photos), count > 0
+    if known.sum() < _FEWEST_PHOTOS or not noise[known].all():
+        return np.ones(photos)
+    count, noise = count[known], noise[known]
+    free = np.maximum(2 * count - _POSE, 1)
+    variance = np.log(np.square(noise) * 2 * count / free)
+    scatter = 2 * ALIKE / free
+    apart = max(float(np.var(variance, ddof=1) - scatter.mean()), 0.0)
+    if not apart:
+        return np.ones(photos)
+    mean = np.average(variance, weights=1 / (apart + scatter))
+    weight = np.ones(photos)
+    weight[known] = np.exp((mean - variance) * apart / (apart + scatter))
+    return np.asarray(weight * of_photo.sum() / (weight @ of_photo))
+
+
+def weighed(pairs: Observations, residual: FloatArray) -> Observations:
+    """The pairs, each photo's weights times what :func:`photo_weights` says of its residuals.
+
+    Their mean is 1: priors and noise are measured by it, whatever weights the pairs came with.
+    """
+    weight = pairs.weight * photo_weights(pairs, residual)[pairs.image]
+    return with_mean_weight_one(replace(pairs, weight=weight))

@@ -16,11 +16,11 @@ import numpy as np
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
-from cubicfish_cli.core.fit.known_lens import fit_poses
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial, refit_radial
-from cubicfish_cli.core.fit.robust import wide_px
+from cubicfish_cli.core.fit.start import fit_poses
+from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Placement, Reach, placement_of, reach_of

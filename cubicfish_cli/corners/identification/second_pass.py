@@ -18,7 +18,7 @@ from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.robust import gross_px
+from cubicfish_cli.core.fit.statistics import gross_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

@@ -11,12 +11,11 @@ import numpy as np
 from cubicfish_cli.app.viewpoints.views import Viewpoint
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
-from cubicfish_cli.core.fit.prior_choice import EXPECTED
 from cubicfish_cli.core.fit.radial_reference import LOST_PX, radial_near
-from cubicfish_cli.core.fit.robust import noise_px, weighed
+from cubicfish_cli.core.fit.statistics import noise_px, weighed
 from cubicfish_cli.core.fit.subset import middle, with_mean_weight_one, world_scale
 from cubicfish_cli.core.fit.uncertainty import Information, information
 from cubicfish_cli.core.lenses.cubic import CubicCamera

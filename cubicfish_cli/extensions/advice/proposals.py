@@ -19,7 +19,7 @@ from cubicfish_cli.app.viewpoints.views import Viewpoint
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import COVERAGE
-from cubicfish_cli.core.fit.findings import FieldCells
+from cubicfish_cli.core.fit.coverage import FieldCells
 from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.extensions.advice.field import Field
 from cubicfish_cli.extensions.advice.knowledge import Knowledge

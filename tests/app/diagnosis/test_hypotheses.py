@@ -12,7 +12,7 @@ from cubicfish_cli.app.diagnosis.diagnose import HYPOTHESES, Cost, Hypothesis, f
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.evidence import Evidence
+from cubicfish_cli.core.fit.calibration import Evidence
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

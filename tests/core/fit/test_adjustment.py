@@ -9,10 +9,9 @@ from scipy.linalg import block_diag
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit import adjustment
-from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.adjustment import State, adjust, huber_cost, huber_weight
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
-from cubicfish_cli.core.fit.linearise import State, huber_cost, huber_weight
 from cubicfish_cli.core.fit.normal_equations import damped
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial, refit_radial

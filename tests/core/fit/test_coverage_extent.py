@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish_cli.core.fit.coverage_extent import coverage_extent, trusted_angle_deg
+from cubicfish_cli.core.fit.coverage import coverage_extent, trusted_angle_deg
 from cubicfish_cli.core.lenses.sphere import ray_at
 
 CAMERA = cubic_camera(100.0, bend=0.002)  # a photo that shows all of the cone

@@ -11,12 +11,10 @@ from simulated import CornerErrors, simulated_corners
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.cubic_fit import fit_cubic, starts
-from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, cone_angle
-from cubicfish_cli.core.fit.prior_choice import EXPECTED
+from cubicfish_cli.core.fit.cubic_fit import EXPECTED, fit_cubic, starts
+from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, cone_angle, linear_cubic
 from cubicfish_cli.core.fit.radial_reference import fit_radial, refit_radial
-from cubicfish_cli.core.fit.robust import huber_px
+from cubicfish_cli.core.fit.statistics import huber_px
 from cubicfish_cli.core.fit.subset import world_scale
 from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.target import Target
@@ -41,7 +39,7 @@ def test_a_pole_that_corners_miss_is_no_start(photos, seed):
     cone = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
     near, (bent, _) = reference.cubic, reference.bent(EXPECTED.spread)
     weights = np.where(near.within, 1.0, 0.1)
-    most_exact = CubicFit.linear(
+    most_exact = linear_cubic(
         near.rays,
         bent.project(near.rays),
         reference.camera,

@@ -11,7 +11,8 @@ from lenses import random_rays
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.fit.calibrate import calibrate as fit
-from cubicfish_cli.core.fit.findings import blind_angle, dropped_groups, field_cells
+from cubicfish_cli.core.fit.coverage import blind_angle, field_cells
+from cubicfish_cli.core.fit.rejection import dropped_groups
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.lenses.radial import RadialCamera
 

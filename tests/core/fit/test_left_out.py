@@ -9,23 +9,23 @@ from lenses import radial_camera
 from scipy.stats import binom
 
 from cubicfish_cli.core.fit.adjustment import adjust
-from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import (
+    EXPECTED,
+    PriorChoice,
+    _likeliest,
+    _place_of,
+    _prior_at,
+    choose_prior,
+    fit_cubic,
+)
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.held_out import held_out_error
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import FixedLens
-from cubicfish_cli.core.fit.prior_choice import (
-    EXPECTED,
-    _likeliest,
-    _place_of,
-    _prior_at,
-    choose_prior,
-)
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
-from cubicfish_cli.core.fit.robust import huber_px
-from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.statistics import huber_px, rms_px
 from cubicfish_cli.core.fit.subset import select_photos, world_scale
 
 PRIOR = PriorChoice(spread=1e-3, weight=1.0)

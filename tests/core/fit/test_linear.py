@@ -3,7 +3,7 @@
 import numpy as np
 from lenses import cubic_camera, radial_camera, random_rays
 
-from cubicfish_cli.core.fit.linear import linear_coefficients
+from cubicfish_cli.core.fit.nearest_cubic import linear_ratios
 from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.lenses.lift import lift, sphere_basis
 from cubicfish_cli.core.lenses.sphere import cone_rays
@@ -19,8 +19,8 @@ def _pixels(coefficients, rays):
 def test_a_cubic_camera_is_recovered_exactly():
     camera = cubic_camera(bend=0.01)
     rays = random_rays(90, 400)
-    coefficients = linear_coefficients(
-        rays, (camera.project(rays) - CENTRE) / SCALE, denominator_pull=0
+    coefficients = linear_ratios(
+        lift(rays) @ sphere_basis(), (camera.project(rays) - CENTRE) / SCALE, denominator_pull=0
     )
     probe = random_rays(95, 500, seed=9)
     np.testing.assert_allclose(_pixels(coefficients, probe), camera.project(probe), atol=1e-6)
@@ -33,8 +33,8 @@ def test_reweighting_takes_the_bias_away():
     probe = random_rays(90, 500, seed=9)
 
     def error(rounds):
-        found = linear_coefficients(
-            rays, (noisy - CENTRE) / SCALE, denominator_pull=0, rounds=rounds
+        found = linear_ratios(
+            lift(rays) @ sphere_basis(), (noisy - CENTRE) / SCALE, denominator_pull=0, rounds=rounds
         )
         return np.sqrt(np.mean((_pixels(found, probe) - camera.project(probe)) ** 2))
 
@@ -45,8 +45,10 @@ def test_the_pull_keeps_poles_out_of_a_smooth_lens():
     for angle in (20, 60, 100, 130):
         camera = radial_camera(angle)
         rays = cone_rays(np.deg2rad(angle), 300)
-        coefficients = linear_coefficients(
-            rays, (camera.project(rays) - CENTRE) / camera.fx, denominator_pull=1e-4
+        coefficients = linear_ratios(
+            lift(rays) @ sphere_basis(),
+            (camera.project(rays) - CENTRE) / camera.fx,
+            denominator_pull=1e-4,
         )
         P = coefficients @ sphere_basis().T
         assert check_validity(P, angle).valid
@@ -64,7 +66,9 @@ def test_rays_of_little_weight_say_little():
     pixel[middle] += [40, -25] * np.sin(20 * rays[middle, :1])
 
     def miss(**weights):
-        found = linear_coefficients(rays, (pixel - CENTRE) / SCALE, denominator_pull=0, **weights)
+        found = linear_ratios(
+            lift(rays) @ sphere_basis(), (pixel - CENTRE) / SCALE, denominator_pull=0, **weights
+        )
         return np.abs(_pixels(found, rays[~middle]) - pixel[~middle]).max()
 
     assert miss(weights=np.where(middle, 1e-6, 1.0)) < 1e-3 < 1 < miss()

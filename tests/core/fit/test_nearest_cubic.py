@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cubicfish_cli.core.fit.lenses import CubicFit
-from cubicfish_cli.core.fit.nearest_cubic import nearest_cubic
+from cubicfish_cli.core.fit.nearest_cubic import linear_cubic, nearest_cubic
 from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.lenses.radial import RadialCamera
 
@@ -33,7 +32,7 @@ def test_it_is_nearer_than_the_linear_solution(name):
     among = found.rays[found.within]
     miss = found.lens.far(among) - camera.project(among)
     np.testing.assert_allclose(miss, found.miss[found.within], atol=1e-9)
-    linear = CubicFit.linear(found.rays, camera.project(found.rays), camera, denominator_pull=1e-4)
+    linear = linear_cubic(found.rays, camera.project(found.rays), camera, denominator_pull=1e-4)
     beside = linear.far(among) - camera.project(among)
     assert found.rms_px <= np.sqrt(np.square(beside).sum(axis=1).mean())
 

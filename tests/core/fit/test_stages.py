@@ -5,7 +5,7 @@ import pytest
 from running import SAMPLE
 
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.stages import Stages
+from cubicfish_cli.core.fit.model_selection import Stages
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target

@@ -14,8 +14,7 @@ from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.held_out import HeldOut
 from cubicfish_cli.core.fit.photo_spread import _clusters
-from cubicfish_cli.core.fit.robust import photo_weights
-from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.fit.statistics import photo_weights, rms_px
 from cubicfish_cli.core.target import Target
 
 NOISE = 0.1

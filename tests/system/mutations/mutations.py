@@ -96,28 +96,28 @@ MUTATIONS = tuple(
             "core/fit/test_start",
         ),
         (
-            "core/fit/linear.py",
+            "core/fit/nearest_cubic.py",
             "rows = values * (weight / denominator)[:, None]",
             "rows = values * weight[:, None]",
             "core/fit/test_linear",
         ),
         # The adjustment and its priors.
         (
-            "core/fit/linearise.py",
+            "core/fit/adjustment.py",
             "[cross(rotated, by_point).transpose(2, 0, 1), d_point]",
             "[-cross(rotated, by_point).transpose(2, 0, 1), d_point]",
             "core/fit/test_adjustment",
         ),
         (
-            "core/fit/linearise.py",
+            "core/fit/adjustment.py",
             "scale * (distance - 0.5 * scale)",
             "scale * distance",
             "core/fit/test_adjustment",
         ),
         (
             "core/fit/normal_equations.py",
-            "shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
-            "shared[np.ix_(own, own)] += prior[:-1, :-1]",
+            "self.shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
+            "self.shared[np.ix_(own, own)] += prior[:-1, :-1]",
             "core/fit/test_adjustment",
         ),
         (

@@ -32,8 +32,14 @@ from cubicfish_cli.core.fit.refinement import (
     free_target,
 )
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import huber_px, noise_px, weighed
-from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
+from cubicfish_cli.core.fit.statistics import (
+    error_statistics,
+    huber_px,
+    noise_px,
+    photo_records,
+    rms_px,
+    weighed,
+)
 from cubicfish_cli.core.fit.subset import select, world_scale
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity

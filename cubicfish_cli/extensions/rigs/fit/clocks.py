@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.linearise import State, linearise
+from cubicfish_cli.core.fit.adjustment import Adjustment, State, linearise
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import huber_px, noise_px
+from cubicfish_cli.core.fit.statistics import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 

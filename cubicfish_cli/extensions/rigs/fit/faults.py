@@ -12,10 +12,9 @@ from scipy.special import fdtrc
 from cubicfish_cli.app.diagnosis.photo_lenses import best_cut
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding, RigFinding
-from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.linearise import linearise
+from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.clocks import Clocks

@@ -20,7 +20,7 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.rig_lens import RigLens
-from cubicfish_cli.core.fit.robust import noise_px
+from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.io.calibrated import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations

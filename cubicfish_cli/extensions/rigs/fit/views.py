@@ -14,8 +14,7 @@ from cubicfish_cli.core.finding import RigFinding, of_camera
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
 from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.fit.fit_lens import FitLens
-from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.lenses import CubicFit, FitLens, FixedLens
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import radial_near

@@ -12,10 +12,9 @@ from synthetic_lenses import SineProfile, synthetic_lens
 
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.adjustment import State, adjust, linearise
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.folds import dealt_out
-from cubicfish_cli.core.fit.linearise import State, linearise
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.subset import select

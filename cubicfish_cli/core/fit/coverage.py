@@ -1,22 +1,30 @@
-"""How far corners reach, how far beyond them the camera is extrapolated, and what that costs.
+"""Where corners are, how far beyond them the camera is extrapolated, and what that costs.
 
 Squares of the picture say whether its parts hold corners. At the rim, where a lens bends most and
-few corners are, that is too coarse: here each direction from the axis is looked at by itself.
+few corners are, that is too coarse: there each direction from the axis is looked at by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis, azimuth
 from cubicfish_cli.core.assess.fit_record import CoverageExtent
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX
+from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
-from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.types import BoolArray, FloatArray
 
+# Cells along the photo's shorter side in which coverage is counted.
+_CELLS = 8
+# A camera beyond 90° sees itself where corners leave a middle so large and round: the farthest of
+# eight sides begins at this many times the angle of the nearest.
+_BLIND_DEG, _ROUND = 30.0, 1.5
 Sigma = Callable[[FloatArray], FloatArray]
 
 _DIRECTIONS = 72
@@ -34,6 +42,75 @@ _MIDDLE = 0.5
 _TIMES, _SIDE = 2.0, 2000.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
+
+
+def blind_angle(points: FloatArray) -> float:
+    """How far from its axis a camera sees itself, radians; 0 where it seems to see other things.
+
+    A camera that looks into a mirror is in the middle of its own picture: all around the axis no
+    corner is nearer than by about one angle.
+
+    Args:
+        points: (N, 3) all corners, camera frame; those that are NaN count for nothing.
+
+    """
+    points = points[np.isfinite(points[:, 0])]
+    angle = angle_from_axis(points)
+    eighth = np.floor(azimuth(points[:, :2]) / (np.pi / 4)).astype(int) % 8
+    nearest = np.full(8, np.inf)
+    np.minimum.at(nearest, eighth, angle)
+    low, high = nearest.min(), nearest.max()
+    round_ = np.radians(_BLIND_DEG) <= low and high <= _ROUND * low
+    return float(low) if round_ and angle.max(initial=0.0) > np.pi / 2 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldCells:
+    """What coverage counts: the field where a camera may be trusted, in squares.
+
+    Attributes:
+        cell: side of a square, pixels.
+        field: (rows, columns) whether a square's middle lies in the field, and where the camera
+            does not see itself.
+        hit: (rows, columns) whether a square holds a corner.
+        blind: how far from its axis the camera sees itself, radians.
+
+    """
+
+    cell: float
+    field: BoolArray
+    hit: BoolArray
+    blind: float
+
+    @property
+    def coverage(self) -> float:
+        """Share of the field's squares that hold a corner, 0 to 1."""
+        return float((self.hit & self.field).sum() / max(self.field.sum(), 1))
+
+    @property
+    def empty(self) -> BoolArray:
+        """(rows, columns) squares of the field without a corner."""
+        return self.field & ~self.hit
+
+
+def field_cells(camera: CubicCamera | PointCamera, pixel: FloatArray) -> FieldCells:
+    """The field of a camera in squares, and which of them hold corners (N, 2), pixels."""
+    width, height = camera.image_size
+    cell = min(camera.image_size) / _CELLS
+    x = np.arange(cell / 2, width, cell)
+    y = np.arange(cell / 2, height, cell)
+    middle = np.stack(np.meshgrid(x, y), axis=-1)
+    field = inside_polygon(middle.reshape(-1, 2), camera.outline()).reshape(middle.shape[:2])
+    blind = 0.0
+    if isinstance(camera, CubicCamera):
+        blind = blind_angle(camera.unproject(pixel))
+        if blind:
+            field &= ~(angle_from_axis(camera.unproject(middle)) < blind)
+    column, row = np.floor(pixel / cell).astype(int).T
+    kept = (column >= 0) & (row >= 0) & (column < len(x)) & (row < len(y))
+    hit = np.zeros_like(field)
+    hit[row[kept], column[kept]] = True
+    return FieldCells(cell=cell, field=field, hit=hit, blind=blind)
 
 
 def coverage_extent(
