@@ -315,8 +315,7 @@ def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Eval
         cost += 0.5 * float(prior[-1, -1] + world.prior()[-1, -1] + offset @ offset)
         if not np.isfinite(cost):
             return _Evaluation(np.inf, residual)
-        normal.hold((prior, world.prior()), world.offset_weight**2, world.offsets)
-        return _Evaluation(cost, residual, normal)
+        return _Evaluation(cost, residual, normal.held(prior, world))
 
 
 def _astray(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.doubts import departures
-from cubicfish_cli.core.assess.fit_record import Departure, DroppedCorner, FitRecord
+from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord
 from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
@@ -21,7 +21,6 @@ from cubicfish_cli.core.fit.coverage import (
     field_cells,
     trusted_angle_deg,
 )
-from cubicfish_cli.core.fit.cubic_fit import CubicResult
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import (
@@ -125,9 +124,9 @@ def calibrate(
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:
-        fitted = _fitted(pairs, target, refine_target, hold_out, stages)
+        selected, nominal_fit, dropped = _fitted(pairs, target, refine_target, hold_out, stages)
         stages.begin("checks")
-        near = _assessed(fitted, pairs, target, diagnose)
+        near = _assessed(selected, nominal_fit, dropped, pairs, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
         error = (
             failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
@@ -149,31 +148,14 @@ def calibrate(
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Fitted:
-    """What was fitted, before it is said how good it is.
-
-    Attributes:
-        nominal_fit: the fit to the target as drawn.
-        selected: the model that was selected.
-        dropped: corners that were left out.
-        scale: the target's units in one unit of the fit.
-
-    """
-
-    nominal_fit: TargetFit
-    selected: SelectedModel
-    dropped: tuple[DroppedCorner, ...]
-    scale: float
-
-
 def _fitted(
     pairs: Observations,
     target: Target | None,
     refine_target: RefineTarget,
     hold_out: bool,
     stages: Stages,
-) -> _Fitted:
+) -> tuple[SelectedModel, TargetFit, tuple[DroppedCorner, ...]]:
+    """The model that was selected, the fit to the target as drawn, and what was left out."""
     stages.begin("start")
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
@@ -193,19 +175,19 @@ def _fitted(
     dropped = dropped_corners(gross, gross_error)
     dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
     fit = to_the_bottom(selected.fit)
-    return _Fitted(
-        nominal_fit=fit if fit.level == "off" else nominal_fit,
-        selected=replace(selected, fit=fit),
-        dropped=dropped,
-        scale=scale,
-    )
+    return replace(selected, fit=fit), fit if fit.level == "off" else nominal_fit, dropped
 
 
 def _assessed(
-    fitted: _Fitted, pairs: Observations, target: Target | None, diagnose: Diagnose | None
+    selected: SelectedModel,
+    nominal_fit: TargetFit,
+    dropped: tuple[DroppedCorner, ...],
+    pairs: Observations,
+    diagnose: Diagnose | None,
 ) -> Calibration:
-    selected, scale = fitted.selected, fitted.scale
+    """How good the model is that was selected, whose fit to the target as drawn is known too."""
     fit, nominal, held_out = selected.fit, selected.nominal, selected.held_out
+    target, scale = nominal.target, nominal.scale
     cubic, reference = fit.cubic, fit.reference
     used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
     refined = fit.refined_target(nominal)
@@ -229,39 +211,34 @@ def _assessed(
     told = np.where(used.tells_error[:, None], cubic.residual, np.nan)
     rim = coverage_extent(camera, points, told, spread.sigma_px)
     camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
-    dropped = fitted.dropped
     findings: Sequence[Finding] = ()
     if diagnose is not None:
-        findings = diagnose(
-            FitEvidence(
-                pairs=pairs,
-                target=target,
-                nominal_fit=fitted.nominal_fit,
-                fit=fit,
-                nominal=nominal,
-                dropped=[(corner.image, corner.board) for corner in dropped],
-                uncertainty=uncertainty,
-            )
+        evidence = FitEvidence(
+            pairs=pairs,
+            target=target,
+            nominal_fit=nominal_fit,
+            fit=fit,
+            nominal=nominal,
+            dropped=[(corner.image, corner.board) for corner in dropped],
+            uncertainty=uncertainty,
         )
-    departed: tuple[Departure, ...] = ()
-    if target is not None and refined is not None:
-        departed = departures(target, refined, findings)
-    errors = error_statistics(cubic.errors, len(used.pixel))
-    tried: dict[str, float] = {level: error.rms_px for level, error in held_out.items() if error}
+        findings = diagnose(evidence)
     left_out = held_out.get(fit.level)
-    notes = tuple(dropped_groups(pairs, [(c.image, c.board, c.error_px) for c in dropped]))
+    notes = tuple(dropped_groups(pairs, dropped))
+    rays = cubic.poses.apply(reference.pairs.image, reference.pairs.world)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     record = FitRecord(
-        **vars(errors),
+        **vars(error_statistics(cubic.errors, len(used.pixel))),
         images=len(used.images),
         held_out_rms_px=left_out.rms_px if left_out else np.nan,
         held_out_folds=left_out.folds if left_out else 0,
         companion_rms_px=rms_px(reference.errors),
         companion_held_out_rms_px=left_out.companion_rms_px if left_out else np.nan,
         refine_target=fit.level,
-        held_out_by_level=tried,
+        held_out_by_level={level: error.rms_px for level, error in held_out.items() if error},
         renamed_images=tuple(nominal.renamed),
-        departures=departed,
-        rank=_rank(reference, cubic),
+        departures=departures(target, refined, findings) if target and refined else (),
+        rank=int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays)))),
         covered_deg=covered_deg,
         reach=rim,
         pupil=effect,
@@ -337,9 +314,3 @@ def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
     found = nearest_lens([reference.camera], rays, lens.far(rays), held=held)
     sees = min(reference.covered, reference.camera.max_angle)
     return found if found.max_angle >= sees else reference.camera
-
-
-def _rank(reference: RadialReference, cubic: CubicResult) -> int:
-    points = cubic.poses.apply(reference.pairs.image, reference.pairs.world)
-    rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
-    return int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays))))

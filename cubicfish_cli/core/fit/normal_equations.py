@@ -7,14 +7,17 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.lapack import dposv
 from scipy.sparse import csr_array
 
 from cubicfish_cli.core.types import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 
 # As shares of the diagonal: of the damping that stands for none, and of the least pivot.
 _UNDAMPED, _LEAST_PIVOT = 1e-14, 1e-12
@@ -104,22 +107,24 @@ class NormalEquations:
             both = terms.by_pose.transpose(0, 2, 1) @ terms.by_corner
             self.pose_corner[terms.pose, :, corner] += both
 
-    def hold(self, priors: Sequence[FloatArray], pull: float, offsets: FloatArray) -> None:
-        """Add the pulls of the lens and of the boards, and of free corners' offsets (Q, 3) to 0.
-
-        Args:
-            priors: the Gram matrix of each, in the order in which their unknowns stand.
-            pull: of one coordinate of an offset, squared.
-            offsets: how far the corners are from where they are pulled to.
-
-        """
+    def held(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
+        """With the pulls of the lens, of the boards and of free corners."""
+        shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
         first = 0
-        for prior in priors:
+        for prior in (lens_prior, world.prior()):
             own = first + np.arange(len(prior) - 1)
-            self.shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
+            shared[np.ix_(own, np.append(own, -1))] += prior[:-1]
             first += len(own)
-        self.corner[:] += pull * np.eye(3)
-        self.corner_shared[:, :, -1] += pull * offsets
+        pull = world.offset_weight**2
+        corner_shared[:, :, -1] += pull * world.offsets
+        return NormalEquations(
+            shared=shared,
+            pose=self.pose,
+            pose_shared=self.pose_shared,
+            corner=self.corner + pull * np.eye(3),
+            corner_shared=corner_shared,
+            pose_corner=self.pose_corner,
+        )
 
     def without(self, poses: IntArray, put_in: NormalEquations) -> NormalEquations:
         """The equations less what was seen from some poses, which stay where they are.

@@ -130,20 +130,18 @@ def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
     return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=near))
 
 
-def dropped_groups(
-    before: Observations, dropped: Sequence[tuple[str, str | None, float]]
-) -> list[Finding]:
+def dropped_groups(before: Observations, dropped: Sequence[DroppedCorner]) -> list[Finding]:
     """Boards of which a photo lost most corners: no single slips but one cause.
 
     Args:
         before: the pairs before any was dropped.
-        dropped: photo, board and error in pixels of each dropped corner.
+        dropped: these.
 
     """
     groups: dict[tuple[str, str], list[float]] = {}
-    for image, board, error in dropped:
-        if board is not None:
-            groups.setdefault((image, board), []).append(error)
+    for corner in dropped:
+        if corner.board is not None:
+            groups.setdefault((corner.image, corner.board), []).append(corner.error_px)
     lost: dict[str, list[tuple[str, list[float], int]]] = {}
     for (image, board), errors in groups.items():
         own = (before.image == before.images.index(image)) & (

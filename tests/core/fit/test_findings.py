@@ -9,6 +9,7 @@ import synthetic
 from lenses import random_rays
 
 from cubicfish_cli.commands.calibration import calibrate
+from cubicfish_cli.core.assess.fit_record import DroppedCorner
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.fit.calibrate import calibrate as fit
 from cubicfish_cli.core.fit.coverage import blind_angle, field_cells
@@ -68,14 +69,16 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
 
 
 def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
-    dropped = [("00.png", "left", 3.0)] * 9 + [("02.png", "left", 8.0)] * 8
-    dropped += [("02.png", "floor", 2.5), ("03.png", None, 9.0)]
+    one = DroppedCorner(image="00.png", board="left", error_px=3.0)
+    dropped = [one] * 9 + [DroppedCorner(image="02.png", board="left", error_px=8.0)] * 8
+    dropped += [DroppedCorner(image="02.png", board="floor", error_px=2.5)]
+    dropped += [DroppedCorner(image="03.png", error_px=9.0)]
     seen = sum(
         ((pairs.image == photo) & (pairs.board == pairs.boards.index("left"))).sum()
         for photo in (0, 2)
     )
     few, _ = select(pairs, (pairs.column < 4) & (pairs.row < 4))
-    assert dropped_groups(pairs, [("00.png", "left", 3.0)]) == []
+    assert dropped_groups(pairs, [one]) == []
     (told,) = dropped_groups(few, dropped)
     assert (told.images, told.boards) == (("00.png", "02.png"), ("left",))
     assert told.figures["corners"] < seen

@@ -116,8 +116,8 @@ MUTATIONS = tuple(
         ),
         (
             "core/fit/normal_equations.py",
-            "self.shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
-            "self.shared[np.ix_(own, own)] += prior[:-1, :-1]",
+            "shared[np.ix_(own, np.append(own, -1))] += prior[:-1]",
+            "shared[np.ix_(own, own)] += prior[:-1, :-1]",
             "core/fit/test_adjustment",
         ),
         (
