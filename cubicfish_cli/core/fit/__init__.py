@@ -4,16 +4,15 @@
 levels. The direction of a pixel from the image's centre does not depend on the radial profile,
 which gives linear start poses without any guess (`radial_pose.py`, `start.py`). A Kannala–Brandt
 lens and all poses follow (`radial_reference.py`). The cubic starts from the one nearest to the
-radial reference on a cone (`linear.py`, Eq. 8–9, then least squares in pixels: `nearest_cubic.py`)
-and is fitted jointly with all poses (`cubic_fit.py`; `adjustment.py` takes the steps, and
-`linearise.py` has the residuals and their derivatives, Eq. 10), held by a weak prior to the nearest
-lens of the radial reference's kind, decentred and tilted (`asymmetric.py`, and `RayPrior` in
-`lenses.py`). That fixes the gauge and keeps poles out where there are no corners. How symmetric
-that lens is and how firmly it holds P is chosen by photos that are left out (`prior_choice.py`), to
-first order (`left_out.py`). `core/lenses/cubic.py` checks for poles and folds over the whole
-trusted cone. Grossly wrong corners are dropped and listed, and at the end those that depart from
-their neighbours (`rejection.py`). Photos count by their own noise (`robust.py`), and
-`held_out.py` says what the camera is worth on photos that it never saw.
+radial reference on a cone (`nearest_cubic.py`: Eq. 8–9, then least squares in pixels) and is fitted
+jointly with all poses (`cubic_fit.py`; `adjustment.py` has the residuals, their derivatives and the
+steps, Eq. 10), held by a weak prior to the nearest lens of the radial reference's kind, decentred
+and tilted (`asymmetric.py`, and `RayPrior` in `lenses.py`). That fixes the gauge and keeps poles
+out where there are no corners. How symmetric that lens is and how firmly it holds P is chosen by
+photos that are left out, to first order (`left_out.py`). `core/lenses/cubic.py` checks for poles
+and folds over the whole trusted cone. Grossly wrong corners are dropped and listed, and at the end
+those that depart from their neighbours (`rejection.py`). Photos count by their own noise
+(`statistics.py`), and `held_out.py` says what the camera is worth on photos that it never saw.
 
 What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what
 corners say is (`NormalEquations`): they add up, and what photos put in is taken out again where
@@ -27,11 +26,11 @@ by which held-out photos gain. Before corners are fitted one by one, `orientatio
 way round photos show a target that looks the same after a turn (`placement.py`), and a rig's
 cameras are made to agree (`fit/names.py`). `uncertainty.py` carries the corners' noise through
 the normal equations to pixels, `photo_spread.py` adds what photos' shared errors do,
-`findings.py` notes what is odd, and `assess/doubts.py` measures by how much a fitted target departs
-from its drawing, and doubts what no print or wall explains.
+`coverage.py` says where corners are, and `assess/doubts.py` measures by how much a fitted target
+departs from its drawing, and doubts what no print or wall explains.
 
 The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
-there is none; `evidence.py`) to a function that its caller gives it, and takes findings back.
+there is none; `calibration.py`) to a function that its caller gives it, and takes findings back.
 
 Beside it stand `model_comparison.py` (the table that `calibrate --compare` prints), `conversion/`
 (cubic cameras from and to other lenses), `comparison.py` and `alignment.py` (two cameras, pixel

@@ -10,7 +10,7 @@ films of a hand that moves a target. `extensions/advice/knowledge.py` fits a cal
 its record. What photos say of a camera adds up (`Information` in `core/fit/uncertainty.py`), so
 `proposals.py` can tell for every sampled pose what its corners would leave of the uncertainty,
 takes the best, then the best after that one. The squares of the field are counted once, in
-`FieldCells` (`core/fit/findings.py`), for coverage, report and advice. `enough.py` of
+`FieldCells` (`core/fit/coverage.py`), for coverage, report and advice. `enough.py` of
 `app/sufficiency` names what is missing as a photographer would, goes by the verdict on whether
 photos are enough, and gives one line from the record alone (`summary`).
 """
