@@ -118,7 +118,7 @@ def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
     from cubicfish_cli.app.undistortion.map_formats import build_redistort_map, map_paths
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.choose import chosen_view
-    from cubicfish_cli.core.views.maps import build_map, camera_for_photos
+    from cubicfish_cli.core.views.maps import camera_for_photos
 
     goal, view = Path(asked.output), asked.view
     plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
@@ -127,15 +127,16 @@ def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
     loaded = load_camera(path).camera
     there = camera_for_photos(loaded, asked.photo_size or loaded.image_size)
     chosen = chosen_view(there, view)
-    build = build_redistort_map if asked.redistort else build_map
-    maps = {name: build(there, one) for name, one in chosen.views.items()}
+    maps = chosen.maps()
+    if asked.redistort:
+        maps = {name: build_redistort_map(there, one) for name, one in chosen.views.items()}
     return MapFiles(
         model=path,
         own=files_of(plan),
         written=write_maps(plan, maps, goal, run),
         image_size=there.image_size,
         view=chosen,
-        seen=None if asked.redistort else chosen.seen_by(there),
+        seen=None if asked.redistort else chosen.seen,
     )
 
 

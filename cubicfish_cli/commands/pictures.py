@@ -14,7 +14,7 @@ import numpy as np
 from cubicfish_cli.app.asked import Run, path_or_none, target_in
 from cubicfish_cli.app.photos import SUFFIXES, Photo, photo_size, shown
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
-from cubicfish_cli.app.undistortion.batch import Job, Size, Views, built, write_many, write_one
+from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
 from cubicfish_cli.app.undistortion.images import check_suffix
 from cubicfish_cli.app.undistortion.map_formats import part_name, view_files
 from cubicfish_cli.core.assess.fit_record import FitRecord
@@ -186,7 +186,7 @@ def write_pictures(
     run: Run,
     *,
     model: Path | None,
-    write: Callable[[Sequence[Job]], dict[str, CubicfishError]] | None = None,
+    write: Write | None = None,
     size_of: Callable[[Path], Size] = photo_size,
 ) -> UndistortedFiles:
     """Write what was planned, and what is asked beside it.
@@ -198,7 +198,7 @@ def write_pictures(
         asked: how.
         run: how the work is done.
         model: the file of what took the photos, for the record.
-        write: writes the results of what are no photos, and answers which failed, and why.
+        write: writes the result of one that is no photo.
         size_of: tells how large a source is.
 
     Raises:
@@ -222,17 +222,16 @@ def write_pictures(
             files = {path: content for path, content in files.items() if not path.is_file()}
         refuse_existing(*files, overwrite=run.overwrite, can_skip=not asked.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    if write is None:
-        failures = write_many(
-            left,
-            partial(write_one, render=views, quality=asked.quality),
-            workers=run.jobs or os.cpu_count() or 1,
-            overwrite=run.overwrite,
-            progress=run.listener.counting("Undistorting"),
-            executor=run.executor if left else None,
-        )
-    else:
-        failures = write(left)
+    # Videos are done one after the other, and each tells how far it is.
+    counted = None if write else run.listener.counting("Undistorting")
+    failures = write_many(
+        left,
+        write or partial(write_one, render=views, quality=asked.quality),
+        workers=1 if write else run.jobs or os.cpu_count() or 1,
+        overwrite=run.overwrite,
+        progress=counted or (lambda done, total: None),
+        executor=run.executor if left else None,
+    )
     for job in left if run.executor is None else ():
         missing = next((path for path in job.outputs.values() if not path.is_file()), None)
         if missing is not None and job.name not in failures:  # somebody removed their folder
@@ -242,8 +241,8 @@ def write_pictures(
     view = seen = None
     done = next((job.source for job in left if job.name in written), None)
     if done is not None:
-        there, view = views.chosen(done, size_of(done))
-        seen = None if there is None else view.seen_by(there)
+        view = views.chosen(done, size_of(done))
+        seen = view.seen
     return UndistortedFiles(
         kind=kind,
         written=written,
@@ -310,7 +309,7 @@ class PlaneViews(Views):
         found = detect_corners(photos, self._target, run.work("Finding corners"))
         self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
-    def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
+    def chosen(self, source: Path, size: Size) -> ChosenView:
         """The board's plane in this photo."""
         camera, rotation, translation = self._placed(source, size)
         plane = build_plane(
@@ -321,11 +320,11 @@ class PlaneViews(Views):
             translation,
             pixels_per_unit=self._plane.pixels_per_unit,
         )
-        return camera, ChosenView(views={"": plane}, unit=self._target.units)
+        return ChosenView(views={"": plane}, camera=camera, unit=self._target.units)
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """Another one for each photo."""
-        return built(*self.chosen(source, size))
+        return self.chosen(source, size).maps()
 
     def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
         """A camera, and the rotation and the translation from the world to its frame."""

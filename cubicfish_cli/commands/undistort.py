@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.io.calibrated import Calibrated
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.views.choose import ChosenView
-    from cubicfish_cli.core.views.maps import UndistortMap
     from cubicfish_cli.core.views.view import View
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
@@ -230,7 +229,7 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
         return write_pictures(kind, jobs, views, asked, run, model=path)
     from cubicfish_cli.app.undistortion.video import video_size
 
-    write = partial(_write_videos, views=views, asked=asked, run=run)
+    write = partial(_write_video, views=views, asked=asked, run=run)
     return write_pictures(
         kind, jobs, views, asked, run, model=path, write=write, size_of=video_size
     )
@@ -281,42 +280,35 @@ def _loaded(asked: UndistortOptions) -> tuple[Path | None, Any]:
     return path, load(path)
 
 
-def _map_of(views: Views, job: Job, size: tuple[int, int]) -> UndistortMap:
-    return views.maps(job.source, size)[""]
+def _write_video(job: Job, views: Views, asked: UndistortOptions, run: Run, **how: object) -> None:
+    """Write one video, telling how far that is.
 
+    Raises:
+        PhotoError: it is cut short; what there is is written all the same.
+        CubicfishError: it cannot be done.
 
-def _write_videos(
-    jobs: Sequence[Job], views: Views, asked: UndistortOptions, run: Run
-) -> dict[str, CubicfishError]:
-    """Videos, each of which tells how far it is: which could not be done, and why."""
+    """
     from cubicfish_cli.app.photos import shown
     from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, undistort_video
 
-    failures = {}
-    for job in jobs:
-        output = job.outputs[""]
-        try:
-            done = undistort_video(
-                job.source,
-                output,
-                partial(_map_of, views, job),
-                asked.interpolation,
-                crf=DEFAULT_CRF if asked.crf is None else asked.crf,
-                overwrite=run.overwrite,
-                progress=run.listener.counting(job.name),
-            )
-        except CubicfishError as problem:
-            failures[job.name] = problem
-            continue
-        if done.turned_deg:
-            run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
-        if done.missing:
-            failures[job.name] = PhotoError(
-                f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} "
-                f"frames and has {done.frames:,}, which {shown(output)} holds: copy it again if "
-                "you can"
-            )
-    return failures
+    output = job.outputs[""]
+    done = undistort_video(
+        job.source,
+        output,
+        lambda size: views.maps(job.source, size)[""],
+        asked.interpolation,
+        crf=DEFAULT_CRF if asked.crf is None else asked.crf,
+        overwrite=run.overwrite,
+        progress=run.listener.counting(job.name),
+    )
+    if done.turned_deg:
+        run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
+    if done.missing:
+        raise PhotoError(
+            f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} "
+            f"frames and has {done.frames:,}, which {shown(output)} holds: copy it again if "
+            "you can"
+        )
 
 
 @as_command(

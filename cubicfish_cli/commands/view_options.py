@@ -147,10 +147,11 @@ def _view_bundle(*, planes: bool) -> Any:
             FloatRange(1e-9, 1_000_000_000),
         ),
         fit=option(
-            "--fit inner|outer|SHARE",
+            "--fit inner|outer|whole|SHARE",
             "Field from what the camera sees: no empty pixel, nothing lost, or a share "
-            "between (0 to 1).",
-            Parsed("inner|outer|SHARE", _share),
+            "between (0 to 1); or the whole photo, extrapolated where the camera is not "
+            "calibrated.",
+            Parsed("inner|outer|whole|SHARE", _share),
         ),
         rotate=option(
             "--rotate YAW,PITCH,ROLL",
@@ -172,12 +173,18 @@ def say_what_is_unseen(seen: SeenField | None) -> None:
     """Tell the user where the camera's field ends before the view's does, and what is lost."""
     if seen is None:
         return
-    if not seen.is_whole:
+    if seen.describe():
         say(f"the camera sees {seen.describe()}: the rest is empty")
-    if seen.uncalibrated > _MUCH:
+    if seen.whole and seen.uncalibrated:
+        say(
+            f"{100 * seen.uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
+            "not calibrated: --mask FILE marks what may be trusted"
+        )
+    elif seen.uncalibrated > _MUCH:
         say(
             f"{100 * seen.uncalibrated:.0f} % of the photo is left out, where the camera is not "
-            "calibrated: calibrate again with photos in which the target reaches the photo's edges"
+            "calibrated: calibrate again with photos in which the target reaches the photo's "
+            "edges, or have it extrapolated by --fit whole"
         )
     if seen.cut_off > _MUCH:
         say(

@@ -16,12 +16,12 @@ import numpy.typing as npt
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import CorrespondenceError
+from cubicfish_cli.core.reading import MAX_COORDINATE
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.core.wording import Brief, did_you_mean, quoted
 
 MAX_SIDE = 100_000
-MAX_COORDINATE = 1e9
 _REFUSAL = Refusal(error=CorrespondenceError)
 _OF_A_ROW = (
     "image",

@@ -34,6 +34,8 @@ from pathlib import Path
 
 from cubicfish_cli.core.errors import MISSING, CubicfishError
 
+MAX_COORDINATE = 1e9
+"""Of points and pixels: no photo and no object has larger numbers."""
 PATIENCE = 2.0
 """Seconds to wait for somebody to write into a pipe."""
 

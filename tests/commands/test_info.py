@@ -71,7 +71,7 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
     assert seen.horizontal > seen.vertical > 60
     save_camera(tmp_path / "camera.yaml", middle)
     assert "calibrated to 20° from the axis" in run("info", tmp_path).stdout
-    lost = chosen_view(middle, None).seen_by(middle)
+    lost = chosen_view(middle, None).seen
     assert lost is not None
     # The cone is a circle of 89 pixels in the photo.
     assert lost.uncalibrated == pytest.approx(1 - np.pi * 89**2 / (400 * 300), abs=0.03)
@@ -81,7 +81,7 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
     assert "% of the photo is left out" in run(*line).stderr
     turned = ViewOptions(rotate_deg=(5, 0, 0))
     for given, cut in ((ViewOptions(), 0.1), (ViewOptions(hfov_deg=30), 0), (turned, 0)):
-        whole = chosen_view(camera, given).seen_by(camera)
+        whole = chosen_view(camera, given).seen
         assert whole is not None
         assert whole.cut_off >= cut
         assert bool(whole.cut_off) == bool(cut)

@@ -6,6 +6,7 @@ some wait for it the others go on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, closing, nullcontext
@@ -13,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from os.path import abspath
 from pathlib import Path
-from threading import BoundedSemaphore, Lock
+from threading import BoundedSemaphore, RLock
 from typing import Any
 
 from cubicfish_cli.app.executors.pool import Executor
@@ -23,20 +24,22 @@ from cubicfish_cli.app.undistortion.images import (
     encode_picture,
     naming,
     remap_picture,
+    render,
 )
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
 from cubicfish_cli.core.files import remove_orphans, write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import ChosenView, chosen_view
-from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos
+from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
 from cubicfish_cli.core.views.options import ViewOptions
-from cubicfish_cli.core.views.plane import PointProjector
 from cubicfish_cli.core.views.view import View
 
 Size = tuple[int, int]
 """(width, height), pixels."""
-MAKING = Lock()
+MAKING = RLock()
 """Held while maps are made, which one thread does for all."""
+# Pixels of a view whose map, of nine bytes each, is not kept from one photo to the next.
+_MOST_KEPT = 30_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +75,8 @@ class Views:
     """What a run renders of each photo; called, it renders one.
 
     A view from the camera's place is the same for all photos of a size, and its maps are made once,
-    from any thread. Sizes are (width, height), pixels.
+    from any thread, unless they are so large that each photo is rendered a few rows at a time.
+    Sizes are (width, height), pixels.
     """
 
     def __init__(
@@ -87,6 +91,7 @@ class Views:
 
         """
         self._camera, self._asked, self.interpolation = camera, asked, interpolation
+        self._chosen: dict[Size, ChosenView] = {}
         self._made: dict[Size, Mapping[str, UndistortMap]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -97,33 +102,36 @@ class Views:
         """Photos with the same group have the same view and maps."""
         return size
 
-    def chosen(self, source: Path, size: Size) -> tuple[Any, ChosenView]:
-        """The camera that took a photo of ``size``, None for several, and the view of it.
+    def chosen(self, source: Path, size: Size) -> ChosenView:
+        """The view of a photo of ``size``, and the camera that took it.
 
         Raises:
             ViewError: there is no such view of this photo.
 
         """
-        camera = camera_for_photos(self._camera, size)
-        return camera, chosen_view(camera, self._asked)
+        if size not in self._chosen:
+            self._chosen[size] = chosen_view(camera_for_photos(self._camera, size), self._asked)
+        return self._chosen[size]
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """Part of the view -> its map."""
         with MAKING:
             if size not in self._made:
-                self._made[size] = built(*self.chosen(source, size))
+                self._made[size] = self.chosen(source, size).maps()
             return self._made[size]
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job, as :func:`write_many` asks for them."""
         picture, how = photos[""], self.interpolation
-        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
+        size = picture.shape[1], picture.shape[0]
+        with MAKING:
+            view = self.chosen(job.source, size)
+        if view.camera is not None and math.prod(view.first.size) > _MOST_KEPT:
+            return {
+                part: render(picture, view.camera, view.views[part], how) for part in job.outputs
+            }
+        maps = self.maps(job.source, size)
         return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
-
-
-def built(camera: PointProjector, view: ChosenView) -> dict[str, UndistortMap]:
-    """Part of a view of a camera's photos -> its map."""
-    return {part: build_map(camera, one) for part, one in view.views.items()}
 
 
 def write_many(
@@ -230,9 +238,10 @@ def _by_threads(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
     """Do the work here; OpenCV's own threads gain only where nothing else works beside it."""
-    alone = workers == 1 or len(jobs) == 1
-    own_threads = nullcontext() if alone else one_opencv_thread()
-    with own_threads, ThreadPoolExecutor(workers + 1) as threads:
+    if workers == 1 or len(jobs) == 1:
+        yield from enumerate(map(work, jobs))
+        return
+    with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
         try:
             numbers = {threads.submit(work, job): number for number, job in enumerate(jobs)}
             for future in as_completed(numbers):

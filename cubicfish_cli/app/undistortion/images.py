@@ -26,9 +26,14 @@ from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.core.files import refuse_existing, write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import build_view
-from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos
+from cubicfish_cli.core.views.maps import (
+    UndistortMap,
+    build_map,
+    camera_for_photos,
+    rows_per_block,
+)
 from cubicfish_cli.core.views.options import INTERPOLATIONS, Interpolation
-from cubicfish_cli.core.views.view import View
+from cubicfish_cli.core.views.view import PointProjector, View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 CV2_FLAGS = dict(
@@ -56,6 +61,8 @@ _HOLDS = {
 
 
 _TIFF_LZW = 5
+# Of rows at a time: a map of some two million pixels.
+_BLOCKS = 32
 
 
 def remap_picture(
@@ -95,8 +102,23 @@ def remap_picture(
     )
     out = np.asarray(out)
     if wide:
-        out[~undistort_map.valid] = 0
+        out[undistort_map.empty] = 0
     return out
+
+
+def render(
+    picture: Picture, camera: PointProjector, view: View, interpolation: str = "linear"
+) -> Picture:
+    """The same without a map of all of it in memory: some rows after the others."""
+    width, height = view.size
+    flat = np.empty((height, width, *picture.shape[2:]), picture.dtype)
+    step = _BLOCKS * rows_per_block(view)
+    for top in range(0, height, step):
+        rows = range(top, min(height, top + step))
+        flat[rows.start : rows.stop] = remap_picture(
+            picture, build_map(camera, view, rows), interpolation
+        )
+    return flat
 
 
 def undistort(

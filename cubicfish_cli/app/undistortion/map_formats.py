@@ -70,7 +70,7 @@ def stmap(pixel_map: UndistortMap) -> tuple[Floats, Floats]:
     width, height = pixel_map.image_size
     u = (pixel_map.map_x.astype(float) + 0.5) / width
     v = 1 - (pixel_map.map_y.astype(float) + 0.5) / height
-    u[~pixel_map.valid] = v[~pixel_map.valid] = OUTSIDE
+    u[pixel_map.empty] = v[pixel_map.empty] = OUTSIDE
     return u.astype(np.float32), v.astype(np.float32)
 
 
@@ -114,14 +114,14 @@ def png_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
     The half pixel at the frame's edge is never 0, so 0 marks what comes from nowhere.
     """
     u, v = (np.round(part * 65_535.0) for part in stmap(pixel_map))
-    valid = pixel_map.valid
-    return np.where(valid, u, 0).astype(np.uint16), np.where(valid, v, 0).astype(np.uint16)
+    empty = pixel_map.empty
+    return np.where(empty, 0, u).astype(np.uint16), np.where(empty, 0, v).astype(np.uint16)
 
 
 def pgm_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
     """For ffmpeg's remap filter, x and y (H, W): whole source pixels, 65535 for nowhere."""
     x, y = (
-        np.where(pixel_map.valid, np.rint(part), _BEYOND).astype(np.uint16)
+        np.where(pixel_map.empty, _BEYOND, np.rint(part)).astype(np.uint16)
         for part in (pixel_map.map_x, pixel_map.map_y)
     )
     return x, y

@@ -47,6 +47,9 @@ _QUEUE = 4
 # that are written, lie on the first, unless a video says otherwise, which hardly any does.
 _CENTRED = frozenset(["mjpeg"])
 
+# Planes of green, blue and red. They are kept where no loss is asked for: H.264 has them by an
+# encoder of its own, others by themselves.
+_RGB = "gbrp"
 # Pixel format -> bits, and columns and rows of brightness for one sample of colour
 # (0 for no colour).
 _PLANAR: dict[str, tuple[int, int, int]] = {
@@ -64,6 +67,7 @@ _PLANAR: dict[str, tuple[int, int, int]] = {
     "yuv420p12le": (12, 2, 2),
     "yuv422p12le": (12, 2, 1),
     "yuv444p12le": (12, 1, 1),
+    _RGB: (8, 1, 1),
 }
 
 
@@ -200,18 +204,22 @@ class _Writer:
     ) -> None:
         self._av = library()
         self._destination = destination
-        self.codec = codec = _CODECS.get(destination.suffix.lower(), "libx264")
+        given = stream.codec_context.format
+        rgb = crf == 0 and given.is_rgb and given.components[0].bits == 8
+        self.codec = codec = _CODECS.get(
+            destination.suffix.lower(), "libx264rgb" if rgb else "libx264"
+        )
         with self._errors():
             known = {"crf": str(crf)}
             if codec == "libvpx-vp9":
-                known |= {"b": "0", "row-mt": "1"}
+                known |= {"b": "0", "row-mt": "1", "lossless": str(int(crf == 0))}
             self._container = self._av.open(str(temporary), "w")
             self._stream = self._container.add_stream(
                 codec, rate=stream.average_rate or Fraction(25), options=known
             )
         context = self._stream.codec_context
         width, height = undistort_map.view.size
-        self.pixel_format = self._pixel_format(stream.codec_context.pix_fmt)
+        self.pixel_format = _RGB if rgb else self._pixel_format(stream.codec_context.pix_fmt)
         _, across, down = _PLANAR[self.pixel_format]
         if (across and width % across) or (down and height % down):
             self._container.close()
@@ -220,7 +228,7 @@ class _Writer:
                 f"choose --size {width + width % 2}x{height + height % 2}"
             )
         self._stream.width, self._stream.height = width, height
-        self._stream.pix_fmt = self.pixel_format
+        self._stream.pix_fmt = "bgr24" if codec == "libx264rgb" else self.pixel_format
         context.time_base = stream.time_base
         for name in ("color_range", "color_primaries", "color_trc", "colorspace"):
             value = getattr(stream.codec_context, name, None)
@@ -349,13 +357,15 @@ def _chroma_maps(
     shift_x = (across - 1) / 2 if centred else 0.0
     x = np.clip((mean(undistort_map.map_x) - shift_x) / across, 0, limit_x)
     y = np.clip((mean(undistort_map.map_y) - (down - 1) / 2) / down, 0, limit_y)
-    outside = mean(undistort_map.valid) < 1
+    outside = mean(undistort_map.empty) > 0
     x[outside] = y[outside] = OUTSIDE
     return x.astype(np.float32), y.astype(np.float32)
 
 
 def _black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
     """Brightness and two colour differences of what is black in this video."""
+    if frame.format.is_rgb:
+        return 0, 0, 0
     full = frame.format.name.startswith("yuvj") or int(getattr(frame, "color_range", 0) or 0) == 2
     middle = 2 ** (bits - 1)
     return 0 if full else 2 ** (bits - 4), middle, middle

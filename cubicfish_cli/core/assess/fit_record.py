@@ -18,7 +18,7 @@ from cubicfish_cli.core.assess.pupil import PupilEffect
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.observations import MAX_COORDINATE
+from cubicfish_cli.core.reading import MAX_COORDINATE
 from cubicfish_cli.core.types import FloatArray
 
 NAN = math.nan

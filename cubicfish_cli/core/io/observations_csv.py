@@ -12,7 +12,6 @@ import numpy as np
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.observations import (
-    MAX_COORDINATE,
     MAX_SIDE,
     Observations,
     first_bad_weight,
@@ -21,6 +20,7 @@ from cubicfish_cli.core.observations import (
     first_repeated,
     no_such_board,
 )
+from cubicfish_cli.core.reading import MAX_COORDINATE
 from cubicfish_cli.core.tables import Table, csv_text, read_table
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,11 +21,22 @@ from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.core.views.options import INNER, KINDS, OUTER, WIDEST, Kind, Share, ViewOptions
+from cubicfish_cli.core.views.maps import UndistortMap, WholePhoto, build_map
+from cubicfish_cli.core.views.options import (
+    INNER,
+    KINDS,
+    OUTER,
+    WHOLE,
+    WIDEST,
+    Kind,
+    Share,
+    ViewOptions,
+)
 from cubicfish_cli.core.views.view import (
     PROJECTIONS,
     Camera,
     CentralView,
+    PointProjector,
     View,
     face_views,
     rotation_from_angles,
@@ -102,6 +113,8 @@ def build_view(
     """
     if kind == "cube":
         raise UsageError("a cube is several views: ask for it by ViewOptions(kind='cube')")
+    if fit == WHOLE:
+        raise UsageError("fit 'whole' is what files are asked for: ViewOptions(fit='whole')")
     numbers: dict[str, Any] = {"size": size, "rotate_deg": rotate_deg}  # of any kind
     asked = ViewOptions(
         kind=kind, hfov_deg=hfov_deg, vfov_deg=vfov_deg, focal=focal, fit=fit, **numbers
@@ -112,12 +125,11 @@ def build_view(
 def _central(camera: Camera, asked: ViewOptions) -> tuple[CentralView, bool]:
     """The view, and whether the camera sees more than it can show."""
     size = asked.size or camera.image_size
-    yaw, pitch, roll = asked.rotate_deg
     view = CentralView(
         kind=asked.kind or KINDS[0],
         size=size,
         focal=asked.focal or 1.0,
-        rotation=rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll),
+        rotation=rotation_from_angles(*asked.rotate_deg),
     )
     scale = size[0] / camera.image_size[0]
     field = partial(CentralView.with_field, view.kind, rotation=view.rotation)
@@ -137,7 +149,7 @@ def _central(camera: Camera, asked: ViewOptions) -> tuple[CentralView, bool]:
         widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
         least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
         return replace(view, focal=max(axis_focal(camera), least) * scale), False
-    share = OUTER if asked.fit is None else float(asked.fit)
+    share = OUTER if asked.fit in (None, WHOLE) else float(asked.fit)
     view, at_limit = fit_view(camera, view, share)
     if asked.fit is None and view.kind.endswith("cylindrical") and at_limit:
         # All round, for the sake of what is nearly overhead, is not what anyone means.
@@ -344,7 +356,8 @@ class SeenField:
         field_deg: of the view, across and down.
         seen_deg: what the camera sees of it, along the view's middle row and column.
         uncalibrated: share of what the photos show that lies beyond the camera's cone.
-        cut_off: share of it that lies beyond the view's edges; 0 where the field was asked for.
+        cut_off: share of it that lies beyond the view's edges.
+        whole: whether what is uncalibrated is shown too, extrapolated.
 
     """
 
@@ -352,25 +365,19 @@ class SeenField:
     seen_deg: tuple[float, float]
     uncalibrated: float = 0.0
     cut_off: float = 0.0
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the camera sees all of it."""
-        return all(
-            field - seen < _LEAST_UNSEEN_DEG
-            for field, seen in zip(self.field_deg, self.seen_deg, strict=True)
-        )
+    whole: bool = False
 
     def describe(self) -> str:
-        """``191.2° of 231.7° across, all 173.7° down``."""
-        return ", ".join(
+        """``191.2° of 231.7° across, all 173.7° down``; empty where the camera sees all of it."""
+        words = [
             f"all {field:.1f}° {way}"
             if field - seen < _LEAST_UNSEEN_DEG
             else f"{seen:.1f}° of {field:.1f}° {way}"
             for seen, field, way in zip(
                 self.seen_deg, self.field_deg, ("across", "down"), strict=True
             )
-        )
+        ]
+        return "" if all(one.startswith("all") for one in words) else ", ".join(words)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -379,6 +386,7 @@ class ChosenView:
 
     Attributes:
         views: name of the part -> view; one part named "" unless it is a cube.
+        camera: whose photos are rendered; None for those of several.
         at_limit: whether the camera sees more than the fitted view can show.
         unit: of length, of a plane's picture.
         asked_field: whether its field is what somebody asked for.
@@ -386,6 +394,7 @@ class ChosenView:
     """
 
     views: Mapping[str, View]
+    camera: PointProjector | None = None
     at_limit: bool = False
     unit: str = "unit"
     asked_field: bool = True
@@ -402,16 +411,27 @@ class ChosenView:
             return f"the six faces of a cube, {width}x{height} pixels each"
         return f"{width}x{height} pixels, {self.first.describe(self.unit)}"
 
-    def seen_by(self, camera: Camera) -> SeenField | None:
-        """What a camera sees of the view's field; None of a cube and of a plane."""
-        if len(self.views) > 1 or not isinstance(self.first, CentralView):
+    @property
+    def seen(self) -> SeenField | None:
+        """What the camera sees of the view's field; None of a cube, a plane and of several."""
+        view, camera = self.first, cast(Camera, self.camera)
+        if len(self.views) > 1 or not isinstance(view, CentralView) or self.camera is None:
             return None
-        field = (self.first.hfov_deg, self.first.vfov_deg)
-        seen = SeenField(field_deg=field, seen_deg=seen_field_deg(camera, self.first))
-        if self.asked_field or not isinstance(camera, CubicCamera):
+        seen = SeenField(
+            field_deg=(view.hfov_deg, view.vfov_deg),
+            seen_deg=seen_field_deg(camera, view),
+            whole=isinstance(camera, WholePhoto),
+        )
+        own = camera.camera if isinstance(camera, WholePhoto) else camera
+        if self.asked_field or not isinstance(own, CubicCamera):
             return seen
-        uncalibrated, cut_off = lost_shares(camera, self.first)
+        uncalibrated, cut_off = lost_shares(own, view)
         return replace(seen, uncalibrated=uncalibrated, cut_off=cut_off)
+
+    def maps(self) -> dict[str, UndistortMap]:
+        """Part of the view -> its map for the camera's photos."""
+        assert self.camera is not None
+        return {part: build_map(self.camera, one) for part, one in self.views.items()}
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON; of a cube the first face, and all their names."""
@@ -428,18 +448,23 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
     """What is rendered of a camera's photos: a view as it is given, or what is asked of it.
 
     Raises:
+        UsageError: the whole of what several cameras' photos show is asked for.
         ViewError: the view is not one that can be rendered.
 
     """
     if isinstance(asked, View):
-        return ChosenView(views={"": asked})
+        return ChosenView(views={"": asked}, camera=camera)
     asked = asked or ViewOptions()
     if asked.kind == "cube":
         side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
-        yaw, pitch, roll = asked.rotate_deg
-        rotation = rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
-        return ChosenView(views=face_views(asked.size[0] if asked.size else side, rotation))
+        side = asked.size[0] if asked.size else side
+        faces = face_views(side, rotation_from_angles(*asked.rotate_deg))
+        return ChosenView(views=faces, camera=camera)
+    if asked.fit == WHOLE:
+        if not isinstance(camera, CubicCamera):
+            raise UsageError("--fit whole is for photos of one camera: take --fit outer")
+        camera = WholePhoto(camera=camera)
     view, at_limit = _central(camera, asked)
     numbers = (asked.hfov_deg, asked.vfov_deg, asked.focal, *filter(None, asked.rotate_deg))
     asked_field = any(number is not None for number in numbers)
-    return ChosenView(views={"": view}, at_limit=at_limit, asked_field=asked_field)
+    return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, asked_field=asked_field)

@@ -11,16 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.core.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.views.cubic_grid import grid_of
 from cubicfish_cli.core.views.plane import PlaneView, seen_near
 from cubicfish_cli.core.views.view import MAX_SIDE, PointProjector, View
@@ -33,6 +36,7 @@ OUTSIDE = -1.0
 _PIXELS_PER_BLOCK = 65_536
 _PIXELS_FOR_THREADS = 250_000
 _THREADS = 2
+_EDGE_LOOKS = 200  # along a side of the photo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -42,9 +46,9 @@ class UndistortMap(Brief):
     ``cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR)`` renders the view.
 
     Attributes:
-        map_x, map_y: (H, W) float32 pixels of the photo; −1 where ``valid`` is false, which
-            ``cv2.remap`` renders black.
-        valid: (H, W) whether the camera may be trusted there and the photo has the pixel.
+        map_x, map_y: (H, W) float32 pixels of the photo; −1, which ``cv2.remap`` renders black,
+            where the photo has none.
+        valid: (H, W) whether the photo has the pixel and the camera may be trusted there.
         view: what is rendered.
         image_size: (width, height) of the photos that the map is for.
         redistorts: whether it is the other way round: the result is the camera's photo, and what
@@ -59,12 +63,23 @@ class UndistortMap(Brief):
     image_size: tuple[int, int]
     redistorts: bool = False
 
+    @property
+    def empty(self) -> BoolArray:
+        """(H, W) where the photo has nothing."""
+        return np.asarray(self.map_x == OUTSIDE)
 
-def build_map(camera: PointProjector, view: View) -> UndistortMap:
+
+def build_map(camera: PointProjector, view: View, rows: range | None = None) -> UndistortMap:
     """The map (H, W), pixels of the camera's photos, that renders ``view`` from them.
 
     Rows are done in blocks, on two threads when there are many, so the memory needed beyond
     the map is bounded.
+
+    Args:
+        camera: whose photos they are.
+        view: what is rendered.
+        rows: those of the view that are wanted, from a multiple of :func:`rows_per_block` on; None
+            for all.
 
     Raises:
         ViewError: the camera's photos are larger than ``cv2.remap`` can take.
@@ -76,39 +91,92 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
             f"photos of {photo_width}x{photo_height} cannot be undistorted: "
             f"a side may have {MAX_SIDE} pixels at most"
         )
-    width, height = view.size
-    map_x, map_y = np.empty((2, height, width), np.float32)
-    valid = np.empty((height, width), bool)
+    width = view.size[0]
+    rows = range(view.size[1]) if rows is None else rows
+    map_x, map_y = np.empty((2, len(rows), width), np.float32)
+    valid = np.empty((len(rows), width), bool)
     put = _filler(camera, view)
+    step = rows_per_block(view)
 
     def fill(top: int) -> None:
-        rows = slice(top, min(height, top + rows_per_block))
-        x, y = map_x[rows], map_y[rows]
-        put(rows, x, y)
+        block = slice(top, min(rows.stop, top + step))
+        own = slice(block.start - rows.start, block.stop - rows.start)
+        x, y = map_x[own], map_y[own]
+        put(block, x, y)
         # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
         # blend with the black around the photo.
         if (
             x.min() >= 0 and x.max() <= photo_width - 1 and y.min() >= 0
         ) and y.max() <= photo_height - 1:
-            valid[rows] = True
+            valid[own] = True
             return
         inside = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
-        valid[rows] = inside
+        valid[own] = inside
         np.logical_not(inside, out=inside)
         np.copyto(x, OUTSIDE, where=inside)
         np.copyto(y, OUTSIDE, where=inside)
 
-    rows_per_block = max(1, _PIXELS_PER_BLOCK // width)
-    tops = range(0, height, rows_per_block)
-    if width * height < _PIXELS_FOR_THREADS:
-        for top in tops:
-            fill(top)
-    else:
-        with ThreadPoolExecutor(_THREADS) as threads:
-            list(threads.map(fill, tops))
-    return UndistortMap(
+    with ThreadPoolExecutor(_THREADS if valid.size >= _PIXELS_FOR_THREADS else 1) as threads:
+        list(threads.map(fill, range(rows.start, rows.stop, step)))
+    made = UndistortMap(
         map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
     )
+    if isinstance(camera, WholePhoto):
+        return _trusted_apart(made, build_map(camera.camera, view, rows))
+    return made
+
+
+def _trusted_apart(whole: UndistortMap, own: UndistortMap) -> UndistortMap:
+    """A map of all that photos show, whose valid pixels are those of another one alone."""
+    for values, trusted in ((whole.map_x, own.map_x), (whole.map_y, own.map_y)):
+        np.copyto(values, trusted, where=own.valid)
+    return replace(whole, valid=own.valid)
+
+
+def rows_per_block(view: View) -> int:
+    """How many rows of a view are worked out at a time."""
+    return max(1, _PIXELS_PER_BLOCK // view.size[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholePhoto:
+    """A camera that is asked for all of its photos, also where it is not calibrated.
+
+    Beyond the cone where P may be trusted it goes on as its radial reference does, outwards from
+    where P sees the cone's edge.
+
+    Attributes:
+        camera: the camera.
+
+    """
+
+    camera: CubicCamera
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) of the photos, pixels."""
+        return self.camera.image_size
+
+    @cached_property
+    def max_angle_deg(self) -> float:
+        """Half-angle of the cone that holds what photos show, up to 90° where it is not known."""
+        share = np.linspace(0, 1, _EDGE_LOOKS)
+        low, high = np.zeros(_EDGE_LOOKS), np.ones(_EDGE_LOOKS)
+        sides = [(share, low), (share, high), (low, share), (high, share)]
+        edge = np.concatenate([np.stack(side, axis=-1) for side in sides])
+        angle = angle_from_axis(self.camera.photo_rays(edge * (np.array(self.image_size) - 1)))
+        return max(self.camera.max_angle_deg, float(np.nan_to_num(np.rad2deg(angle), nan=90).max()))
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        """Camera-frame rays (..., 3) -> pixels (..., 2), NaN beyond :attr:`max_angle_deg`."""
+        rays, radial = unit_rays(points), self.camera.radial
+        cone = np.full(rays.shape[:-1], np.deg2rad(self.camera.max_angle_deg))
+        rim = ray_at(cone, azimuth(rays[..., :2]))
+        beyond = radial.project(rays) + self.camera.project(rim) - radial.project(rim)
+        with np.errstate(invalid="ignore"):
+            beyond[angle_from_axis(rays) > np.deg2rad(self.max_angle_deg)] = np.nan
+        own = self.camera.project(rays)
+        return np.where(np.isfinite(own), own, beyond)
 
 
 def _filler(

@@ -26,7 +26,7 @@ Kind = Literal[
     "stereographic",
     "equidistant",
 ]
-Share = float | Literal["inner", "outer"]
+Share = float | Literal["inner", "outer", "whole"]
 
 WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
     "perspective": ((180, False), (180, False)),
@@ -56,14 +56,16 @@ Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
 INTERPOLATIONS = get_args(Interpolation)
 
 INNER, OUTER = 0.0, 1.0
-_ENDS = {"inner": INNER, "outer": OUTER}
+WHOLE = "whole"
+_ENDS = {"inner": INNER, "outer": OUTER, WHOLE: WHOLE}
 _FIELD = ("hfov_deg", "vfov_deg", "focal", "fit")
+_FIT = "'inner', 'outer', 'whole' or a share from 0 to 1"
 _NUMBERS: Mapping[str, tuple[str, str, int, Callable[[float], bool]]] = {
     "size": ("--size", "WIDTHxHEIGHT in whole pixels", 2, float.is_integer),
     "hfov_deg": ("--hfov", "a number of degrees above 0", 1, lambda number: number > 0),
     "vfov_deg": ("--hfov", "a number of degrees above 0", 1, lambda number: number > 0),
     "focal": ("--scale", "a number of pixels per radian above 0", 1, lambda number: number > 0),
-    "fit": ("--fit", "'inner', 'outer' or a share from 0 to 1", 1, lambda share: 0 <= share <= 1),
+    "fit": ("--fit", _FIT, 1, lambda share: INNER <= share <= OUTER),
     "rotate_deg": ("--rotate", "yaw,pitch,roll in degrees", 3, math.isfinite),
 }
 """Name -> its option, what it must be, how many numbers that is, and what each holds to."""
@@ -77,7 +79,8 @@ class ViewOptions:
         kind: one of those of :func:`build_view`, or ``cube``; by default ``perspective``, and of a
             rig ``equirectangular``.
         size: (width, height) of the picture or of each face of a cube, pixels.
-        hfov_deg, vfov_deg, focal, fit, rotate_deg: as for :func:`build_view`.
+        hfov_deg, vfov_deg, focal, rotate_deg: as for :func:`build_view`.
+        fit: likewise, or ``whole``: all that photos show, also where the camera is not calibrated.
 
     Numbers of any kind are kept as Python has them, and ``fit`` as a share.
 
@@ -133,7 +136,7 @@ class ViewOptions:
             values = tuple(float(part) for part in parts if not isinstance(part, str))
         except (TypeError, ValueError, OverflowError):
             values = ()
-        if not is_numbers(values, count) or not all(map(fits, values)):
+        if len(values) != count or not all(math.isfinite(one) and fits(one) for one in values):
             raise UsageError(f"{option} must be {what}, not {quoted(given)}")
         if name == "size":
             return tuple(map(round, values))
@@ -184,16 +187,3 @@ def _too_wide(kind: str, axis: int, angle_deg: float) -> str:
     ]
     choose = f"{flat}--view {either(others)}" if others else "less"
     return f"--hfov {given}{angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
-
-
-def is_numbers(values: object, count: int) -> bool:
-    """Whether ``values`` is a tuple of ``count`` finite numbers."""
-    try:
-        return (
-            isinstance(values, tuple)
-            and len(values) == count
-            and not any(isinstance(value, bool) for value in values)
-            and all(isinstance(value, int | float) and math.isfinite(value) for value in values)
-        )
-    except OverflowError:  # a whole number beyond every float
-        return False

@@ -19,7 +19,6 @@ from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.options import is_numbers
 from cubicfish_cli.core.views.view import PointProjector, View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
@@ -47,9 +46,6 @@ class PlaneView(View):
         x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
         pixels_per_unit: scale of the picture, pixels per unit of length.
 
-    Raises:
-        ViewError: an attribute is not usable.
-
     """
 
     kind: str = "plane"
@@ -57,16 +53,6 @@ class PlaneView(View):
     x_axis: Vector
     y_axis: Vector
     pixels_per_unit: float
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not all(is_numbers(v, 3) for v in (self.origin, self.x_axis, self.y_axis)):
-            raise ViewError("a plane's origin and axes must be three finite numbers each")
-        if not is_numbers((self.pixels_per_unit,), 1) or self.pixels_per_unit <= 0:
-            raise ViewError("a plane's picture must have a positive number of pixels per unit")
-        axes = np.array([self.x_axis, self.y_axis])
-        if not np.allclose(axes @ axes.T, np.eye(2), atol=_SQUARE_TOLERANCE):
-            raise ViewError("a plane's axes must be unit vectors at a right angle")
 
     @property
     def camera_from_pixel(self) -> FloatArray:

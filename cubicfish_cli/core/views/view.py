@@ -24,7 +24,7 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
 import cv2
@@ -34,8 +34,7 @@ import numpy.typing as npt
 from cubicfish_cli.core.angles import columns, unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.options import FACES, WIDEST, is_numbers
-from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.core.views.options import FACES, WIDEST
 
 Rotation = tuple[float, float, float]
 
@@ -80,7 +79,7 @@ class View(ABC):
         size: (width, height), pixels.
 
     Raises:
-        ViewError: an attribute is not usable.
+        ViewError: a side has no pixel, or more than ``cv2.remap`` can count.
 
     """
 
@@ -88,13 +87,9 @@ class View(ABC):
     size: tuple[int, int]
 
     def __post_init__(self) -> None:
-        if not is_numbers(self.size, 2) or not all(
-            isinstance(side, int) and 1 <= side <= MAX_SIDE for side in self.size
-        ):
-            raise ViewError(
-                f"a view's size must be two whole numbers from 1 to {MAX_SIDE}, "
-                f"width and height, not {quoted(self.size)}"
-            )
+        width, height = self.size
+        if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+            raise ViewError(f"a view's size is 1 to {MAX_SIDE} pixels a side, not {width}x{height}")
 
     @abstractmethod
     def rays(self, pixel: npt.ArrayLike) -> FloatArray:
@@ -250,18 +245,6 @@ class CentralView(View):
     focal: float
     rotation: Rotation = (0.0, 0.0, 0.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not is_numbers(self.rotation, 3):
-            raise ViewError(
-                "a view's rotation must be three finite numbers, a rotation vector in "
-                f"radians, not {quoted(self.rotation)}"
-            )
-        if not is_numbers((self.focal,), 1) or self.focal <= 0:
-            raise ViewError(
-                f"a view's focal length must be positive, in pixels, not {quoted(self.focal)}"
-            )
-
     @classmethod
     def with_field(
         cls,
@@ -351,7 +334,7 @@ _ENDLESS = ("perspective", "stereographic")
 
 
 def rotation_from_angles(
-    *, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
+    yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
 ) -> Rotation:
     """The rotation of a view that looks to the right, up, and then rolls clockwise.
 
@@ -376,12 +359,9 @@ def rotation_vector(matrix: FloatArray) -> Rotation:
 
 def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, CentralView]:
     """The faces of a cube turned by ``rotation``: flat views of 90°, ``side`` pixels square."""
-    turn = matrix_of_rotation(np.array(rotation))
+    front = CentralView(kind="perspective", size=(side, side), focal=side / 2, rotation=rotation)
     views = {}
-    for name, (yaw, pitch) in FACES.items():
-        face = matrix_of_rotation(np.array(rotation_from_angles(yaw_deg=yaw, pitch_deg=pitch)))
-        own = rotation_vector(turn @ face)
-        views[name] = CentralView(
-            kind="perspective", size=(side, side), focal=side / 2, rotation=own
-        )
+    for name, angles in FACES.items():
+        face = matrix_of_rotation(np.array(rotation_from_angles(*angles)))
+        views[name] = replace(front, rotation=rotation_vector(front.camera_from_view @ face))
     return views

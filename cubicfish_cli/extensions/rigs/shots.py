@@ -33,7 +33,8 @@ class RigViews(Views):
             interpolation: how pixels are blended.
 
         """
-        self._body, self._view, self.interpolation = body, view, interpolation
+        self._body, self.interpolation = body, interpolation
+        self._view = replace(view, camera=None)  # what several see is told of none
         self._joined: Mosaic | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -44,9 +45,9 @@ class RigViews(Views):
         """There is but one."""
         return None
 
-    def chosen(self, source: Path, size: Size) -> tuple[None, ChosenView]:
+    def chosen(self, source: Path, size: Size) -> ChosenView:
         """The view that is asked for."""
-        return None, self._view
+        return self._view
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """For what its view and its valid pixels tell: it maps nothing."""

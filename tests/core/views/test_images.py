@@ -3,9 +3,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from lenses import cubic_camera
 from synthetic import lens_of_size
 
 from cubicfish_cli.app.photos import decode_picture, read_picture
+from cubicfish_cli.app.undistortion import images
 from cubicfish_cli.app.undistortion.batch import Job, write_one
 from cubicfish_cli.app.undistortion.images import (
     encode_picture,
@@ -212,3 +214,15 @@ def test_a_jpegs_nature_goes_from_the_photo_to_the_picture(tmp_path):
     assert cv2.imread(str(out)).shape[:2] == (70, 50)
     undistort_picture_file(source, out, MAP, 30, overwrite=True)
     assert jpeg_nature(out.read_bytes()).quality == 30
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("interpolation", ["nearest", "linear", "cubic", "lanczos"])
+def test_a_picture_is_the_same_some_rows_at_a_time(monkeypatch, depth, interpolation):
+    monkeypatch.setattr(images, "_BLOCKS", 1)
+    camera = cubic_camera(100.0)
+    width, height = camera.image_size
+    photo = (200 * np.random.default_rng(3).random((height, width, 3))).astype(depth)
+    view = CentralView.with_field("perspective", 150, (601, 431))
+    whole = images.remap_picture(photo, build_map(camera, view), interpolation)
+    np.testing.assert_array_equal(images.render(photo, camera, view, interpolation), whole)

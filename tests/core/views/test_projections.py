@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 from saved_maps import every_pixel
 
-from cubicfish_cli.core.errors import UsageError, ViewError
+from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.options import FACES, WIDEST, ViewOptions
@@ -227,17 +227,3 @@ def test_a_planes_pixels_are_its_points():
     np.testing.assert_allclose(view.rays([[0, 0], [2, 4]]), [[0, 0, 5], [1, 2, 5]])
     np.testing.assert_allclose(view.pixels([[1, 2, 5], [2, 4, 10]]), [[2, 4], [2, 4]])
     assert np.isnan(view.pixels([0.0, 0, -5])).all()
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"x_axis": (2.0, 0.0, 0.0)}, "unit vectors"),
-        ({"x_axis": (0.0, 1.0, 0.0)}, "unit vectors"),
-        ({"origin": (0.0, 0.0)}, "three finite numbers"),
-        ({"pixels_per_unit": 0.0}, "positive"),
-    ],
-)
-def test_a_plane_that_cannot_be_shown_is_refused(change, says):
-    with pytest.raises(ViewError, match=says):
-        PlaneView(**(PLANE | change))

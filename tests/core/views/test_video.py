@@ -10,6 +10,7 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish_cli.app.films import source as source_of_frames
+from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.app.undistortion.video import (
     _chroma_maps,
     undistort_video,
@@ -115,6 +116,18 @@ def test_every_frame_is_remapped_at_its_time(tmp_path, pix_fmt, top):
     for (_, got), (_, whole) in zip(made, brightness_of(source), strict=True):
         expected = cv2.remap(whole, MAP.map_x, MAP.map_y, cv2.INTER_LINEAR)
         assert np.abs(got.astype(int) - expected)[MAP.valid].max() <= top / 80
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4", ".webm"])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_colours_without_loss_are_those_of_the_photos(tmp_path, suffix, interpolation):
+    source, out = tmp_path / "in.mkv", tmp_path / f"out{suffix}"
+    write_video(source, pix_fmt="bgr0", codec="ffv1", audio=False)
+    run(source, out, interpolation, crf=0)
+    given, made = frames_of(source, "bgr24"), frames_of(out, "bgr24")
+    assert len(made) == len(TIMES)
+    for (_, photo), (_, got) in zip(given, made, strict=True):
+        np.testing.assert_array_equal(got, remap_picture(photo, MAP, interpolation))
 
 
 @pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p", "yuv444p"])
