@@ -52,8 +52,7 @@ _PLACES = {
     "commands.info": ("InfoOptions", "info_files"),
     "commands.map": ("MapOptions", "map_files"),
     "extensions.report.command": ("ReportOptions", "report_files"),
-    "app.listener": ("Listener",),
-    "core.codes": ("Event",),
+    "app.listener": ("Event", "Listener"),
     "core.finding": ("Finding",),
     "commands.undistort": ("UndistortOptions", "undistort_files"),
     "commands.calibration": (

@@ -2,6 +2,7 @@
 
 from cubicfish_cli.app.asked import Run as Run
 from cubicfish_cli.app.detection import detect as detect
+from cubicfish_cli.app.listener import Event as Event
 from cubicfish_cli.app.listener import Listener as Listener
 from cubicfish_cli.app.photos import read_picture as read_picture
 from cubicfish_cli.app.undistortion.images import undistort as undistort
@@ -30,7 +31,6 @@ from cubicfish_cli.commands.target_files import check_target as check_target
 from cubicfish_cli.commands.undistort import UndistortOptions as UndistortOptions
 from cubicfish_cli.commands.undistort import undistort_files as undistort_files
 from cubicfish_cli.core.assess.verdict import Verdict as Verdict
-from cubicfish_cli.core.codes import Event as Event
 from cubicfish_cli.core.errors import CubicfishError as CubicfishError
 from cubicfish_cli.core.finding import Finding as Finding
 from cubicfish_cli.core.fit.calibrate import Calibration as Calibration

@@ -137,7 +137,7 @@ class TargetSource:
 
         self.check()
         if self.told:
-            from cubicfish_cli.core.codes import Event
+            from cubicfish_cli.app.listener import Event
 
             listener.tell(Event.TARGET, path=self.path)
         if self.given is not None:
@@ -296,8 +296,8 @@ def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
         PhotoError: there are none, or one cannot be used.
 
     """
+    from cubicfish_cli.app.listener import Event
     from cubicfish_cli.app.photos import find_photos
-    from cubicfish_cli.core.codes import Event
 
     lines: list[str] = []
     photos = find_photos(inputs, lines)

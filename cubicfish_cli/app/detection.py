@@ -19,15 +19,15 @@ from cubicfish_cli.app.asked import Run, StrPath
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.app.listener import SILENT, Event, Listener
 from cubicfish_cli.app.photos import MAX_PIXELS, Photo, Picture, find_photos
 from cubicfish_cli.app.words.catalogue import catalogue
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.arrays import Refusal
-from cubicfish_cli.core.codes import Code, Event, Severity
+from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, OutputError, PhotoError
 from cubicfish_cli.core.files import refuse_outside
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.look import GridCache, Look, look_at, refused

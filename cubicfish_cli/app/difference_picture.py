@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.units import round_up
 
 Picture = npt.NDArray[np.uint8]
 
@@ -21,6 +22,12 @@ _INK = 0
 _SMALLEST_TOP = 1e-3
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _CAPITAL = 22  # height of its capitals at scale 1, pixels
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten at or above a positive value."""
+    power = 10.0 ** math.floor(math.log10(max(value, 1e-6)))
+    return next(power * step for step in (1, 2, 5, 10) if power * step >= value * 0.999999)
 
 
 def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Picture:

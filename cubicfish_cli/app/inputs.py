@@ -17,10 +17,10 @@ from cubicfish_cli.app.asked import (
     tables_among,
 )
 from cubicfish_cli.app.films.recordings import is_recording
-from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import find_photos, photo_size
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
-from cubicfish_cli.core.codes import Event
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import (
     CorrespondenceError,
     PhotoError,
@@ -30,7 +30,6 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.target import target_text
 from cubicfish_cli.corners.identification.identified import Detection, line_of
 

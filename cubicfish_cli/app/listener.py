@@ -3,13 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.core.codes import words
+
 if TYPE_CHECKING:
-    from cubicfish_cli.core.codes import Event
     from cubicfish_cli.core.finding import Finding
 
 Count = Callable[[int, int], None]
+
+
+class Event(StrEnum):
+    """What happens while work is done, for whoever waits for it."""
+
+    TARGET = "target"
+    CAMERA = "camera"
+    PASSED_OVER = "passed_over"
+    MANY_PHOTOS = "many_photos"
+    PHOTOS_CHOSEN = "photos_chosen"
+    FILM_ENDS = "film_ends"
+    FILM_DAMAGED = "film_damaged"
+    FILM_TURNED = "film_turned"
+    FRAMES_CHOSEN = "frames_chosen"
+    MOMENTS = "moments"
+    SHOTS_CHOSEN = "shots_chosen"
+    CHOSEN_ALL = "chosen_all"
+    CHOSEN_ASKED = "chosen_asked"
+    CHOSEN_ENOUGH = "chosen_enough"
+    CLOCK = "clock"
+    LOOKING = "looking"
+    LOOKED_AGAIN = "looked_again"
+    NOT_CERTAIN = "not_certain"
+    FITTING = "fitting"
+    OTHER_MODELS = "other_models"
+    NO_MAP = "no_map"
+    NO_PAGE = "no_page"
+    PAGE_TOOK = "page_took"
+    PRINTED_AS_DRAWN = "printed_as_drawn"
+    AMBIGUOUS = "ambiguous"
+    WITHOUT_POSE = "without_pose"
+    VIDEO_TURNED = "video_turned"
+    NEAREST_CAMERA = "nearest_camera"
+    RENDERED_FLAT = "rendered_flat"
+    RENDERING = "rendering"
+
+    def line(self, **figures: Any) -> str:
+        """What is said of it."""
+        line: str = words().say_event(self, figures)
+        return line
 
 
 class Listener:

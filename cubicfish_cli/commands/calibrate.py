@@ -30,6 +30,7 @@ from cubicfish_cli.app.asked import (
 )
 from cubicfish_cli.app.extensions import Output, input_readers, load_place, outputs
 from cubicfish_cli.app.films import MOST
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
@@ -64,7 +65,6 @@ from cubicfish_cli.app.terminal.terminal import (
     result,
     say,
 )
-from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 

@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cubicfish_cli.app.asked import Run, path_or_none, target_in
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import SUFFIXES, Photo, photo_size, shown
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
 from cubicfish_cli.app.undistortion.images import check_suffix
 from cubicfish_cli.app.undistortion.map_formats import part_name, view_files
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.codes import Code, Event, Severity
+from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.io.camera_yaml import CameraFile, PointCameraFile
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.views.choose import ChosenView, SeenField
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
 from cubicfish_cli.core.views.plane import board_with_plane, build_plane

@@ -9,8 +9,8 @@ from typing import Any
 
 from cubicfish_cli.app.diagnosis.object_check import ObjectFacts, Turn, check_object
 from cubicfish_cli.app.words.catalogue import catalogue
+from cubicfish_cli.app.words.phrases import Sentences
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.phrases import Sentences
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.units import MILLIMETRES
 

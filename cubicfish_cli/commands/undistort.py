@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, named_photos, paths_of
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record
@@ -22,16 +23,14 @@ from cubicfish_cli.commands.view_options import (
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
-from cubicfish_cli.core.phrases import listed
 from cubicfish_cli.core.views.options import (
     INTERPOLATIONS,
     Interpolation,
     PlaneOptions,
     ViewOptions,
 )
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.core.wording import did_you_mean, listed, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.batch import Job, Views

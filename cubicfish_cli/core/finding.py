@@ -12,6 +12,9 @@ from cubicfish_cli.core.codes import Code, Remedy, Severity, words
 Level = Literal["good", "care", "bad"]
 
 
+_ABOUT = ("images", "boards", "cameras", "shots")
+
+
 class Saying(NamedTuple):
     """What is said of a finding, and what kind of thing helps."""
 
@@ -31,6 +34,8 @@ class Finding:
             where it is not.
         images: names of the photos that it is about; empty for all.
         boards: names of the boards that it is about; empty for all.
+        cameras: of several cameras that are calibrated together, which it is about.
+        shots: and of which shots, or of which photos where these are not of their shot.
         case: which form of it, where it has several; a key of the catalogue.
         because: what says so, where that may be several things; a key of the catalogue.
         figures: the numbers and names that its sentences need, plain data.
@@ -42,6 +47,8 @@ class Finding:
     severity: Severity = Severity.NOTE
     images: tuple[str, ...] = ()
     boards: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    shots: tuple[str, ...] = ()
     case: str = ""
     because: str = ""
     figures: Mapping[str, Any] = field(default_factory=dict)
@@ -88,7 +95,7 @@ class Finding:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON and YAML; ``cause`` and ``level`` are older names."""
-        return {
+        record: dict[str, Any] = {
             "cause": self.code.value,
             "code": self.code.value,
             "case": self.case,
@@ -102,17 +109,19 @@ class Finding:
             "boards": list(self.boards),
             "figures": dict(self.figures),
         }
-
-    @property
-    def _about(self) -> dict[str, tuple[str, ...]]:
-        """The names that sentences may have, beside the figures."""
-        return {"images": self.images, "boards": self.boards}
+        if self.cameras:
+            shots = {"shots": list(self.shots), "line": self.line}
+            record |= {"cameras": list(self.cameras), **shots}
+        return record
 
     @cached_property
     def _said(self) -> Saying:
         if self.recorded is not None:
             return self.recorded
-        return words().say(self.code, self.case, self.because, {**self.figures, **self._about})
+        about: dict[str, Any] = {"images": self.images, "boards": self.boards}
+        if self.cameras:
+            about |= {"cameras": self.cameras, "of_shots": self.shots}
+        return words().say(self.code, self.case, self.because, {**self.figures, **about})
 
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
@@ -120,24 +129,18 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
     severity = _known(Severity, record.get("severity", record.get("level")))
     if severity is None:
         return None
-    words = (str(record.get(key, "")) for key in ("what", "evidence", "do", "case"))
-    what, evidence, do, case = words
-    images, boards = (_names(record.get(key)) for key in ("images", "boards"))
+    what, evidence, do, case = (str(record.get(key, "")) for key in (*Saying._fields[:3], "case"))
+    about: dict[str, Any] = {key: _names(record.get(key)) for key in _ABOUT}
     figures = record.get("figures")
     remedy = _known(Remedy, record.get("remedy")) or Remedy.CHECK
-    found = Finding(
+    return Finding(
         code=_known(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
         severity=severity,
-        images=images,
-        boards=boards,
+        **about,
         case=case,
         figures=figures if isinstance(figures, Mapping) else {},
         recorded=Saying(what, evidence, do, remedy),
     )
-    if "cameras" not in record:
-        return found
-    cameras, shots = (_names(record.get(key)) for key in ("cameras", "shots"))
-    return RigFinding(**vars(found), cameras=cameras, shots=shots)
 
 
 def _names(value: object) -> tuple[str, ...]:
@@ -167,42 +170,7 @@ def joined(findings: Sequence[Finding]) -> str:
     return "; ".join(finding.line for finding in findings) or "good"
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigFinding(Finding):
-    """Something that is likely wrong with a rig.
-
-    Attributes:
-        cameras: whose.
-        shots: of which shots, or of which photos where these are not of their shot.
-
-    """
-
-    cameras: tuple[str, ...] = ()
-    shots: tuple[str, ...] = ()
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON and YAML."""
-        return {
-            **super().as_record(),
-            "cameras": list(self.cameras),
-            "shots": list(self.shots),
-            "line": self.line,
-        }
-
-    @property
-    def _about(self) -> dict[str, tuple[str, ...]]:
-        return {**super()._about, "cameras": self.cameras, "of_shots": self.shots}
-
-
-def of_camera(name: str, finding: Finding) -> RigFinding:
-    """What is told of one camera alone, as a rig tells it."""
+def of_camera(name: str, finding: Finding) -> Finding:
+    """What is told of one camera alone, as is told of several together."""
     said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
-    return RigFinding(
-        code=finding.code,
-        severity=finding.severity,
-        images=finding.images,
-        boards=finding.boards,
-        figures=finding.figures,
-        recorded=said,
-        cameras=(name,),
-    )
+    return replace(finding, case="", because="", recorded=said, cameras=(name,))

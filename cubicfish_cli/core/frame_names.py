@@ -7,9 +7,6 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import PurePath
 
-# Digits of a time since 1970 in seconds, milliseconds, microseconds and nanoseconds.
-_SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
-_NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
 _FRAME = re.compile(r"(?P<film>.+)_(?P<seconds>[0-9]{6,}\.[0-9]{3})s(_[0-9]+)?")
 
 _MOST_NAMED = 3
@@ -49,23 +46,3 @@ def counted(photos: Iterable[str]) -> str:
 
 def _number(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
-
-
-def time_of(photo: str) -> float | None:
-    """When a photo was taken, as its name says, seconds; None where it does not.
-
-    A frame of a film has it, and so have names that hold a time since 1970 (in seconds, or
-    whole milliseconds, microseconds or nanoseconds), or nothing but a number with a point.
-    """
-    frame = film_and_time(photo)
-    if frame is not None:
-        return frame[1]
-    path = PurePath(photo)
-    # A name without a suffix may be a number with a point.
-    stem = path.name if _NUMBER.fullmatch(path.name) else path.stem
-    numbers = [found[0] for found in _NUMBER.finditer(stem)]
-    for number in numbers:
-        unit = _SINCE_1970.get(len(number.split(".")[0]))
-        if unit is not None and number.split(".")[0][0] == "1":
-            return float(number) * unit
-    return float(numbers[0]) if len(numbers) == 1 and numbers[0] == stem and "." in stem else None

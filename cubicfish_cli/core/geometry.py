@@ -159,8 +159,3 @@ def inverse_of_growing(
 def camera_centre(rotation: FloatArray, translation: FloatArray) -> FloatArray:
     """(3,) where a camera stands in the frame of points X that it sees at R X + t."""
     return np.asarray(-rotation.T @ translation)
-
-
-def total_sigma(covariance: FloatArray) -> float:
-    """Standard deviation of a vector: the root of the sum over its axes."""
-    return float(np.sqrt(max(np.trace(covariance), 0.0)))

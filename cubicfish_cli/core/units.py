@@ -1,4 +1,4 @@
-"""Units of length that people write in target.yaml, and round numbers for scales."""
+"""Units of length that people write in target.yaml."""
 
 from __future__ import annotations
 
@@ -81,16 +81,3 @@ def two_digits(value: float) -> str:
     """A number, 0 or above, to two digits: ``1100``, ``0.41``."""
     digits = 1 - math.floor(math.log10(value)) if value > 0 else 0
     return f"{round(value, digits):.{max(0, digits)}f}"
-
-
-def round_up(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten at or above a positive value."""
-    power = 10.0 ** math.floor(math.log10(max(value, 1e-6)))
-    return next(power * step for step in (1, 2, 5, 10) if power * step >= value * 0.999999)
-
-
-def round_down(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten at or below a positive value."""
-    value = max(value, 1e-12)
-    power = 10.0 ** math.floor(math.log10(value) + 1e-9)
-    return max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001)

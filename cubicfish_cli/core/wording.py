@@ -9,6 +9,7 @@ from typing import Any
 
 LONGEST_QUOTE = 60
 _LONGEST_LINE = 100
+_MOST_NAMES = 6
 _FEW = 3
 
 
@@ -36,6 +37,20 @@ def either(words: Sequence[str]) -> str:
     """``a``, ``a or b``, ``a, b or c``."""
     *others, last = words
     return f"{', '.join(others)} or {last}" if others else last
+
+
+def listed(names: Sequence[str], what: str) -> str:
+    """A few names as they are, of many the first ones and how many more.
+
+    Args:
+        names: at least one.
+        what: what they are, in the plural, such as ``photos``.
+
+    """
+    if len(names) <= _MOST_NAMES:
+        return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    few = _MOST_NAMES - 2
+    return f"{', '.join(names[:few])} and {len(names) - few} more {what}"
 
 
 class Brief:

@@ -2,7 +2,9 @@
 
 import pytest
 
-from cubicfish_cli.core.units import length_words, round_down, round_up, two_digits
+from cubicfish_cli.app.difference_picture import round_up
+from cubicfish_cli.core.units import length_words, two_digits
+from cubicfish_cli.extensions.report.figures import round_down
 
 
 @pytest.mark.parametrize(

@@ -22,9 +22,10 @@ from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.app.films.measure import sharpness
 from cubicfish_cli.app.films.scan import still_px
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import Photo, photo_size
 from cubicfish_cli.app.sufficiency.worth import Worth
-from cubicfish_cli.core.codes import Code, Event, Severity
+from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, FitError, PhotoError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations

@@ -18,9 +18,8 @@ import numpy as np
 
 from cubicfish_cli.app.films.measure import Grey, motion, sharpness, small_picture
 from cubicfish_cli.app.films.source import Film, frames, missing_frames, opened
-from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import shown
-from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import OutputError, PhotoError
 from cubicfish_cli.core.files import whole_file
 

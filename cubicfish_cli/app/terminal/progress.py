@@ -27,7 +27,7 @@ from cubicfish_cli.core.errors import UsageError
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.executors.pool import Executor
-    from cubicfish_cli.core.codes import Event
+    from cubicfish_cli.app.listener import Event
     from cubicfish_cli.core.finding import Finding
 
 

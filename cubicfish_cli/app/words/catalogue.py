@@ -10,9 +10,11 @@ from string import Template
 from typing import Any, NamedTuple
 
 from cubicfish_cli.app.extensions import extensions
-from cubicfish_cli.core.codes import Code, Event, Remedy
+from cubicfish_cli.app.listener import Event
+from cubicfish_cli.app.words.phrases import Sentences
+from cubicfish_cli.core.codes import Code, Remedy
 from cubicfish_cli.core.finding import Saying
-from cubicfish_cli.core.phrases import Sentences, listed
+from cubicfish_cli.core.wording import listed
 
 _FILE = Path(__file__).with_name("catalogue.toml")
 _TEXTS = ("what", "evidence", "do")

@@ -19,10 +19,9 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.phrases import listed
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray
-from cubicfish_cli.core.wording import Brief
+from cubicfish_cli.core.wording import Brief, listed
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
 
 if TYPE_CHECKING:  # tables have no grids to be named, and ask for none of what names them

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.films import MOST
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, result
-from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import PhotoError
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
 from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import Photo, shown
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import DetectionError
 from cubicfish_cli.core.frame_names import frame_name
-from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.target import Target
 
 # So many frames are kept for each that may be chosen, but one every so many seconds at least, up to

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.photos import data_uri, read_picture, thumbnail
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import whole_files, write_text
-from cubicfish_cli.core.phrases import plural
 from cubicfish_cli.core.tables import csv_text
 from cubicfish_cli.extensions.films.frames import Chosen, listed
 

@@ -13,7 +13,7 @@ from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result, say
-from cubicfish_cli.core.phrases import listed
+from cubicfish_cli.core.wording import listed
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.observations import Observations

@@ -14,12 +14,12 @@ import click
 from cubicfish_cli import __version__
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result, say
-from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import CubicfishError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
+from cubicfish_cli.app.difference_picture import round_up
 from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.app.pages.figures import (
     BLUE,
@@ -36,7 +37,6 @@ from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.core.units import round_down, round_up
 
 _MOST_STROKES = 1500
 _FINE_CELLS = 12
@@ -344,3 +344,10 @@ def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
 def _show_photo(axes: Axes, facts: Facts) -> None:
     width, height = facts.camera.image_size
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
+
+
+def round_down(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten at or below a positive value."""
+    value = max(value, 1e-12)
+    power = 10.0 ** math.floor(math.log10(value) + 1e-9)
+    return max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001)

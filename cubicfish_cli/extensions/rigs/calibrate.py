@@ -18,6 +18,7 @@ from cubicfish_cli.app.asked import (
     paths_of,
 )
 from cubicfish_cli.app.films import MOST
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
@@ -31,7 +32,6 @@ from cubicfish_cli.app.terminal.options import (
 )
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
-from cubicfish_cli.core.codes import Event
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted

@@ -21,7 +21,7 @@ from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.errors import CameraFileError, CubicfishError
 from cubicfish_cli.core.files import Content, write_files
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.geometry import camera_centre, total_sigma
+from cubicfish_cli.core.geometry import camera_centre
 from cubicfish_cli.core.io.calibrated import Calibrated, camera_text
 from cubicfish_cli.core.io.camera_format import mapping, numbers, refuse_unknown, refuse_version
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -194,7 +194,7 @@ class RigCamera(Calibrated):
 
 def sigmas_of(covariance: FloatArray) -> tuple[float, float]:
     """Standard deviations of a turn, degrees, and of a shift, by their covariance (6, 6)."""
-    return float(np.rad2deg(total_sigma(covariance[:3, :3]))), total_sigma(covariance[3:, 3:])
+    return float(np.rad2deg(_total_sigma(covariance[:3, :3]))), _total_sigma(covariance[3:, 3:])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -428,3 +428,8 @@ def _read_rows(path: Path, value: Any, key: str, count: int) -> FloatArray:
     if not isinstance(value, list) or len(value) != count:
         raise CameraFileError(f"{path}: {key} must hold {count} rows of {count} numbers")
     return np.array([numbers(path, row, key, (count,)) for row in value])
+
+
+def _total_sigma(covariance: FloatArray) -> float:
+    """Standard deviation of a vector: the root of the sum over its axes."""
+    return float(np.sqrt(max(np.trace(covariance), 0.0)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from cubicfish_cli.core.assess.verdict import Verdict, ratio_above
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding, RigFinding, level_of
+from cubicfish_cli.core.finding import Finding, level_of
 from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
 
 # A camera's error in the rig over that of its photos alone, and the error from which that matters.
@@ -82,4 +82,4 @@ def _join(
     for severity in dict.fromkeys(severity for _, severity, _ in found):
         own = sorted((one for one in found if one[1] is severity), key=lambda one: -one[2][worst])
         cameras = tuple(name for name, _, _ in own)
-        yield RigFinding(code=code, severity=severity, cameras=cameras, figures=own[0][2])
+        yield Finding(code=code, severity=severity, cameras=cameras, figures=own[0][2])

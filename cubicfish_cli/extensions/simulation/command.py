@@ -185,10 +185,10 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """
+    from cubicfish_cli.app.listener import Event
     from cubicfish_cli.app.viewpoints.truth import pose_table_text, true_corners_text
-    from cubicfish_cli.core.codes import Event
+    from cubicfish_cli.app.words.phrases import plural
     from cubicfish_cli.core.files import write_files
-    from cubicfish_cli.core.phrases import plural
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
         photo_bytes,

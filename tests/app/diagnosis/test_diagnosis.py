@@ -39,6 +39,7 @@ from cubicfish_cli.app.diagnosis.photo_lenses import (
 )
 from cubicfish_cli.app.diagnosis.two_lenses import best_split, left_out_share
 from cubicfish_cli.app.diagnosis.wrong_drawing import measured_object
+from cubicfish_cli.app.words.phrases import percent
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.boards.shape import BoardShape
@@ -55,8 +56,8 @@ from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
 from cubicfish_cli.core.geometry import similarity
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.phrases import listed, percent
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.wording import listed
 
 TARGET = wrong.corner_of_half_a_metre()
 NINE_BY_SIX = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))

@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 
 import cubicfish_cli
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.words.catalogue import catalogue
-from cubicfish_cli.core.codes import Code, Event, Remedy, Severity
+from cubicfish_cli.app.words.phrases import Sentences, percent
+from cubicfish_cli.core.codes import Code, Remedy, Severity
 from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.core.finding import Finding, asks_for_photos, joined, level_of, of_record
-from cubicfish_cli.core.phrases import Sentences, percent
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 WORDING = Path(__file__).with_name("wording.txt")

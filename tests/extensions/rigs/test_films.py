@@ -20,8 +20,8 @@ from cubicfish_cli.app.films.choose import choose, choose_shots
 from cubicfish_cli.app.films.scan import Measured
 from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix
-from cubicfish_cli.core.frame_names import time_of
 from cubicfish_cli.extensions.rigs.film_clocks import film_offset
+from cubicfish_cli.extensions.rigs.fit.shots import time_of
 from cubicfish_cli.extensions.rigs.moments import flow, moments
 from cubicfish_cli.extensions.simulation.simulate import render
 from tests.extensions.films.test_films import at

@@ -11,7 +11,7 @@ from scipy.special import fdtrc
 
 from cubicfish_cli.app.diagnosis.photo_lenses import best_cut
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding, RigFinding
+from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
@@ -186,7 +186,7 @@ def camera_moved(evidence: RigEvidence) -> list[Finding]:
     """That cameras stood elsewhere before some shot than after."""
     names = evidence.names
     return [
-        RigFinding(
+        Finding(
             code=Code.CAMERA_MOVED,
             severity=Severity.BAD,
             case="" if len(names) > 2 else "either",
@@ -240,10 +240,10 @@ def not_at_once(evidence: RigEvidence) -> list[Finding]:
 
 def _off(
     code: Code, names: Sequence[str], whom: tuple[int, ...], shots: tuple[str, ...], off_px: float
-) -> RigFinding:
+) -> Finding:
     both = len(names) == 2
     cameras = tuple(names) if both else tuple(names[one] for one in whom)
-    return RigFinding(
+    return Finding(
         code=code,
         severity=Severity.BAD if code is Code.NOT_AT_ONCE else Severity.CARE,
         case="either" if len(cameras) > 1 else "",
@@ -259,7 +259,7 @@ def clocks_differ(evidence: RigEvidence) -> list[Finding]:
     if clocks is None:
         return []
     return [
-        RigFinding(
+        Finding(
             code=Code.CLOCKS_DIFFER,
             severity=Severity.NOTE,
             case="ahead" if clocks.late[camera] < 0 else "",
@@ -278,7 +278,7 @@ def mismatched(evidence: RigEvidence) -> list[Finding]:
     """Photos that are not of their shot."""
     names, start, lens = evidence.names, evidence.start, evidence.lens
     return [
-        RigFinding(
+        Finding(
             code=Code.SHOT_MISMATCHED,
             severity=Severity.BAD,
             cameras=(names[lens.camera[view]],),
@@ -302,7 +302,7 @@ def few_common_shots(evidence: RigEvidence) -> list[Finding]:
         if shared < _FEW and {name, names[best]} not in told:
             told.append({name, names[best]})
             found.append(
-                RigFinding(
+                Finding(
                     code=Code.FEW_COMMON_SHOTS,
                     severity=Severity.CARE,
                     cameras=(name, names[best]),

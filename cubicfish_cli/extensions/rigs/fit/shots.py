@@ -6,10 +6,10 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from cubicfish_cli.core.errors import CorrespondenceError, FitError
-from cubicfish_cli.core.frame_names import time_of
+from cubicfish_cli.core.frame_names import film_and_time
 from cubicfish_cli.core.tables import read_table
 from cubicfish_cli.core.wording import quoted
 
@@ -244,3 +244,28 @@ def _common_start(names: Sequence[str]) -> str:
     low, high = min(names, default=""), max(names, default="")
     apart = (at for at, (a, b) in enumerate(zip(low, high, strict=False)) if a != b)
     return low[: next(apart, len(low))]
+
+
+# Digits of a time since 1970 in seconds, milliseconds, microseconds and nanoseconds.
+_SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
+_NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
+
+
+def time_of(photo: str) -> float | None:
+    """When a photo was taken, as its name says, seconds; None where it does not.
+
+    A frame of a film has it, and so have names that hold a time since 1970 (in seconds, or
+    whole milliseconds, microseconds or nanoseconds), or nothing but a number with a point.
+    """
+    frame = film_and_time(photo)
+    if frame is not None:
+        return frame[1]
+    path = PurePath(photo)
+    # A name without a suffix may be a number with a point.
+    stem = path.name if _NUMBER.fullmatch(path.name) else path.stem
+    numbers = [found[0] for found in _NUMBER.finditer(stem)]
+    for number in numbers:
+        unit = _SINCE_1970.get(len(number.split(".")[0]))
+        if unit is not None and number.split(".")[0][0] == "1":
+            return float(number) * unit
+    return float(numbers[0]) if len(numbers) == 1 and numbers[0] == stem and "." in stem else None

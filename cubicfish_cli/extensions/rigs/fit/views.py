@@ -10,7 +10,7 @@ import numpy as np
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.finding import RigFinding, of_camera
+from cubicfish_cli.core.finding import Finding, of_camera
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
 from cubicfish_cli.core.fit.evaluate import evaluate
@@ -58,7 +58,7 @@ class Alone(Placed):
     runners_up: Sequence[tuple[FitLens, float]]
     record: FitRecord
     level: Level
-    told: Sequence[RigFinding]
+    told: Sequence[Finding]
     seen: Observations
 
     def as_camera(self, lens: FitLens) -> CubicCamera:

@@ -2,25 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from string import Formatter
 from typing import Any
 
-_MOST_NAMES = 6
-
-
-def listed(names: Sequence[str], what: str) -> str:
-    """A few names as they are, of many the first ones and how many more.
-
-    Args:
-        names: at least one.
-        what: what they are, in the plural, such as ``photos``.
-
-    """
-    if len(names) <= _MOST_NAMES:
-        return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-    few = _MOST_NAMES - 2
-    return f"{', '.join(names[:few])} and {len(names) - few} more {what}"
+from cubicfish_cli.core.wording import listed
 
 
 def percent(share: float) -> str:
