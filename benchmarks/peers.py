@@ -28,20 +28,20 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.lenses.compared import UnifiedLens
+from cubicfish_cli.app.lenses.model_comparison import compare_models
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.folds import FOLDS
 from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
-from cubicfish_cli.core.fit.model_comparison import compare_models
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.statistics import huber_px, rms_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.unified import UnifiedLens
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, load_target
 

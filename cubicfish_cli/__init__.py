@@ -32,7 +32,7 @@ _PLACES = {
     "core.io.observations_csv": ("load_corners", "save_corners"),
     "core.errors": ("CubicfishError",),
     "core.fit.calibrate": ("Calibration",),
-    "core.fit.comparison": ("Comparison", "compare"),
+    "app.comparison": ("Comparison", "compare"),
     "core.fit.evaluate": ("Evaluation",),
     "core.assess.verdict": ("Verdict",),
     "core.io.camera_yaml": ("CameraFile", "load_any_camera", "load_camera"),

@@ -1,6 +1,8 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
 from cubicfish_cli.app.asked import Run as Run
+from cubicfish_cli.app.comparison import Comparison as Comparison
+from cubicfish_cli.app.comparison import compare as compare
 from cubicfish_cli.app.detection import detect as detect
 from cubicfish_cli.app.listener import Event as Event
 from cubicfish_cli.app.listener import Listener as Listener
@@ -34,8 +36,6 @@ from cubicfish_cli.core.assess.verdict import Verdict as Verdict
 from cubicfish_cli.core.errors import CubicfishError as CubicfishError
 from cubicfish_cli.core.finding import Finding as Finding
 from cubicfish_cli.core.fit.calibrate import Calibration as Calibration
-from cubicfish_cli.core.fit.comparison import Comparison as Comparison
-from cubicfish_cli.core.fit.comparison import compare as compare
 from cubicfish_cli.core.fit.evaluate import Evaluation as Evaluation
 from cubicfish_cli.core.io.camera_yaml import CameraFile as CameraFile
 from cubicfish_cli.core.io.camera_yaml import load_any_camera as load_any_camera

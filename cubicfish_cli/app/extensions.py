@@ -37,7 +37,7 @@ class CameraFiles:
     """A format of another tool, by its names; known without what reads and writes it.
 
     Attributes:
-        place: ``module:name`` of its :class:`~cubicfish_cli.core.io.camera_format.CameraFormat`.
+        place: ``module:name`` of its :class:`~cubicfish_cli.app.lenses.camera_format.CameraFormat`.
         written: names that it is written under, and what comes of each.
         read: the name that it is read under; None where it is only written.
         reads: what is read.

@@ -308,7 +308,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, fitted.fit, fitted.pairs)
         if asked.compare:
-            from cubicfish_cli.core.fit.model_comparison import compare_models  # all lens models
+            from cubicfish_cli.app.lenses.model_comparison import compare_models  # all lens models
 
             run.listener.tell(Event.OTHER_MODELS)
             run.listener.progress("Fitting other lens models")

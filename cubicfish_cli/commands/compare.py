@@ -15,7 +15,7 @@ from cubicfish_cli.app.terminal.terminal import print_table, result
 from cubicfish_cli.core.files import refuse_existing
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.fit.comparison import Comparison
+    from cubicfish_cli.app.comparison import Comparison
 
 _BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 _DRAWN_PIXELS = 150_000
@@ -73,8 +73,8 @@ def compare_files(asked: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
         OutputError: the picture exists and may not be replaced, or cannot be written.
 
     """
+    from cubicfish_cli.app.comparison import compare
     from cubicfish_cli.app.undistortion.images import check_suffix, write_picture
-    from cubicfish_cli.core.fit.comparison import compare
     from cubicfish_cli.core.io.camera_yaml import load_camera
 
     path = path_or_none(asked.picture)

@@ -111,7 +111,7 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.conversion.foreign import WRITTEN
+    from cubicfish_cli.app.lenses.foreign_files import WRITTEN
     from cubicfish_cli.commands.exporting import export_camera, without_matrix
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.choose import build_view

@@ -9,15 +9,15 @@ where PyYAML's default is YAML 1.1.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.errors import CameraFileError, CubicfishError
 from cubicfish_cli.core.reading import read_text
-from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.core.wording import did_you_mean, quoted
 
 MAX_DEPTH = 12
 MAX_VALUES = 500_000
@@ -167,3 +167,27 @@ def plain_yaml_text(record: Any) -> str:
     return yaml.dump(
         record, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
     )
+
+
+def mapping(path: Path | str, value: Any, what: str) -> dict[str, Any]:
+    """A record, or an error that says what it should be."""
+    if not isinstance(value, dict):
+        raise CameraFileError(f"{path}: {what} must hold keys and values")
+    return value
+
+
+def refuse_unknown(path: Path, record: Mapping[Any, Any], keys: Iterable[str]) -> None:
+    """Refuse a record that has another key."""
+    keys = tuple(keys)
+    for key in map(str, record):
+        if key not in keys:
+            raise CameraFileError(f"{path}: unknown key {quoted(key)}: {did_you_mean(key, keys)}")
+
+
+def refuse_version(path: Path, found: Any, version: int) -> None:
+    """Refuse a file of our own of another version."""
+    if found != version or isinstance(found, bool):
+        raise CameraFileError(
+            f"{path}: format version {found!r} is not {version}: read it with the version of "
+            "cubicfish that wrote it, or calibrate again"
+        )

@@ -10,9 +10,8 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish_cli.app.conversion import foreign
-from cubicfish_cli.app.conversion.foreign import WRITTEN
 from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
+from cubicfish_cli.app.lenses.foreign_files import WRITTEN
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.commands.exporting import _rounded_up, export_camera
 from cubicfish_cli.core.errors import FitError
@@ -20,7 +19,7 @@ from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
 
 # The last two are not read.
-LENS_FORMATS = sorted({*foreign.WRITTEN} - {"gyroflow", "nvidia"})
+LENS_FORMATS = sorted({*WRITTEN} - {"gyroflow", "nvidia"})
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +66,7 @@ def test_the_commands_know_the_formats_that_there_are(run: Run):
         assert set(made.front_only) <= set(entry.written)
         assert made.rig is None or made.rig[0]
     for page, names in (
-        (run("export", "--help"), {*foreign.WRITTEN, "maps"}),
+        (run("export", "--help"), {*WRITTEN, "maps"}),
         (run("import", "--help"), set(read_formats())),
     ):
         assert {name for name in names if name in page.stdout} == names

@@ -14,9 +14,9 @@ from lenses import smaller
 from running import SAMPLE, Run
 
 from cubicfish_cli import save_camera
+from cubicfish_cli.app.lenses import model_comparison
 from cubicfish_cli.app.terminal.options import JsonOption
 from cubicfish_cli.app.terminal.terminal import print_json
-from cubicfish_cli.core.fit import model_comparison
 from cubicfish_cli.core.io.camera_yaml import load_camera
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"

@@ -22,10 +22,11 @@ from pairs_csv import write_pairs
 from running import SAMPLE, invoke_cli, run_cli
 
 from cubicfish_cli import CubicfishError, load_camera, save_camera
-from cubicfish_cli.app.conversion.from_lens import ExactLens
 from cubicfish_cli.app.executors import cluster, pool
+from cubicfish_cli.app.lenses import model_comparison
+from cubicfish_cli.app.lenses.from_lens import ExactLens
 from cubicfish_cli.core.fit import calibrate as fit
-from cubicfish_cli.core.fit import model_comparison, point_fit
+from cubicfish_cli.core.fit import point_fit
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.core.views.maps import camera_for_photos

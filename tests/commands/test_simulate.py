@@ -11,8 +11,8 @@ from running import SAMPLE, Run
 from synthetic import checkerboard
 
 from cubicfish_cli import save_camera, save_target
-from cubicfish_cli.app.conversion.foreign import read_foreign
-from cubicfish_cli.app.conversion.from_lens import ExactLens
+from cubicfish_cli.app.lenses.foreign_files import read_foreign
+from cubicfish_cli.app.lenses.from_lens import ExactLens
 from cubicfish_cli.app.viewpoints.truth import camera_points, load_poses
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.io.camera_yaml import load_camera

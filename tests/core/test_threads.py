@@ -8,7 +8,7 @@ from synthetic import IMAGE_SIZE, TRUE_LENS, corner_of_three, synthetic_correspo
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from cubicfish_cli import calibrate, evaluate
-from cubicfish_cli.core.fit.model_comparison import compare_models
+from cubicfish_cli.app.lenses.model_comparison import compare_models
 from cubicfish_cli.core.threads import Shared, one_blas_thread
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 

@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.lenses.foreign_lens import HELD, FocalLens
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.geometry import (
     decentring,
@@ -22,7 +23,6 @@ from cubicfish_cli.core.geometry import (
     kannala_brandt,
     kannala_brandt_slope,
 )
-from cubicfish_cli.core.lenses.lens import HELD, FocalLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 

@@ -32,7 +32,6 @@ departs from its drawing, and doubts what no print or wall explains.
 The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
 there is none; `calibration.py`) to a function that its caller gives it, and takes findings back.
 
-Beside it stand `model_comparison.py` (the table that `calibrate --compare` prints), `conversion/`
-(cubic cameras from and to other lenses), `comparison.py` and `alignment.py` (two cameras, pixel
-by pixel) and `point_fit.py` (the paper's literal model, on points instead of rays).
+Beside it stand `alignment.py` (the turn between the frames of two cameras) and `point_fit.py` (the
+paper's literal model, on points instead of rays).
 """

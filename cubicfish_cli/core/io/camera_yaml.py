@@ -19,12 +19,11 @@ from cubicfish_cli.core.io.calibrated import (
     CameraRecord,
     unit_norm,
 )
-from cubicfish_cli.core.io.camera_format import mapping, refuse_unknown, refuse_version
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.core.lenses.lift import SIZE
 from cubicfish_cli.core.lenses.point import Frame, PointCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import parse_plain_yaml
+from cubicfish_cli.core.plain_yaml import mapping, parse_plain_yaml, refuse_unknown, refuse_version
 from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
 

@@ -94,22 +94,6 @@ def nearest_lens(
     return found
 
 
-def nearest_accepted(
-    starts: Sequence[L], rays: FloatArray, pixel: FloatArray, *, held: Collection[str] = ()
-) -> L:
-    """:func:`nearest_lens`, of those whose parameters other tools accept."""
-    found = nearest_lens(starts, rays, pixel, held=held)
-    for name, (least, most) in found.limits.items():
-        index = found.parameter_names.index(name)
-        moved = found.parameters
-        moved[index] = np.clip(moved[index], least, most)
-        if moved[index] != found.parameters[index]:
-            held = (*held, name)
-            start = replace(FreeLens.of(starts[0], held), lens=found.with_parameters(moved))
-            found = _least_squares(start, rays, pixel)[1]
-    return found
-
-
 def _least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
     """Cost, and the lens."""
     from scipy.optimize import least_squares  # it takes long to load, and is seldom asked

@@ -7,14 +7,14 @@ every figure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.angles import columns, unit_rays
 from cubicfish_cli.core.geometry import inverse_of_growing, kannala_brandt, kannala_brandt_slope
-from cubicfish_cli.core.lenses.lens import HELD, FocalLens
+from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.types import FloatArray
 
 # Below this ratio of ρ to |X| the profile's series replaces its quotient, which is 0/0 on the axis.
@@ -23,7 +23,7 @@ _NO_TERM = 1e-20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RadialCamera(FocalLens):
+class RadialCamera(Lens):
     """A Kannala–Brandt lens.
 
     Attributes:
@@ -31,30 +31,27 @@ class RadialCamera(FocalLens):
         fx, fy: focal lengths, pixels per radian.
         cx, cy: principal point, pixels.
         k: (4,) coefficients k1..k4 of the radial profile.
-        alpha: skew over fx, as OpenCV's fisheye module has it; 0 in all that is fitted.
 
     """
 
     name = "kannala_brandt"
     label = "Kannala–Brandt"
 
+    fx: float
+    fy: float
+    cx: float
+    cy: float
     k: FloatArray
-    alpha: float = field(default=0.0, metadata=HELD)
 
-    @classmethod
-    def starts(cls, radial: RadialCamera, covered: float) -> tuple[RadialCamera, ...]:
-        """The lens itself."""
-        return (radial,)
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(8,) of :attr:`parameters`."""
+        return ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 
     @property
     def parameters(self) -> FloatArray:
         """(8,): fx, fy, cx, cy, k1..k4."""
         return np.array([self.fx, self.fy, self.cx, self.cy, *self.k])
-
-    @property
-    def units(self) -> FloatArray:
-        """See :class:`Lens`: 1, since the optimiser scales by the derivatives too."""
-        return np.ones(8)
 
     @classmethod
     def from_parameters(
@@ -64,6 +61,10 @@ class RadialCamera(FocalLens):
         values = np.asarray(parameters, float)
         fx, fy, cx, cy = (float(value) for value in values[:4])
         return cls(image_size=image_size, fx=fx, fy=fy, cx=cx, cy=cy, k=values[4:8].copy())
+
+    def with_parameters(self, parameters: FloatArray) -> RadialCamera:
+        """The same lens with other parameters (8,)."""
+        return self.from_parameters(parameters, self.image_size)
 
     def profile(self, theta: npt.ArrayLike) -> FloatArray:
         """Normalised radius r(θ): (...,) radians -> (...,)."""
@@ -97,16 +98,12 @@ class RadialCamera(FocalLens):
             pixel = np.stack(
                 [self.fx * x * scale + self.cx, self.fy * y * scale + self.cy], axis=-1
             )
-            if self.alpha:
-                pixel[..., 0] += self.alpha * self.fx / self.fy * (pixel[..., 1] - self.cy)
         seen = theta <= self.max_angle
         seen &= (z > 0) | (rho > _NEAR_AXIS)  # straight back has no azimuth
         return np.where(seen[..., None], pixel, np.nan)
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`Lens`: any angle's, also beyond :attr:`max_angle`."""
-        if self.alpha:
-            return super().pixel_and_slopes(points)
         return project_jacobian(self.parameters, points)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
@@ -114,7 +111,6 @@ class RadialCamera(FocalLens):
         pixel = np.asarray(pixel, float)
         x = (pixel[..., 0] - self.cx) / self.fx
         y = (pixel[..., 1] - self.cy) / self.fy
-        x = x - self.alpha * y
         radius = np.hypot(x, y)
         theta = self.angle(radius)
         sine = np.sin(theta)

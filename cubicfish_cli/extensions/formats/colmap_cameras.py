@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import (
+from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
     chosen_camera,
@@ -30,11 +29,12 @@ from cubicfish_cli.core.io.camera_format import (
     read_bounded_bytes,
     size,
 )
+from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.pinhole import PinholeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.thin_prism import RadTanThinPrismLens
 from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.thin_prism import RadTanThinPrismLens
 
 HALF = 0.5
 MAX_BYTES = 16_000_000

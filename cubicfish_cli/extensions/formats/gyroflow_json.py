@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cubicfish_cli.core.io.camera_format import CameraFormat, json_text
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, json_text
 from cubicfish_cli.core.lenses.radial import RadialCamera
 
 

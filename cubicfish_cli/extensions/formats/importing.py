@@ -9,14 +9,14 @@ from pathlib import Path
 from cubicfish_cli.app.asked import (
     StrPath,
 )
-from cubicfish_cli.app.conversion.foreign import own_field_deg, read_foreign
-from cubicfish_cli.app.conversion.from_lens import (
+from cubicfish_cli.app.extensions import read_formats
+from cubicfish_cli.app.lenses.foreign_files import own_field_deg, read_foreign
+from cubicfish_cli.app.lenses.from_lens import (
     LARGEST_ANGLE_DEG,
     LARGEST_FIELD_DEG,
     ImportedCamera,
     from_lens,
 )
-from cubicfish_cli.app.extensions import read_formats
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError

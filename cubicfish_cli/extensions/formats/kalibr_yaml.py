@@ -13,23 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import (
+from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
     chosen_camera,
     focal,
-    mapping,
     matrix_rows,
     numbers,
     size,
 )
+from cubicfish_cli.app.lenses.compared import DoubleSphereLens, UnifiedLens
+from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.pinhole import PinholeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.unified import DoubleSphereLens, UnifiedLens
-from cubicfish_cli.core.plain_yaml import load_plain_yaml
+from cubicfish_cli.core.plain_yaml import load_plain_yaml, mapping
 from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
 
 _CORE = ("fx", "fy", "cx", "cy")
 # Kalibr's camera_model -> what stands before the core in its intrinsics.

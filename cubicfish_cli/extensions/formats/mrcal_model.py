@@ -21,20 +21,19 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import (
+from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
-    mapping,
     numbers,
     read_bounded,
     size,
 )
-from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
-from cubicfish_cli.core.lenses.pinhole import PinholeLens
-from cubicfish_cli.core.plain_yaml import parse_plain_yaml
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.plain_yaml import mapping, parse_plain_yaml
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
 
 # optimization_inputs holds all corners of a calibration, packed; it is skipped.
 MAX_BYTES = 64_000_000

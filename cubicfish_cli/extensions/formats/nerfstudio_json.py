@@ -14,22 +14,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import (
+from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
     Poses,
     focal,
     json_text,
-    mapping,
     number,
     parse_plain_json,
     read_bounded,
     size,
 )
-from cubicfish_cli.core.lenses.pinhole import PinholeLens
+from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.plain_yaml import mapping
 from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
 
 MAX_BYTES = 64_000_000
 _CORE = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.io.camera_format import CameraFormat, LensRig, json_text
-from cubicfish_cli.core.lenses.ftheta import FThetaLens
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, json_text
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.formats.ftheta import FThetaLens
 
 _VERSION = 7
 # x right, y down, z forward -> forward, left, up.

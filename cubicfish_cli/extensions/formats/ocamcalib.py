@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, numbers, read_bounded, size
+from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import CameraFormat, numbers, read_bounded, size
-from cubicfish_cli.core.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.types import FloatArray
 
 MAX_BYTES = 1_000_000

@@ -21,29 +21,30 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
 
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import (
+from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
     focal,
-    mapping,
     numbers,
     parse_plain_json,
     read_bounded,
     size,
 )
-from cubicfish_cli.core.lenses.pinhole import PinholeLens
+from cubicfish_cli.app.lenses.compared import UnifiedLens
+from cubicfish_cli.app.lenses.foreign_lens import FocalLens
+from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.unified import UnifiedLens
-from cubicfish_cli.core.plain_yaml import MAX_DEPTH, parse_plain_yaml
+from cubicfish_cli.core.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
 
 # Names in small letters without anything between words.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
@@ -71,6 +72,29 @@ _FISHEYE = (
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SkewedFisheye(FocalLens):
+    """cv2.fisheye's lens with a skew in pixels, which its calibration finds unless told not to."""
+
+    name = RadialCamera.name
+    label = "Kannala–Brandt with skew"
+
+    skew: float
+    k: FloatArray
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """The radial lens."""
+        return (cls.near(radial, skew=0.0, k=radial.k),)
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """See :class:`~cubicfish_cli.core.lenses.lens.Lens`."""
+        core = {key: getattr(self, key) for key in ("image_size", "fx", "fy", "cx", "cy", "k")}
+        pixel = RadialCamera(**core).project(points)
+        pixel[:, 0] += self.skew / self.fy * (pixel[:, 1] - self.cy)
+        return pixel
+
+
 def opencv_text(lens: RadialCamera, note: Sequence[str]) -> str:
     """A lens as FileStorage YAML, for cv2.fisheye."""
     width, height = lens.image_size
@@ -89,7 +113,7 @@ def opencv_stereo_text(rig: LensRig) -> str:
     """Two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
 
     M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
-    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.core.io.camera_format.FlatPair`.
+    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.app.lenses.camera_format.FlatPair`.
 
     Raises:
         CameraFileError: the rig has more cameras than two.
@@ -154,7 +178,7 @@ def looks_like_opencv(text: str) -> bool:
 
 def read_opencv(
     path: Path, *, camera: str | None = None, image_size: tuple[int, int] | None = None
-) -> RadialCamera | UnifiedLens | PinholeLens:
+) -> Lens:
     """Read one camera of a FileStorage file.
 
     Args:
@@ -185,7 +209,7 @@ def read_opencv(
     if len(d) != 4:
         raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
     if xi is None:
-        return RadialCamera(**core, k=d, alpha=skew / fx)
+        return SkewedFisheye(**core, k=d, skew=skew) if skew else RadialCamera(**core, k=d)
     return UnifiedLens(**core, skew=skew, xi=xi, d=d)
 
 

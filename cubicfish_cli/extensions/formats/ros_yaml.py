@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, focal, numbers, size
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.camera_format import CameraFormat, LensRig, focal, mapping, numbers, size
-from cubicfish_cli.core.lenses.pinhole import PinholeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml
+from cubicfish_cli.core.plain_yaml import load_plain_yaml, mapping
 from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
 
 _COUNTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
 

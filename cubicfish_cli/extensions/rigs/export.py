@@ -95,7 +95,7 @@ def export_rig_files(
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.conversion.foreign import WRITTEN
+    from cubicfish_cli.app.lenses.foreign_files import WRITTEN
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import export_camera, without_matrix
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cubicfish_cli.app.lenses.camera_format import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.io.camera_format import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.choose import build_view, sees
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.lenses.camera_format import numbers
 from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.verdict import Verdict
@@ -23,10 +24,15 @@ from cubicfish_cli.core.files import Content, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.geometry import camera_centre
 from cubicfish_cli.core.io.calibrated import Calibrated, camera_text
-from cubicfish_cli.core.io.camera_format import mapping, numbers, refuse_unknown, refuse_version
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml, plain_yaml_text
+from cubicfish_cli.core.plain_yaml import (
+    load_plain_yaml,
+    mapping,
+    plain_yaml_text,
+    refuse_unknown,
+    refuse_version,
+)
 from cubicfish_cli.core.target import Target, target_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.app.asked import StrPath
-from cubicfish_cli.app.conversion.foreign import is_foreign, read_foreign
+from cubicfish_cli.app.lenses.foreign_files import is_foreign, read_foreign
 from cubicfish_cli.app.viewpoints.truth import Pose, load_poses
 from cubicfish_cli.app.viewpoints.views import NearLens, WholeLens
 from cubicfish_cli.core.arrays import Refusal
@@ -82,7 +82,7 @@ def _of_camera(camera: CubicCamera, made_by: Mapping[str, object], target: Targe
 def _of_another_tool(path: Path, size: tuple[int, int] | None) -> Source:
     """The lens of another tool's file."""
     # Loaded late: it takes as long as a photo.
-    from cubicfish_cli.app.conversion.from_lens import ExactLens
+    from cubicfish_cli.app.lenses.from_lens import ExactLens
 
     given, found = read_foreign(path, image_size=size)
     exact = ExactLens.of(given)

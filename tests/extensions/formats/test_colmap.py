@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
-from cubicfish_cli.app.conversion.foreign import sniffed
-from cubicfish_cli.app.conversion.from_lens import from_lens
-from cubicfish_cli.app.conversion.to_lens import to_lens
+from cubicfish_cli.app.lenses.foreign_files import sniffed
+from cubicfish_cli.app.lenses.from_lens import from_lens
+from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.thin_prism import RadTanThinPrismLens
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,
     WRITTEN_AS,
     colmap_text,
     read_colmap,
 )
+from cubicfish_cli.extensions.formats.thin_prism import RadTanThinPrismLens
 
 SIZE = (640, 480)
 # Some of each parameter that is not 0: pixels of lenses that look like lenses.

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
+from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 
 SPLINED = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=5_Ny=4_fov_x_deg=170"
 # As mrcal itself writes: remarks, commas at the ends, packed inputs with any character.

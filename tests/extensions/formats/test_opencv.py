@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.app.conversion.foreign import read_foreign, sniffed
+from cubicfish_cli.app.lenses.foreign_files import read_foreign, sniffed
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.extensions.formats.opencv_cameras import read_file_storage, read_opencv
 

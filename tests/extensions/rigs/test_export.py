@@ -14,7 +14,7 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import Rig, load_rig
-from cubicfish_cli.app.conversion.foreign import WRITTEN
+from cubicfish_cli.app.lenses.foreign_files import WRITTEN
 from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.extensions.rigs import group

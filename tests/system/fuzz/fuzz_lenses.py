@@ -11,9 +11,9 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish_cli.app.conversion.foreign import WRITTEN, read_foreign
-from cubicfish_cli.app.conversion.to_lens import to_lens
 from cubicfish_cli.app.extensions import camera_formats, read_formats
+from cubicfish_cli.app.lenses.foreign_files import WRITTEN, read_foreign
+from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
 
 SIZE = (640, 480)

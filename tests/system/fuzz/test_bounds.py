@@ -9,10 +9,10 @@ import fuzz_foreign as foreign
 import pytest
 from fuzz_readers import READERS
 
-from cubicfish_cli.app.conversion.foreign import read_foreign
+from cubicfish_cli.app.lenses import camera_format
+from cubicfish_cli.app.lenses.foreign_files import read_foreign
 from cubicfish_cli.core import plain_yaml, tables
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.io import camera_format
 from cubicfish_cli.extensions.formats import vnlog
 from cubicfish_cli.extensions.formats.nerfstudio_json import read_nerfstudio
 

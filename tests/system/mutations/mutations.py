@@ -211,13 +211,13 @@ MUTATIONS = tuple(
             "core/geometry.py",
             "p2 * (3 * xx + yy)",
             "p2 * (2 * xx + yy)",
-            "core/lenses/test_pinhole",
+            "extensions/formats/test_pinhole",
         ),
         (
-            "core/lenses/scaramuzza.py",
+            "app/lenses/scaramuzza.py",
             "angle_from_axis(points) - np.pi / 2",
             "np.pi / 2 - angle_from_axis(points)",
-            "core/lenses/test_scaramuzza",
+            "app/lenses/test_scaramuzza",
         ),
         # Views and maps.
         (

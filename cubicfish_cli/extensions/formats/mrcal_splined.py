@@ -19,9 +19,9 @@ from typing import Self
 import numpy as np
 from scipy import linalg, sparse
 
+from cubicfish_cli.app.lenses.foreign_lens import HELD, FocalLens
 from cubicfish_cli.core.angles import angle_from_axis, azimuth
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.lens import HELD, FocalLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import FloatArray, IntArray

@@ -11,8 +11,8 @@ from typing import Self
 
 import numpy as np
 
+from cubicfish_cli.app.lenses.foreign_lens import FocalLens
 from cubicfish_cli.core.geometry import decentring
-from cubicfish_cli.core.lenses.lens import FocalLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 

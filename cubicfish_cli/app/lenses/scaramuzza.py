@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev, polynomial
 
+from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.lens import HELD, Lens
 from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
@@ -43,7 +43,7 @@ _COMPARED_REACH = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScaramuzzaLens(Lens):
+class ScaramuzzaLens(ForeignLens):
     """See above.
 
     Attributes:
@@ -60,7 +60,6 @@ class ScaramuzzaLens(Lens):
 
     name = "ocam"
     label = "Scaramuzza"
-    compared = True
     fixed = ("stretch4", "a2")  # 1, and the linear term
 
     cx: float

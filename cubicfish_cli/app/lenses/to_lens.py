@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.app.comparison import pixel_grid, rings
+from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.comparison import pixel_grid, rings
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.nearest import FreeLens
+from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 
@@ -99,7 +100,7 @@ def to_lens(
 
     Args:
         camera: the camera.
-        model: which, of :data:`~cubicfish_cli.core.lenses.registry.LENSES`.
+        model: which, as :attr:`CameraFormat.lenses` has it.
         max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
         covered_deg: how far from the axis corners reached in the calibration: the error is stated
             up to there, and apart from that beyond, where the camera itself is a guess. The fit
@@ -113,7 +114,10 @@ def to_lens(
     turn = np.eye(3)
     if model.symmetric:
         turn = symmetric_frame(camera, rays, pixel)
-    lens = model.nearest_to(camera, rays @ turn.T, pixel)
+    if issubclass(model, ForeignLens):
+        lens: Lens = model.nearest_to(camera, rays @ turn.T, pixel)
+    else:
+        lens = nearest_lens([camera.radial], rays @ turn.T, pixel)
     error = conversion_error(
         camera,
         lens,

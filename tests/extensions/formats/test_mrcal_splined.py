@@ -8,9 +8,9 @@ from lenses import cubic_camera, random_rays
 from mrcal_itself import ask_mrcal, needs_mrcal
 
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.mrcal_splined import SplinedLens
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
+from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
 
 
 def field(camera: CubicCamera, count: int = 12_000) -> tuple[np.ndarray, np.ndarray]:

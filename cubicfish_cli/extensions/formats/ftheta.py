@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.polynomial import polynomial
 
+from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 
@@ -18,7 +18,7 @@ _TOLERANCE = 1e-9  # radians
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FThetaLens(Lens):
+class FThetaLens(ForeignLens):
     """A ray at r and azimuth φ is seen at (cx, cy) + [[c, d], [e, 1]] r (cos φ, sin φ).
 
     Attributes:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish_cli.app.conversion.to_lens import to_lens
-from cubicfish_cli.core.lenses import scaramuzza
+from cubicfish_cli.app.lenses import scaramuzza
+from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
+from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.lenses.sphere import cone_rays
 
 SIZE = (960, 720)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
+from cubicfish_cli.app.comparison import compare, pixel_grid
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.comparison import compare, pixel_grid
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 
 CAMERA = radial_camera(90.0)

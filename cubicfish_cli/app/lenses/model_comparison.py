@@ -10,6 +10,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cubicfish_cli.app.lenses.compared import (
+    DivisionLens,
+    DoubleSphereLens,
+    FieldOfViewLens,
+    UnifiedLens,
+)
+from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
+from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
@@ -22,21 +30,19 @@ from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish_cli.core.fit.statistics import rms_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
-from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.registry import LENSES
 from cubicfish_cli.core.lenses.sphere import cone_rays, usable_angle_deg
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
 
-L = TypeVar("L", bound=Lens)
+L = TypeVar("L", bound=ForeignLens)
 F = TypeVar("F", bound=FitLens)
 
 CUBIC = "cubic"
-COMPARED = tuple(kind for kind in LENSES if kind.compared)
+COMPARED = (DivisionLens, FieldOfViewLens, ScaramuzzaLens, UnifiedLens, DoubleSphereLens)
 # Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
 _CUBIC_PARAMETERS = 44
 _START_RAYS = 400
@@ -211,7 +217,7 @@ def _fit_radial(reference: RadialReference) -> tuple[FitLens, FloatArray]:
     return fit.lens, fit.residual
 
 
-def _fit_model(kind: type[Lens], reference: RadialReference) -> tuple[FitLens, FloatArray]:
+def _fit_model(kind: type[ForeignLens], reference: RadialReference) -> tuple[FitLens, FloatArray]:
     lens = FreeLens.of(near_reference(kind, reference))
     poses, pairs = reference.poses, reference.pairs
     seen = lens.project(poses.apply(pairs.image, pairs.world))

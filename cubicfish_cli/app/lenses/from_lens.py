@@ -8,16 +8,16 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.conversion.to_lens import ConversionError, conversion_error
+from cubicfish_cli.app.lenses.to_lens import ConversionError, conversion_error
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.nearest_cubic import linear_cubic, refined_cubic
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
-from cubicfish_cli.core.lenses.lens import UNPROJECT_TOLERANCE_PX, Lens
+from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at, rays_of_pixels
+from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at
 from cubicfish_cli.core.types import FloatArray
 
 _RAYS = 4000
@@ -98,16 +98,8 @@ class ExactLens:
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) -> unit rays (..., 3), NaN outside the field."""
-        pixel = np.asarray(pixel, float)
-        rays = self.nearest.camera.unproject(pixel).reshape(-1, 3)
-        near = np.isfinite(rays[:, 0])
-        rays[near] = rays_of_pixels(
-            pixel.reshape(-1, 2)[near],
-            rays[near],
-            self.lens.pixel_and_slope,
-            UNPROJECT_TOLERANCE_PX,
-        )
-        return np.where(self._inside(rays)[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
+        rays = self.lens.unproject(pixel)
+        return np.where(self._inside(rays)[..., None], rays, np.nan)
 
     def _inside(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
-from cubicfish_cli.core.errors import CameraFileError, UsageError
-from cubicfish_cli.core.io.camera_format import (
+from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     read_bounded,
     read_bounded_bytes,
 )
+from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.lenses.lens import Lens
 
 _READ: Mapping[str, CameraFormat] = {

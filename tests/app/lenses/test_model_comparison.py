@@ -7,15 +7,15 @@ import pytest
 import synthetic
 from lenses import radial_camera, random_rays
 
-from cubicfish_cli.core.boards.shape import BoardShape
-from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.model_comparison import (
+from cubicfish_cli.app.lenses.compared import DivisionLens
+from cubicfish_cli.app.lenses.model_comparison import (
     COMPARED,
     CUBIC,
     compare_models,
     near_reference,
 )
-from cubicfish_cli.core.lenses.division import DivisionLens
+from cubicfish_cli.core.boards.shape import BoardShape
+from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import usable_angle_deg
 

@@ -1,4 +1,4 @@
-"""What a camera format of another tool offers, the ``FORMAT`` of its module; rigs for it.
+"""What a format of other tools' camera files offers, the ``FORMAT`` of its module; rigs for it.
 
 Bounded reading of text, JSON and values from untrusted files, with one-line errors.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -19,7 +19,7 @@ from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.reading import read_bytes, read_text
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.core.wording import quoted
 
 Pose = tuple[FloatArray, FloatArray]
 
@@ -186,13 +186,6 @@ def read_bounded_bytes(path: Path, *, max_bytes: int) -> bytes:
     return read_bytes(path, max_bytes=max_bytes, error=CameraFileError)
 
 
-def mapping(path: Path | str, value: Any, what: str) -> dict[str, Any]:
-    """A record, or an error that says what it should be."""
-    if not isinstance(value, dict):
-        raise CameraFileError(f"{path}: {what} must hold keys and values")
-    return value
-
-
 def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatArray:
     """A list of finite numbers, as many as one of ``counts``."""
     if (
@@ -216,23 +209,6 @@ def focal(path: Path, values: FloatArray, key: str) -> FloatArray:
     if not (values > 0).all():
         raise CameraFileError(f"{path}: {key}: focal lengths must be above 0")
     return values
-
-
-def refuse_unknown(path: Path, record: Mapping[Any, Any], keys: Iterable[str]) -> None:
-    """Refuse a record that has another key."""
-    keys = tuple(keys)
-    for key in map(str, record):
-        if key not in keys:
-            raise CameraFileError(f"{path}: unknown key {quoted(key)}: {did_you_mean(key, keys)}")
-
-
-def refuse_version(path: Path, found: Any, version: int) -> None:
-    """Refuse a file of our own of another version."""
-    if found != version or isinstance(found, bool):
-        raise CameraFileError(
-            f"{path}: format version {found!r} is not {version}: read it with the version of "
-            "cubicfish that wrote it, or calibrate again"
-        )
 
 
 def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:

@@ -21,9 +21,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.lenses.foreign_lens import FocalLens
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.geometry import decentring
-from cubicfish_cli.core.lenses.lens import FocalLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 

@@ -1,1 +1,0 @@
-"""Cubic cameras from and to the lens models of other tools."""

@@ -1,0 +1,230 @@
+"""Lens models of other tools: what they share.
+
+A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
+marked by :data:`HELD` are carried along and never fitted. It has a ``name``, a ``label``,
+:meth:`ForeignLens.starts` and its formula: :meth:`SymmetricLens.scale` of a symmetric lens, else
+:meth:`ForeignLens.pixels`. The rest follows from these, derivatives too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from cubicfish_cli.core.angles import angle_from_axis, unit_rays
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.lenses.nearest import nearest_lens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.lenses.sphere import cone_rays, rays_of_pixels, usable_angle_deg
+from cubicfish_cli.core.types import FloatArray
+
+HELD: Mapping[str, Any] = {"held": True}
+"""Metadata of a field that is no parameter of a fit."""
+UNPROJECT_TOLERANCE_PX = 1e-6
+_SEEDS = 6000
+# Pixels at a time: their intermediate arrays then stay in the processor's cache.
+_BLOCK = 8192
+_STEP = 1e-6
+_PIXELS = ("fx", "fy", "cx", "cy", "skew")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForeignLens(Lens):
+    """A lens of another tool's model."""
+
+    unwritten: ClassVar[tuple[str, ...]] = ()
+    """Parameters that other tools' files lack; :meth:`nearest_to` leaves them as they start."""
+    limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Where other tools accept a parameter."""
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> Sequence[Self]:
+        """Lenses roughly like a radial one, from one of which least squares finds the nearest.
+
+        Args:
+            radial: a radial lens.
+            covered: angle from the axis up to which the two should agree, radians.
+
+        """
+        raise NotImplementedError
+
+    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`Lens`: by differences."""
+        by_parameter = []
+        parameters = self.parameters
+        for index, unit in enumerate(self.units):
+            step = np.zeros(len(parameters))
+            step[index] = _STEP * unit
+            ahead, behind = (self.with_parameters(parameters + way) for way in (step, -step))
+            with np.errstate(invalid="ignore"):  # beyond the lens's end
+                apart = ahead.pixels(points) - behind.pixels(points)
+            by_parameter.append(apart / (2 * step[index]))
+        return *self.pixel_and_slope(points), np.stack(by_parameter, axis=-1)
+
+    def pixel_and_slope(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """:meth:`pixel_and_slopes` without the parameters, of which a model may have hundreds."""
+        length = np.linalg.norm(points, axis=1, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            by_point = [
+                (self.pixels(points + step) - self.pixels(points - step)) / (2 * _STEP * length)
+                for step in (_STEP * length * axis for axis in np.eye(3))
+            ]
+        return self.pixels(points), np.stack(by_point, axis=-1)
+
+    def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """Where the model means the pixels (N,) that it has of points (N, 3)."""
+        return np.ones(len(points), bool)
+
+    @classmethod
+    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self:
+        """The lens nearest to a camera, least squares in pixels.
+
+        Args:
+            camera: the camera.
+            rays: (N, 3) unit rays of its field, in the lens's frame.
+            pixel: (N, 2) where the camera sees them.
+
+        Raises:
+            FitError: no lens of the model is near.
+
+        """
+        starts = cls.starts(camera.radial, float(angle_from_axis(rays).max()))
+        found, held = nearest_lens(starts, rays, pixel, held=cls.unwritten), cls.unwritten
+        for name, (least, most) in cls.limits.items():
+            index, moved = found.parameter_names.index(name), found.parameters
+            moved[index] = np.clip(moved[index], least, most)
+            if moved[index] != found.parameters[index]:
+                held = (*held, name)
+                found = nearest_lens([found.with_parameters(moved)], rays, pixel, held=held)
+        return found
+
+    @classmethod
+    def _keys(cls) -> list[str]:
+        """Names of the fields that are parameters."""
+        return [one.name for one in fields(cls) if one.name != "image_size" and not one.metadata]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """See :class:`Lens`."""
+        names: list[str] = []
+        for key in self._keys():
+            value = getattr(self, key)
+            numbers = range(1, np.size(value) + 1) if np.ndim(value) else [""]
+            names += [f"{key}{number}" for number in numbers]
+        return tuple(names)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """See :class:`Lens`."""
+        return np.concatenate([np.ravel(getattr(self, key)) for key in self._keys()])
+
+    def with_parameters(self, parameters: FloatArray) -> Self:
+        """See :class:`Lens`."""
+        changes: dict[str, Any] = {}
+        start = 0
+        for key in self._keys():
+            shape = np.shape(getattr(self, key))
+            end = start + int(np.prod(shape))
+            part = parameters[start:end]
+            changes[key] = part.reshape(shape).copy() if shape else float(part[0])
+            start = end
+        return replace(self, **changes)
+
+    @cached_property
+    def max_angle(self) -> float:
+        """How far from its axis the lens is a camera, radians: no pole, fold or mirroring."""
+        return float(np.deg2rad(usable_angle_deg(self.pixel_and_slope)))
+
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """See :class:`Lens`."""
+        points = np.asarray(points, float)
+        flat = points.reshape(-1, 3)
+        with np.errstate(all="ignore"):
+            pixel = self.pixels(flat)
+        seen = np.isfinite(pixel).all(axis=1) & self.sees(flat)
+        seen &= (flat[:, :2] != 0).any(axis=1) | (flat[:, 2] > 0)
+        return np.where(seen[:, None], pixel, np.nan).reshape(*points.shape[:-1], 2)
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> unit rays (..., 3); NaN beyond :attr:`max_angle`.
+
+        Newton's method on the sphere, from the ray of a few thousand that is seen next to it.
+        """
+        from scipy.spatial import KDTree
+
+        pixel = np.asarray(pixel, float)
+        flat = pixel.reshape(-1, 2)
+        rays = np.full((len(flat), 3), np.nan)
+        seeds = cone_rays(self.max_angle, _SEEDS)
+        seen = self.project(seeds)
+        there = np.isfinite(seen[:, 0])
+        tree = KDTree(seen[there])
+        index = np.flatnonzero(np.isfinite(flat).all(axis=1) & there.any())
+        for block in np.array_split(index, len(index) // _BLOCK + 1):
+            _, near = tree.query(flat[block])
+            start = seeds[there][near]
+            rays[block] = rays_of_pixels(
+                flat[block], start, self.pixel_and_slope, UNPROJECT_TOLERANCE_PX
+            )
+        rays = unit_rays(rays)
+        with np.errstate(invalid="ignore"):
+            inside = angle_from_axis(rays) <= self.max_angle
+        return np.where(inside[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FocalLens(ForeignLens):
+    """A lens of focal lengths and a principal point, and other parameters after them.
+
+    Attributes:
+        fx, fy: focal lengths, pixels.
+        cx, cy: principal point, pixels.
+
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @classmethod
+    def near(cls, radial: RadialCamera, stretch: float = 1.0, **others: Any) -> Self:
+        """A lens about a radial one's centre, with its focal lengths times ``stretch``."""
+        return cls(
+            image_size=radial.image_size,
+            fx=stretch * radial.fx,
+            fy=stretch * radial.fy,
+            cx=radial.cx,
+            cy=radial.cy,
+            **others,
+        )
+
+    @property
+    def units(self) -> FloatArray:
+        """See :class:`Lens`: pixels count in focal lengths."""
+        return np.where(np.isin(self.parameter_names, _PIXELS), self.fx, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SymmetricLens(FocalLens):
+    """An axially symmetric lens: its shape's parameters come after fx, fy, cx, cy."""
+
+    def scale(self, points: FloatArray) -> FloatArray:
+        """The model itself: s (N,) of camera-frame points (N, 3) with (x, y) = s · (X, Y).
+
+        Not finite where the lens sees nothing.
+        """
+        raise NotImplementedError
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """See :class:`Lens`."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            scale = self.scale(points)[:, None]
+            pixel = points[:, :2] * scale * [self.fx, self.fy] + [self.cx, self.cy]
+        return np.where(np.isfinite(scale), pixel, np.inf)
