@@ -211,46 +211,37 @@ def path_or_none(given: StrPath | None) -> Path | None:
 
 
 def check_inputs(
-    inputs: Sequence[Path], correspondences: Path | None, target: TargetSource
-) -> None:
-    """Refuse at once, before anything is loaded or done, what cannot be read as pairs.
+    inputs: Sequence[Path],
+    target: TargetSource,
+    run: Run,
+    *,
+    correspondences: Path | None = None,
+    image_size: tuple[int, int] | None = None,
+) -> bool:
+    """Refuse at once, before anything is loaded or done, what cannot be read or says nothing here.
+
+    Returns:
+        Whether they are 2D-3D pairs, which have no target.
 
     Raises:
-        UsageError: the inputs do not go together.
+        UsageError: the inputs do not go together, or something is asked that would not be done.
         CubicfishError: one is not there.
 
     """
-    if correspondences is not None:
-        if inputs:
-            raise UsageError("give photos (or corners.csv) or --correspondences, not both")
-        _refuse_missing([correspondences])
-        return
-    if not inputs:
+    if correspondences is not None and inputs:
+        raise UsageError("give photos (or corners.csv) or --correspondences, not both")
+    if correspondences is None and not inputs:
         raise UsageError("name photos, a folder of photos, or a corners.csv")
     tables = tables_among(inputs)
     if tables and len(inputs) > 1:
         raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
-    _refuse_missing(inputs)
-    if not (tables and holds_world_points(tables[0])):
-        target.check()
-
-
-def refuse_unused(
-    inputs: Sequence[Path],
-    correspondences: Path | None,
-    target: TargetSource,
-    image_size: tuple[int, int] | None,
-    run: Run,
-) -> None:
-    """Refuse what says nothing about such inputs.
-
-    Raises:
-        UsageError: something is asked that would not be done.
-
-    """
-    tables = tables_among(inputs)
+    for path in inputs if correspondences is None else [correspondences]:
+        if not os.path.lexists(path) and not has_magic(str(path)):
+            raise CubicfishError(f"{path} {MISSING}")
     pairs = correspondences is not None or any(map(holds_world_points, tables))
-    if pairs and target.is_known and not target.told:
+    if not pairs:
+        target.check()
+    elif target.is_known and not target.told:
         raise UsageError(
             "--target, --board and --square say what photos show, and 2D-3D pairs know their "
             "points: leave it out"
@@ -263,17 +254,12 @@ def refuse_unused(
                 )
     elif image_size is not None:
         raise UsageError("--size is of CSV files: photos have their own size")
+    return pairs
 
 
 def tables_among(inputs: Sequence[Path]) -> list[Path]:
     """Those of the inputs that are tables, by their names."""
     return [path for path in inputs if path.suffix.lower() == ".csv"]
-
-
-def _refuse_missing(paths: Sequence[Path]) -> None:
-    for path in paths:
-        if not os.path.lexists(path) and not has_magic(str(path)):
-            raise CubicfishError(f"{path} {MISSING}")
 
 
 def holds_world_points(path: Path) -> bool:

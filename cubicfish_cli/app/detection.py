@@ -95,7 +95,12 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
 
     """
     run.listener.tell(Event.LOOKING, photos=len(photos))
-    detection = first_look(photos, targets, run.work("Finding corners"), run.cache)
+    work = run.work("Finding corners")
+    if len(targets) == 1:
+        cache = None if run.cache is None else GridCache(folder=run.cache.absolute())
+        detection = detect_corners(photos, targets[0], work, cache)
+    else:
+        detection = first_look(photos, targets, work, run.cache)
     target = detection.corners.target
     if target is not None:
         detection = second_pass(photos, detection, target, run.work("Looking again"))
@@ -121,9 +126,9 @@ def first_look(
 
     """
     with ExitStack() as stack:
-        if cache is None and len(targets) > 1:  # photos are searched once for all targets
+        if cache is None:  # photos are searched once for all targets
             cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
-        grids = None if cache is None else GridCache(folder=Path(cache).absolute())
+        grids = GridCache(folder=Path(cache).absolute())
         found: list[Detection] = []
         for number, target in enumerate(targets, start=1):
             try:

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.asked import (
     Run,
     TargetSource,
-    check_inputs,
     holds_world_points,
     named_photos,
     tables_among,
 )
 from cubicfish_cli.app.films.recordings import is_recording
-from cubicfish_cli.app.listener import Event, Listener
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import find_photos, photo_size
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.app.words.phrases import plural
@@ -103,9 +102,9 @@ def load_inputs(
     *,
     correspondences: Path | None = None,
     image_size: tuple[int, int] | None = None,
-    best: int | None = None,
+    most: int | None = None,
 ) -> Inputs:
-    """Read pairs from photos, from one corners.csv, or from one correspondences.csv.
+    """Read pairs from photos, one corners.csv or one correspondences.csv, which are checked.
 
     Args:
         inputs: the photos, or the table.
@@ -113,23 +112,48 @@ def load_inputs(
         run: how the work is done.
         correspondences: a table of 2D-3D pairs instead.
         image_size: (width, height) of the photos, for tables that do not say.
-        best: of more photos than these, those that add most are taken.
+        most: of more photos than these, those that add most are taken.
 
     Raises:
         UsageError: the inputs do not go together.
         CubicfishError: an input cannot be used.
 
     """
-    check_inputs(inputs, correspondences, target)
     tables = tables_among(inputs)
-    if correspondences is not None:
-        loaded = _from_correspondences(correspondences, image_size)
-    elif not tables:
-        loaded = _from_photos(inputs, target, run, best)
-    elif holds_world_points(tables[0]):
-        loaded = _from_correspondences(tables[0], image_size)
+    pairs = correspondences or next(filter(holds_world_points, tables), None)
+    if pairs is not None:
+        file = fingerprint(pairs)
+        loaded = Inputs(pairs=load_correspondences(pairs, image_size=image_size), files=(file,))
+    elif tables:
+        target_file, file = target.fingerprint(), fingerprint(tables[0])
+        corners = load_corners(tables[0], target.load(run.listener)[0], image_size=image_size)
+        loaded = Inputs(
+            pairs=corners.by_photo(), corners=corners, files=(file,), target_file=target_file
+        )
     else:
-        loaded = _from_corners(tables[0], target, image_size, run.listener)
+        # Tables need no finder of corners, and begin at once without it.
+        from cubicfish_cli.app.detection import find_corners
+        from cubicfish_cli.app.films.frame_search import choose_photos
+
+        target_file = target.fingerprint()
+        targets = target.load(run.listener)
+        photos, ended = named_photos(inputs, run.listener), None
+        if most is not None and len(photos) > most:
+            count = len(photos)
+            photos, ended = choose_photos(photos, targets, run, most=most)
+            run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
+        elif most is None and len(photos) > _MANY:
+            run.listener.tell(Event.MANY_PHOTOS, photos=len(photos))
+        files = tuple(fingerprint(photo.path) for photo in photos)
+        detection = find_corners(photos, targets, run)
+        loaded = Inputs(
+            pairs=detection.corners,
+            corners=detection.corners,
+            detection=detection,
+            files=files,
+            target_file=target_file,
+            chosen=ended,
+        )
     pixel = loaded.pairs.pixel
     if len(pixel) > 1 and float((pixel.max(axis=0) - pixel.min(axis=0)).max()) < 1:
         x, y = pixel[0]
@@ -137,47 +161,6 @@ def load_inputs(
             f"all {plural(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
         )
     return loaded
-
-
-def _from_correspondences(path: Path, size: tuple[int, int] | None) -> Inputs:
-    file = fingerprint(path)
-    return Inputs(pairs=load_correspondences(path, image_size=size), files=(file,))
-
-
-def _from_corners(
-    path: Path, target: TargetSource, size: tuple[int, int] | None, listener: Listener
-) -> Inputs:
-    target_file, file = target.fingerprint(), fingerprint(path)
-    corners = load_corners(path, target.load(listener)[0], image_size=size)
-    return Inputs(pairs=corners.by_photo(), corners=corners, files=(file,), target_file=target_file)
-
-
-def _from_photos(
-    inputs: Sequence[Path], target: TargetSource, run: Run, best: int | None
-) -> Inputs:
-    # Tables need no finder of corners, and begin at once without it.
-    from cubicfish_cli.app.detection import find_corners
-    from cubicfish_cli.app.films.frame_search import choose_photos
-
-    target_file = target.fingerprint()
-    targets = target.load(run.listener)
-    photos = named_photos(inputs, run.listener)
-    count, ended = len(photos), None
-    if best is not None and count > best:
-        photos, ended = choose_photos(photos, targets, run, most=best)
-        run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)
-    elif best is None and count > _MANY:
-        run.listener.tell(Event.MANY_PHOTOS, photos=count)
-    files = tuple(fingerprint(photo.path) for photo in photos)
-    detection = find_corners(photos, targets, run)
-    return Inputs(
-        pairs=detection.corners,
-        corners=detection.corners,
-        detection=detection,
-        files=files,
-        target_file=target_file,
-        chosen=ended,
-    )
 
 
 def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:

@@ -1,8 +1,8 @@
 """What a picture file is, by its first bytes, its name and its ends.
 
 OpenCV itself holds a limit of pixels before it makes room for a picture, in all formats
-(``OPENCV_IO_MAX_IMAGE_PIXELS``, see ``cli/start.py``). Here is what it leaves open: files that are
-not for it, files that are cut short, and parts that claim more than the file holds.
+(``OPENCV_IO_MAX_IMAGE_PIXELS``, see ``app/terminal/start.py``). Here is what it leaves open: files
+that are not for it, and JPEG files that are cut short.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-
-_MOST_SCANS = 64
 
 _VIDEO_NAMES = ".mp4 .m4v .mov .mkv .webm .avi .mts .m2ts .ts .mpg .mpeg .wmv .insv .360"
 _RAW_NAMES = (
@@ -78,40 +76,18 @@ def read_size(data: bytes) -> tuple[int, int] | None:
 
 
 def is_whole(data: bytes) -> bool:
-    """Whether a file has the end of its picture, where a decoder would make one up or lose time."""
+    """Whether a JPEG file has its end, which some decoders fill up with grey unasked.
+
+    Inside a scan 0xFF is always escaped, so its first unescaped 0xD9 is the picture's end. Of other
+    kinds the decoder says it.
+    """
+    if not data.startswith(_JPEG):
+        return True
     try:
-        if data.startswith(_PNG):
-            return _is_whole_png(data)
-        return not data.startswith(_JPEG) or _is_whole_jpeg(data)
+        scan = next((position for marker, position in jpeg_segments(data) if marker == 0xDA), None)
     except struct.error:
         return False
-
-
-def _is_whole_png(data: bytes) -> bool:
-    """Decoders make room for what a chunk claims, and for an animation's frames."""
-    size = struct.unpack_from(">II", data, 16)
-    position, kind = 8, b""
-    while kind != b"IEND":
-        length, kind = struct.unpack_from(">I4s", data, position)
-        if position + 12 + length > len(data):
-            return False
-        if kind == b"fcTL":
-            frame = struct.unpack_from(">II", data, position + 12)
-            if frame[0] > size[0] or frame[1] > size[1]:
-                return False
-        position += 12 + length
-    return True
-
-
-def _is_whole_jpeg(data: bytes) -> bool:
-    """A JPEG file that has its end, which some decoders fill up with grey unasked.
-
-    Inside a scan 0xFF is always escaped, so its first unescaped 0xD9 is the picture's end. Each
-    scan may go over the whole picture, whatever its length: thousands would take hours.
-    """
-    scan = next((position for marker, position in jpeg_segments(data) if marker == 0xDA), None)
-    end = -1 if scan is None else data.find(b"\xff\xd9", scan)
-    return end >= 0 and data.count(b"\xff\xda", scan, end) < _MOST_SCANS
+    return scan is not None and b"\xff\xd9" in data[scan:]
 
 
 def jpeg_segments(data: bytes) -> Iterator[tuple[int, int]]:

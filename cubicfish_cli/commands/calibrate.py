@@ -20,12 +20,10 @@ from cubicfish_cli.app.asked import (
     StrPath,
     TargetSource,
     check_inputs,
-    holds_world_points,
     made_at,
     made_by_record,
     path_or_none,
     paths_of,
-    refuse_unused,
     tables_among,
 )
 from cubicfish_cli.app.extensions import Output, input_readers, load_place, outputs
@@ -60,7 +58,6 @@ from cubicfish_cli.app.terminal.terminal import (
     apart,
     detail,
     print_next,
-    print_table,
     print_wrote,
     result,
     say,
@@ -108,8 +105,8 @@ class CalibrateOptions:
         refine_target: as in :func:`calibrate`; by default ``auto``.
         hold_out: likewise.
         lift: what the cubics are of: the viewing ray, or the 3D point itself.
-        best: calibrates from so many of many photos, those that add most; of films 60 frames where
-            it is None, and otherwise all.
+        most: calibrates from no more photos or frames, those that add most; of films 60 frames
+            where it is None, and otherwise all.
         compare: also fits other lens models to the same corners.
         report: also writes report.html, where the extra ``report`` is installed.
 
@@ -154,10 +151,10 @@ class CalibrateOptions:
         click.Choice(["ray", "point"]),
         "ray",
     )
-    best: int | None = option(
-        "--best N",
-        "Calibrate from those N of many photos that add most. [default: all photos, and of films "
-        f"{MOST} frames]",
+    most: int | None = option(
+        "--most N",
+        "Calibrate from no more than N photos or frames, those that add most. [default: all "
+        f"photos, and of films {MOST} frames]",
         IntRange(min=1),
     )
     compare: bool = option(
@@ -240,13 +237,13 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     """
     paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
     pairs, folder = path_or_none(asked.correspondences), Path(asked.folder)
-    check_inputs(paths, pairs, source)
-    refuse_unused(paths, pairs, source, asked.image_size, run)
-    has_pairs = pairs is not None or any(map(holds_world_points, tables_among(paths)))
-    if has_pairs and asked.refine_target is not None:
+    is_of_pairs = check_inputs(
+        paths, source, run, correspondences=pairs, image_size=asked.image_size
+    )
+    if is_of_pairs and asked.refine_target is not None:
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
-    if asked.best is not None and (pairs is not None or tables_among(paths)):
-        raise UsageError("--best goes with photos and films, not with CSV files")
+    if asked.most is not None and (pairs is not None or tables_among(paths)):
+        raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # said before the work if it cannot be
     from cubicfish_cli.app.inputs import load_inputs, recorded_as
     from cubicfish_cli.app.sufficiency.enough import summary
@@ -272,12 +269,28 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     photos, chosen = paths, None
     for reader in input_readers():
         read_photos = load_place(reader)
-        photos, ended = read_photos(photos, folder / "frames", source, asked.best, run)
+        photos, ended = read_photos(photos, folder / "frames", source, asked.most, run)
         chosen = ended or chosen
     loaded = load_inputs(
-        photos, source, run, correspondences=pairs, image_size=asked.image_size, best=asked.best
+        photos, source, run, correspondences=pairs, image_size=asked.image_size, most=asked.most
     )
-    fitted, how = _fit(loaded, asked, run)
+    run.listener.found(loaded.photo_findings)
+    uncertain = loaded.pairs.uncertain_images
+    if asked.refine_target in (None, "auto") and uncertain:
+        run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
+    run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
+    how: dict[str, Any] = {"hold_out": asked.hold_out}
+    fitted: Calibration | PointCalibration
+    if asked.lift == "point":
+        from cubicfish_cli.core.fit.point_fit import calibrate_points
+
+        run.listener.progress("Fitting")
+        fitted, how = calibrate_points(loaded.pairs, **how), {"lift": asked.lift}
+    else:
+        from cubicfish_cli.commands.calibration import calibrate
+
+        how["refine_target"] = asked.refine_target or "auto"
+        fitted = calibrate(loaded.given, **how, listener=run.listener)
     drawn = loaded.drawn(source)
     named = {} if asked.title is None else {"title": asked.title}
     made_by = {**named, **made_by_record(run.command, how, loaded.target_file, loaded.files)}
@@ -363,29 +376,6 @@ def _map(camera: CubicCamera) -> Content | None:
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
     return lambda path: save_map(path, build_map(camera, build_view(camera)), overwrite=False)
-
-
-def _fit(
-    loaded: Inputs, asked: CalibrateOptions, run: Run
-) -> tuple[Calibration | PointCalibration, dict[str, Any]]:
-    """Fit, and say what of the options camera.yaml is to keep."""
-    refine_target, hold_out = asked.refine_target or "auto", asked.hold_out
-    run.listener.found(loaded.photo_findings)
-    uncertain = loaded.pairs.uncertain_images
-    if refine_target == "auto" and uncertain:
-        run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
-    run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
-    if asked.lift == "point":
-        from cubicfish_cli.core.fit.point_fit import calibrate_points
-
-        run.listener.progress("Fitting")
-        return calibrate_points(loaded.pairs, hold_out=hold_out), {"lift": asked.lift}
-    from cubicfish_cli.commands.calibration import calibrate
-
-    fitted = calibrate(
-        loaded.given, refine_target=refine_target, hold_out=hold_out, listener=run.listener
-    )
-    return fitted, {"hold_out": hold_out, "refine_target": refine_target}
 
 
 def _output(
@@ -524,10 +514,9 @@ def _print_figures(calibration: Calibration) -> None:
 
 
 def _print_object(calibration: Calibration) -> None:
-    """Say in one line per board what was found of the target, where any of it was fitted."""
+    """Say how far the target was fitted too, where any of it was; the report has the boards."""
     if not calibration.fit.departures or calibration.target is None:
         return
-    units = calibration.target.units
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
     levels = {"off": "as drawn", "shape": "shapes", "points": "corners too"}
     tried = ", ".join(
@@ -540,22 +529,6 @@ def _print_object(calibration: Calibration) -> None:
     if calibration.renamed:
         photos = count(len(calibration.renamed), "photo")
         result(f"corners counted from the other end in {photos}, as the board's shape tells")
-    print_table(
-        ("board", f"bend x {units}", f"bend y {units}", f"twist {units}", "stretch x %",
-         "stretch y %", f"moved {units}", "turned °", f"corners {units}"),
-        [
-            (
-                part.board,
-                *(f"{bend:.2g}" for bend in part.bend),
-                f"{part.twist:.2g}",
-                *(f"{100 * share:.2f}" for share in part.stretch),
-                f"{part.shift:.2g}",
-                f"{part.turn_deg:.2f}",
-                f"{part.offset_rms:.2g}",
-            )
-            for part in calibration.fit.departures
-        ],
-    )  # fmt: skip
     result()
 
 

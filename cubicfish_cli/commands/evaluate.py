@@ -16,7 +16,6 @@ from cubicfish_cli.app.asked import (
     check_inputs,
     in_folder,
     paths_of,
-    refuse_unused,
 )
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
@@ -103,8 +102,7 @@ def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
 
     """
     paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
-    check_inputs(paths, None, source)
-    refuse_unused(paths, None, source, asked.image_size, run)
+    check_inputs(paths, source, run, image_size=asked.image_size)
     from cubicfish_cli.app.inputs import load_inputs, refuse_other_sizes
     from cubicfish_cli.core.assess.records import plain_record
     from cubicfish_cli.core.assess.verdict import evaluation_verdict

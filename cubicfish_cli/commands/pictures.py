@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from cubicfish_cli.app.asked import Run, path_or_none, target_in
-from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.photos import SUFFIXES, Photo, photo_size, shown
+from cubicfish_cli.app.asked import Run, path_or_none
+from cubicfish_cli.app.photos import SUFFIXES, photo_size, shown
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
 from cubicfish_cli.app.undistortion.images import check_suffix
 from cubicfish_cli.app.undistortion.map_formats import part_name, view_files
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.io.camera_yaml import CameraFile, PointCameraFile
-from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import ChosenView, SeenField
-from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
-from cubicfish_cli.core.views.plane import board_with_plane, build_plane
-from cubicfish_cli.core.views.view import PointProjector, matrix_of_rotation
 
 if TYPE_CHECKING:
-    from cubicfish_cli.commands.undistort import PictureOptions, PlaneOptions
+    from cubicfish_cli.commands.undistort import PictureOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,106 +245,3 @@ def write_pictures(
         seen=seen,
         extras=extras,
     )
-
-
-class PlaneViews(Views):
-    """A board's plane, whose place is another one in each photo."""
-
-    def __init__(
-        self, loaded: CameraFile | PointCameraFile, asked: PlaneOptions, interpolation: str
-    ) -> None:
-        """Prepare for the board of a target.
-
-        Args:
-            loaded: the camera, and the poses of the photos that it was calibrated from.
-            asked: of which board, and how.
-            interpolation: how pixels are blended.
-
-        Raises:
-            UsageError: the target has no such board, or the board has no plane.
-            TargetError: the target's file cannot be used.
-
-        """
-        self._loaded, self._plane, self._target = loaded, asked, target_in(asked.target)
-        self.interpolation = interpolation
-        try:
-            board_with_plane(self._target, asked.board)
-        except ViewError as problem:
-            raise UsageError(str(problem)) from None
-        self._poses = _poses_of(loaded.fit)
-        self._photos = {Path(photo.image).name for photo in loaded.fit.per_image}
-
-    def group(self, source: Path, size: Size) -> Hashable:
-        """The photo itself."""
-        return source
-
-    def find_poses(self, sources: Sequence[Path], run: Run) -> None:
-        """Find the poses of photos that the camera's file does not place, from corners in them.
-
-        Args:
-            sources: the photos.
-            run: how the work is done.
-
-        Raises:
-            CubicfishError: no corners, or too few, in all of them.
-
-        """
-        from cubicfish_cli.app.detection import detect_corners
-        from cubicfish_cli.core.fit.evaluate import evaluate
-
-        camera = self._loaded.camera
-        missing = [source for source in sources if source.name not in self._poses]
-        if not missing or not isinstance(camera, CubicCamera):
-            return
-        run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
-        photos = [Photo(name=source.name, path=source) for source in missing]
-        found = detect_corners(photos, self._target, run.work("Finding corners"))
-        self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
-
-    def chosen(self, source: Path, size: Size) -> ChosenView:
-        """The board's plane in this photo."""
-        camera, rotation, translation = self._placed(source, size)
-        plane = build_plane(
-            camera,
-            self._target,
-            self._plane.board,
-            rotation,
-            translation,
-            pixels_per_unit=self._plane.pixels_per_unit,
-        )
-        return ChosenView(views={"": plane}, camera=camera, unit=self._target.units)
-
-    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
-        """Another one for each photo."""
-        return self.chosen(source, size).maps()
-
-    def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
-        """A camera, and the rotation and the translation from the world to its frame."""
-        camera = self._loaded.camera
-        if not isinstance(camera, CubicCamera):
-            if size != camera.image_size:
-                raise ViewError(
-                    "a camera of lift 'point' takes photos of its own size only, "
-                    f"{camera.image_size[0]}x{camera.image_size[1]}"
-                )
-            if camera.frame == "world":
-                if self._photos and source.name not in self._photos:
-                    raise ViewError(
-                        "this camera of lift 'point' holds for the one photo that it was fitted "
-                        f"to, {min(self._photos)}: use that, or a camera of lift 'ray'"
-                    )
-                return camera, np.eye(3), np.zeros(3)
-        if source.name not in self._poses:
-            raise ViewError(
-                "nothing is known of where this photo was taken: it has no pose in the camera "
-                "file and no board was found in it"
-            )
-        vector, translation = self._poses[source.name]
-        if isinstance(camera, CubicCamera):
-            camera = camera_for_photos(camera, size)
-        return camera, matrix_of_rotation(vector), translation
-
-
-def _poses_of(fit: FitRecord) -> dict[str, tuple[Any, Any]]:
-    """Rotation vector and translation by the photo's file name, without folders."""
-    return {Path(name).name: pose for name, pose in fit.poses.items()}

@@ -24,12 +24,7 @@ from cubicfish_cli.app.terminal.options import (
     record,
 )
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import (
-    Column,
-    Row,
-    print_columns,
-    result,
-)
+from cubicfish_cli.app.terminal.terminal import print_table, result
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.files import refuse_existing, write_files
 
@@ -118,20 +113,11 @@ def check(checked: TargetCheck, given: CheckOptions, how: How) -> None:
 
 def _print(checked: TargetCheck) -> None:
     target, facts = checked.target, checked.facts
-    print_columns(
-        [
-            Column(title="board", least=8),
-            Column(title="type", least=5),
-            "corners",
-            "square",
-            "print",
-            "corner (0, 0)",
-            "columns",
-            "rows",
-            "faces",
-        ],
-        [Row(cells=_row(board)) for board in target.boards],
-    )
+    print_table(
+        ("board", "type", "corners", "square", "print", "corner (0, 0)", "columns", "rows",
+         "faces"),
+        list(map(_row, target.boards)),
+    )  # fmt: skip
     result(f"\nlengths in {target.units}; the print includes the outer squares\n")
     planes = count(facts.planes, "plane")
     result(f"{'Target':<{_LABEL}}{count(facts.corners, 'corner')} on {planes}")

@@ -208,7 +208,9 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
 
     """
     from cubicfish_cli.app.undistortion.batch import Views
-    from cubicfish_cli.commands.pictures import PlaneViews, plan_jobs, write_pictures
+    from cubicfish_cli.commands.pictures import plan_jobs, write_pictures
+    from cubicfish_cli.core.io.camera_yaml import load_any_camera, load_camera
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
 
     kind, sources, alone = _named_sources(named_sources(asked.photos), run)
     photos = {name: (name, {"": one}) for name, one in sources}
@@ -216,14 +218,21 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")
     jobs = plan_jobs(kind, photos, Path(asked.output), asked, run, alone=alone)
-    path, known = _loaded(asked)
+    path: Path | None = None
+    known: Any = asked.camera
+    is_plane = isinstance(asked.view, PlaneOptions)
+    if isinstance(known, str | os.PathLike):
+        path = in_folder(Path(known))
+        known = load_any_camera(path) if is_plane else load_camera(path)
     if isinstance(asked.view, PlaneOptions):
+        from cubicfish_cli.commands.planes import PlaneViews
+
         planes = PlaneViews(known, asked.view, asked.interpolation)
         planes.find_poses([one for _, one in sources], run)
         views: Views = planes
     else:
-        views = Views(known.camera, asked.view, asked.interpolation)
-
+        camera = known if isinstance(known, CubicCamera) else known.camera
+        views = Views(camera, asked.view, asked.interpolation)
     if kind == "photo":
         return write_pictures(kind, jobs, views, asked, run, model=path)
     from cubicfish_cli.app.undistortion.video import video_size
@@ -260,23 +269,6 @@ def _named_sources(
     alone = isinstance(photos, str | os.PathLike) and len(sources) == 1
     alone = alone and os.fspath(sources[0][1]) == names[0]
     return "video" if videos else "photo", sources, alone
-
-
-def _loaded(asked: UndistortOptions) -> tuple[Path | None, Any]:
-    """The camera's file, where it has one, and what has the camera and its record."""
-    from cubicfish_cli.core.assess.fit_record import FitRecord
-    from cubicfish_cli.core.io.calibrated import Calibrated
-    from cubicfish_cli.core.io.camera_yaml import CameraFile, load_any_camera, load_camera
-    from cubicfish_cli.core.lenses.cubic import CubicCamera
-
-    camera = asked.camera
-    if isinstance(camera, CubicCamera):
-        return None, CameraFile(camera=camera, fit=FitRecord(), made_by={})
-    if isinstance(camera, Calibrated):
-        return None, camera
-    path = in_folder(Path(camera))
-    load = load_any_camera if isinstance(asked.view, PlaneOptions) else load_camera
-    return path, load(path)
 
 
 def _write_video(job: Job, views: Views, asked: UndistortOptions, run: Run, **how: object) -> None:

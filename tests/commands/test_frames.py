@@ -297,7 +297,7 @@ def test_calibrate_takes_a_film_and_keeps_its_frames(
     assert record["rms_px"] < 0.3
     assert record["chosen"] == f"all {len(names)} usable frames"
     assert load_camera(out / "camera.yaml").made_by["chosen"] == record["chosen"]
-    other = run("calibrate", film, "-t", target, "-o", out, "--best", 5, "-j", 1, code=1).stderr
+    other = run("calibrate", film, "-t", target, "-o", out, "--most", 5, "-j", 1, code=1).stderr
     assert "exists already" in other
 
 
@@ -311,7 +311,7 @@ def test_the_best_of_many_photos_are_taken(
         if kind != "shifted":
             cv2.imwrite(str(folder / f"{kind}_{number}.png"), frame)
     out = tmp_path / "calibration"
-    args = ("calibrate", folder, "-t", target, "-o", out, "--best", 6, "-j", 1)
+    args = ("calibrate", folder, "-t", target, "-o", out, "--most", 6, "-j", 1)
     said = run(*args).stderr
     assert "6 photos of 32 chosen" in said
     assert "6 photos: as many as were asked for" in said
@@ -334,4 +334,4 @@ def test_best_is_offered_where_photos_are_many(
     assert inputs._MANY == 200
     monkeypatch.setattr(inputs, "_MANY", 3)
     args = ("calibrate", tmp_path, "-t", target, "-o", tmp_path / "c", "-j", 1)
-    assert "--best 60" in run(*args).stderr
+    assert "--most 60" in run(*args).stderr

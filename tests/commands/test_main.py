@@ -55,6 +55,7 @@ def test_help_loads_no_heavy_library(args: list[str]) -> None:
     assert heavy_modules_after(*args) == "loaded:"
 
 
+@pytest.mark.slow
 def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path: Path) -> None:
     args = ["calibrate", SAMPLE / "true_corners.csv", "-t", SAMPLE / "target.yaml"]
     args += ["-o", tmp_path / "c", "--no-hold-out", "--refine-target", "off", "--no-report"]

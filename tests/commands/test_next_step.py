@@ -76,8 +76,8 @@ def test_what_is_next_names_a_photo_that_was_used(run: Run, tmp_path: Path) -> N
 
 
 def test_best_is_refused_where_there_is_nothing_to_choose_from(run: Run, tmp_path: Path) -> None:
-    args = ("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--best", 3)
-    assert "--best goes with photos" in run(*args, code=2).stderr
+    args = ("calibrate", CORNERS, "-t", TARGET, "-o", tmp_path / "c", "--most", 3)
+    assert "--most goes with photos" in run(*args, code=2).stderr
     assert not (tmp_path / "c").exists()
 
 

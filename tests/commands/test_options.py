@@ -39,7 +39,7 @@ NOBODY = "tcp://127.0.0.1:9"  # a port where nothing listens
 COMMON = {"--help", "--verbose", "--quiet", "--debug", "--report", "--tags"}
 FITS = {"photos", "film", "corners", "pairs", "point", "board"}
 SEARCHED = {"photos", "film", "board"}
-QUICK = {"target check", "target print", "corners", "import", "project", "unproject"}
+QUICK = {"target check", "corners", "project", "unproject"}
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ CASES = {
             "--refine-target": ("shape", FITS - {"pairs", "point"}),
             "--hold-out": (None, FITS),
             "--lift": ("point", FITS),
-            "--best": ("2", SEARCHED),
+            "--most": ("2", SEARCHED),
             "--compare": (None, FITS - {"point"}),
             "--no-report": (None, FITS),
             "--max-rms": ("0.0001", FITS),
@@ -458,6 +458,7 @@ def test_a_length_without_a_unit_is_said_to_be_in_millimetres(
     assert "has no unit" not in run_cli(*line, "24.23mm", code=1).stderr
 
 
+@pytest.mark.slow
 def test_quiet_prints_results_alone(sources: dict[str, Path], tmp_path: Path) -> None:
     line = ("simulate", "-t", TARGET, "-m", sources["camera"], "-n", 1, "-o", tmp_path / "s", "-q")
     said = run_cli(*line)

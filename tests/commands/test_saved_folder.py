@@ -72,6 +72,7 @@ def test_what_is_missing_is_said_in_one_line(
     assert do in said
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 @pytest.mark.parametrize(
     ("names", "why"), [(["corners.csv"], NO_TARGET), (["target.yaml"], NO_CORNERS)]

@@ -327,6 +327,7 @@ anything = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([FLOOR, WALL, TAGS, POINTS]),
     st.sampled_from(sorted({*FLOOR, *WALL, *TAGS, *POINTS})),

@@ -51,6 +51,7 @@ def test_a_state_is_made_once_and_ended_once() -> None:
     assert seen == ["begun", 3, 1, "begun", 4, 4]
 
 
+@pytest.mark.slow
 def test_fits_take_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     target, seen = corner_of_three(), []
     solve, svd = np.linalg.solve, np.linalg.svd

@@ -431,6 +431,7 @@ def test_planes_that_are_none_are_refused(fitted: Calibration, target: Target) -
     assert "mirrored" in said("floor", rotation @ np.diag([1, -1, -1]), translation)
 
 
+@pytest.mark.slow
 def test_a_camera_becomes_another_tools_file_as_export_writes_it(
     fitted: Calibration, tmp_path: Path
 ) -> None:

@@ -14,7 +14,7 @@ import termios
 import time
 from dataclasses import dataclass
 
-from cubicfish_cli.app.terminal.streams import cells
+from rich.cells import cell_len
 
 _STYLES = re.compile(r"\x1b\[[0-9;]*m")
 _LONGEST_SECONDS = 120
@@ -41,7 +41,7 @@ def unstyled(text: str) -> str:
 
 def widest(text: str) -> int:
     """Cells of the widest line."""
-    return max(map(cells, unstyled(text).replace("\r", "").split("\n")))
+    return max(map(cell_len, unstyled(text).replace("\r", "").split("\n")))
 
 
 @dataclass(frozen=True)

@@ -259,6 +259,7 @@ def test_nothing_is_written_outside_of_the_folder(run, calibrated, photo, here, 
     assert not Path("/tmp/escaped").exists()
 
 
+@pytest.mark.slow
 def test_what_writes_into_folders_says_which():
     """Each module that writes several files says which folder they must be in."""
     by_users = {"calibrate.py", "map.py", "map_files.py"}  # no name is out of a file

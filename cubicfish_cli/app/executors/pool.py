@@ -84,37 +84,6 @@ def workers_for(jobs: int | None, items: int) -> int:
     return max(1, min(jobs or 1, items))
 
 
-def map_photos(
-    work: Callable[[Photo], Answer],
-    items: Sequence[Photo],
-    workers: int,
-    executor: Executor | None = None,
-) -> Iterator[Answer]:
-    """Yield ``work`` of every item, in order, whatever ``workers`` is.
-
-    OpenCV runs one thread in each process.
-
-    Args:
-        work: picklable.
-        items: picklable.
-        workers: processes to use.
-        executor: who does the work instead of this machine's processes.
-
-    Raises:
-        DetectionError: a process was ended from outside.
-        CubicfishError: what ``work`` raises; the executor cannot do it.
-
-    """
-    if executor is not None:
-        yield from _by_machines(work, items, executor)
-        return
-    if workers == 1:
-        with one_opencv_thread():
-            yield from map(work, items)
-        return
-    yield from _by_processes(work, items, workers)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Work:
     """Who looks at many photos, and who hears how far that is.
@@ -131,11 +100,26 @@ class Work:
     executor: Executor | None = None
 
     def done(self, work: Callable[[Photo], Answer], items: Sequence[Photo]) -> list[Answer]:
-        """The answers of :func:`map_photos`."""
+        """Answer ``work`` of every item, in their order, whoever does it; both can be pickled.
+
+        OpenCV runs one thread in each process.
+
+        Raises:
+            DetectionError: a process was ended from outside.
+            CubicfishError: what ``work`` raises; the executor cannot do it.
+
+        """
+        workers = workers_for(self.jobs, len(items))
         answers: list[Answer] = []
-        for answer in map_photos(work, items, workers_for(self.jobs, len(items)), self.executor):
-            answers.append(answer)
-            self.progress(len(answers), len(items))
+        with one_opencv_thread():
+            found: Iterator[Answer] = map(work, items)
+            if self.executor is not None:
+                found = _by_machines(work, items, self.executor)
+            elif workers > 1:
+                found = by_processes(work, items, workers)
+            for answer in found:
+                answers.append(answer)
+                self.progress(len(answers), len(items))
         return answers
 
 
@@ -155,10 +139,10 @@ def _by_machines(
             wanted += 1
 
 
-def _by_processes(
+def by_processes(
     work: Callable[[Photo], Answer], items: Sequence[Photo], workers: int
 ) -> Iterator[Answer]:
-    """Leaving early waits for what is being worked on."""
+    """Yield the answers in order; leaving early waits for what is being worked on."""
     # A forked copy of a process whose OpenCV has threads may hang: processes are made anew.
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
     try:

@@ -3,7 +3,7 @@
 `app/films/source.py` opens a film and decodes it, for undistortion too: it gives frames times that
 grow. `scan.py` measures every frame (`measure.py`) and keeps the best of every few as the picture
 that it would become. `frame_search.py` looks at pictures round by round, at a glance, and as
-`detect` does where that shows too little; it chooses for `--best`, too. `choose.py` takes the
+`detect` does where that shows too little; it chooses photos, too (`--most`). `choose.py` takes the
 pictures that add most and knows of corners only; what they add is told by
 `app/sufficiency/worth.py`, which fits a first lens to all, or by its own coverage.
 """

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.app.terminal.options import verbosity
-from cubicfish_cli.app.terminal.streams import Style, columns_of
-from cubicfish_cli.app.terminal.terminal import Column, Row, print_columns, result, tell
+from cubicfish_cli.app.terminal.streams import columns_of
+from cubicfish_cli.app.terminal.terminal import print_table, result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
@@ -76,25 +76,16 @@ def print_verdict(judged: Verdict) -> None:
 def print_models(records: Sequence[Mapping[str, Any]]) -> None:
     """Print one row per lens model: how large it is, how well it does, how far it reaches."""
     result("Lens models: the same corners, loss and folds, the target as drawn")
-    print_columns(
+    print_table(
+        ("model", "parameters", "rms px", "held-out px", "usable to °", "seconds"),
         [
-            "model",
-            Column(title="parameters", drop=2),
-            "rms px",
-            "held-out px",
-            Column(title="usable to °", drop=1),
-            Column(title="seconds", drop=3),
-        ],
-        [
-            Row(
-                cells=(
-                    str(record["model"]),
-                    str(record["parameters"]),
-                    px(record["rms_px"]),
-                    px(record["held_out_rms_px"]),
-                    _degrees(record["largest_angle_deg"]),
-                    f"{record['seconds']:.2f}",
-                )
+            (
+                str(record["model"]),
+                str(record["parameters"]),
+                px(record["rms_px"]),
+                px(record["held_out_rms_px"]),
+                _degrees(record["largest_angle_deg"]),
+                f"{record['seconds']:.2f}",
             )
             for record in records
         ],
@@ -122,9 +113,8 @@ ByBoard = Mapping[str, Mapping[str, int]]
 GOOD = "good"
 _MOST_ROWS = 12
 _RANK: Mapping[Level, int] = {"bad": 0, "care": 1, "good": 2}
-_STYLE: Mapping[Level, Style] = {"bad": "bad", "care": "care", "good": "good"}
-# Below so many columns words of judgement are said shorter, and many boards are counted.
-_ROOMY, _FEW_BOARDS = 100, 3
+# Below so many columns words of judgement are said shorter, and columns are left out.
+_ROOMY, _WIDE, _NARROW, _FEW_BOARDS = 100, 80, 60, 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,7 +224,7 @@ def fitted_rows(
 def print_photo_table(
     rows: Sequence[PhotoRow],
     boards: Sequence[str],
-    total: ErrorStatistics | None = None,
+    total_errors: ErrorStatistics | None = None,
     *,
     everything: str = "--json",
     apart: bool = False,
@@ -244,29 +234,31 @@ def print_photo_table(
     Args:
         rows: the photos.
         boards: names of the boards, in the target's order.
-        total: the same figures of all photos together; None for corners alone.
+        total_errors: the same figures of all photos together; None for corners alone.
         everything: where all photos are, for who sees a few of them.
         apart: whether something stands before it; on a terminal something does in any case.
 
     """
     room = columns_of(sys.stdout)
-    chosen = list(rows)
+    chosen, width = list(rows), room or _ROOMY
     if apart or room is not None:
         result()
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
-        order = sorted(rows, key=_badness)
-        chosen = order[:_MOST_ROWS]
+        chosen = sorted(rows, key=_badness)[:_MOST_ROWS]
         result(f"The odd ones and the worst of {len(rows):,} photos:\n")
-    if room is not None and room < _ROOMY:
+    if width < _ROOMY:
         chosen = [replace(row, words=row.short or row.words) for row in chosen]
-    columns = _columns(rows, boards, room)
-    table = [
-        Row(cells=[cell(row) for _, cell in columns], style=_STYLE[row.level]) for row in chosen
-    ]
+    columns = _columns(rows, boards, width)
+    total = None
     if len(rows) > 1:
-        every = _together(rows, boards, total)
-        table.append(Row(cells=[cell(every) for _, cell in columns], total=True))
-    print_columns([column for column, _ in columns], table)
+        every = _together(rows, boards, total_errors)
+        total = [cell(every) for cell in columns.values()]
+    print_table(
+        list(columns),
+        [[cell(row) for cell in columns.values()] for row in chosen],
+        styles=[row.level for row in chosen],
+        total=total,
+    )
     if len(chosen) < len(rows):
         result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
 
@@ -276,48 +268,26 @@ def _badness(row: PhotoRow) -> tuple[int, float]:
 
 
 def _columns(
-    rows: Sequence[PhotoRow], boards: Sequence[str], room: int | None
-) -> list[tuple[Column, Callable[[PhotoRow], str]]]:
-    """The table's columns, each with what its cells say of a photo."""
+    rows: Sequence[PhotoRow], boards: Sequence[str], width: int
+) -> dict[str, Callable[[PhotoRow], str]]:
+    """The titles of the table's columns that so wide a terminal has, and what their cells say."""
+    columns: dict[str, Callable[[PhotoRow], str]] = {"photo": lambda row: row.name}
     with_errors = any(math.isfinite(row.rms_px) for row in rows)
-    columns: list[tuple[Column, Callable[[PhotoRow], str]]] = [
-        (Column(title="photo", least=12), lambda row: row.name),
-        (
-            Column(title="corners", drop=3 if with_errors else 0),
-            lambda row: "-" if row.corners is None else str(row.corners),
-        ),
-    ]
-    if room is None or room >= _ROOMY or len(boards) <= _FEW_BOARDS:
-        columns += [
-            (Column(title=board, drop=5), partial(_of_board, board=board)) for board in boards
-        ]
-    else:
-        columns.append(
-            (Column(title="boards", drop=5), lambda row: f"{len(row.boards)} of {len(boards)}")
-        )
-    if any(row.dropped for row in rows):
-        columns.append((Column(title="dropped", drop=4), lambda row: str(row.dropped or "-")))
+    if width >= _NARROW or not with_errors:
+        columns["corners"] = lambda row: "-" if row.corners is None else str(row.corners)
+    if width >= _ROOMY or (width >= _WIDE and len(boards) <= _FEW_BOARDS):
+        for board in boards:
+            columns[board] = partial(_of_board, board=board)
+    if width >= _NARROW and any(row.dropped for row in rows):
+        columns["dropped"] = lambda row: str(row.dropped or "-")
     if with_errors:
-        columns += [
-            (Column(title="rms px"), lambda row: px(row.rms_px)),
-            (
-                Column(title="median", drop=8),
-                lambda row: _px_of(row, lambda of: of.median_px),
-            ),
-            (
-                Column(title="95 %", drop=7),
-                lambda row: _px_of(row, lambda of: of.p95_px),
-            ),
-            (
-                Column(title="largest", drop=2),
-                lambda row: _px_of(row, lambda of: of.max_px),
-            ),
-        ]
-    return [*columns, (Column(title="verdict", least=14), lambda row: row.words)]
-
-
-def _px_of(row: PhotoRow, figure: Callable[[ErrorStatistics | PhotoRecord], float]) -> str:
-    return px(None if row.errors is None else figure(row.errors))
+        columns["rms px"] = lambda row: px(row.rms_px)
+        if width >= _ROOMY:
+            columns["median"] = lambda row: "-" if row.errors is None else px(row.errors.median_px)
+            columns["95 %"] = lambda row: "-" if row.errors is None else px(row.errors.p95_px)
+        if width >= _NARROW:
+            columns["largest"] = lambda row: "-" if row.errors is None else px(row.errors.max_px)
+    return {**columns, "verdict": lambda row: row.words}
 
 
 def _of_board(row: PhotoRow, board: str) -> str:
@@ -325,19 +295,15 @@ def _of_board(row: PhotoRow, board: str) -> str:
 
 
 def _together(
-    rows: Sequence[PhotoRow], boards: Sequence[str], total: ErrorStatistics | None
+    rows: Sequence[PhotoRow], boards: Sequence[str], errors: ErrorStatistics | None
 ) -> PhotoRow:
+    found = {board: sum(row.boards.get(board, 0) for row in rows) for board in boards}
     return PhotoRow(
         name=f"all {len(rows):,}",
         words="",
-        short="",
         level="good",
-        boards={
-            board: found
-            for board in boards
-            if (found := sum(row.boards.get(board, 0) for row in rows))
-        },
+        boards={board: number for board, number in found.items() if number},
         corners=sum(row.corners or 0 for row in rows),
         dropped=sum(row.dropped for row in rows),
-        errors=total,
+        errors=errors,
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import io
 import os
-import re
 import shutil
 import sys
 import textwrap
@@ -67,26 +66,14 @@ def echo(text: str, stream: TextIO) -> None:
 
 
 def wrapped(line: str, columns: int) -> str:
-    """A line broken at blanks, its further lines indented.
-
-    Where words stand in columns, two or more blanks apart, further lines begin below the last of
-    them, if that leaves half of the room. What is longer than a line, such as a path, stays whole,
-    and a number with its unit.
-    """
-    if cells(line) <= columns:
-        return line
-    gaps = [match.end() for match in re.finditer(r"(?<=[^ ]) {2,}", line)]
-    hang = len(line) - len(line.lstrip(" ")) + (4 if gaps else 2)
-    if gaps and gaps[-1] <= columns // 2:
-        hang = gaps[-1]
-    filled = textwrap.fill(
-        re.sub(r" (?=(?:%|px)(?:[ ,;:.)]|$))", "\xa0", line),
+    """A line broken at blanks, its further lines indented; longer words, as paths, stay whole."""
+    return textwrap.fill(
+        line,
         columns,
-        subsequent_indent=" " * hang,
+        subsequent_indent=" " * (len(line) - len(line.lstrip()) + 4),
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return filled.replace("\xa0", " ")
 
 
 # Control, format (which turn the writing about), surrogates, ends of lines and paragraphs.
@@ -111,11 +98,7 @@ _PLAIN = {
     "μ": "u",
 }
 ERRORS = "cubicfish"
-
-
-def register() -> None:
-    """Make :data:`ERRORS` known as a way to write what an encoding lacks, as ASCII."""
-    codecs.register_error(ERRORS, _in_ascii)
+"""How characters are written that a stream's encoding lacks: in ASCII."""
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:
@@ -143,15 +126,6 @@ def as_shown(text: str, stream: TextIO) -> str:
         return text.encode(encoding, errors).decode(encoding)
     except (UnicodeError, LookupError):
         return text
-
-
-def cells(text: str) -> int:
-    """How many cells of a terminal a text takes; characters of Chinese and emoji take two."""
-    if text.isascii():
-        return len(text)
-    from rich.cells import cell_len
-
-    return cell_len(text)
 
 
 _STDIN, _STDOUT, _STDERR = 0, 1, 2
@@ -193,7 +167,7 @@ class _Results(io.FileIO):
 
 def settle_streams() -> None:
     """Open closed streams to nowhere, so that no file takes their place, and guard the others."""
-    register()  # a terminal may lack some characters
+    codecs.register_error(ERRORS, _in_ascii)  # a terminal may lack some characters
     for descriptor in (_STDIN, _STDOUT, _STDERR):
         try:
             os.fstat(descriptor)

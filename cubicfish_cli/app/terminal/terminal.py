@@ -4,19 +4,19 @@ On a terminal lines are broken at blanks and a few words are coloured. Anywhere 
 line, whatever its length, and plain. ``NO_COLOR`` and ``FORCE_COLOR`` (https://no-color.org,
 https://force-color.org) and ``TERM=dumb`` are kept to.
 
-Tables on stdout: where a terminal is too narrow, columns are left out in the order that their
-author chose and names go on below. Pipes and files get every column in full, a line a row.
+Tables on stdout: where a terminal is narrow, names go on below. Pipes and files get a line a row.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, Literal, TextIO
 
 import click
 
@@ -25,7 +25,6 @@ from cubicfish_cli.app.terminal.streams import (
     Style,
     as_shown,
     can_redraw,
-    cells,
     columns_of,
     echo,
     has_colour,
@@ -41,6 +40,9 @@ _TALK: Mapping[str, Style] = {
     "failed:": "bad",
     "Error:": "bad",
 }
+_RICH = {"good": "green", "care": "yellow", "bad": "red"}
+_NO_TERMINAL = 100_000
+"""Columns of a pipe or a file."""
 
 
 def result(text: str = "", *, mark: tuple[str, Style] | None = None, whole: bool = False) -> None:
@@ -139,138 +141,56 @@ def _print(
         lines = [wrapped(line, columns) for line in lines]
     shown = "\n".join(lines)
     if mark is not None:
-        words, style = mark
-        shown = shown.replace(words, painted(words, style, stream), 1)
+        shown = shown.replace(mark[0], painted(*mark, stream), 1)
     echo(shown, stream)
 
 
 def _talk_mark(text: str) -> tuple[str, Style] | None:
-    for word, style in _TALK.items():
-        if text.startswith(word):
-            return word, style
-    return None
+    return next((mark for mark in _TALK.items() if text.startswith(mark[0])), None)
 
 
-_GAP = "  "
-_EMPTY = ("", "-")
+def print_table(
+    titles: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    styles: Sequence[Style] = (),
+    total: Sequence[str] | None = None,
+) -> None:
+    """Print a table to stdout; columns of numbers, empty cells and dashes are aligned to the right.
 
-
-@dataclass(frozen=True, kw_only=True)
-class Column:
-    """What a table knows of a column.
-
-    Attributes:
-        title: above it.
-        drop: left out where room is short, the highest first; 0 for never.
-        least: cells that it may be narrowed to, its words on lines below each other; 0 for never.
-
-    """
-
-    title: str
-    drop: int = 0
-    least: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """A row of a table.
-
-    Attributes:
-        cells: one per column.
-        style: of the last cell.
-        total: whether it sums up the others; only a terminal shows it.
-
-    """
-
-    cells: Sequence[str]
-    style: Style | None = None
-    total: bool = False
-
-
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table to stdout whose columns all matter alike; the first may be narrowed."""
-    columns = [Column(title=title, least=0 if i else 12) for i, title in enumerate(header)]
-    print_columns(columns, [Row(cells=row) for row in rows])
-
-
-def print_columns(given: Sequence[Column | str], rows: Sequence[Row]) -> None:
-    """Print a table to stdout.
-
-    Columns whose cells are all numbers (or empty, or a dash) are aligned to the right. A terminal
-    has as many columns as it has room for; pipes and files get all of them, a line a row.
+    On a terminal what is no number goes on below where it does not fit. In pipes and files each row
+    is a line.
 
     Args:
-        given: its columns, or only their titles.
-        rows: its rows, each with one cell a column.
+        titles: of its columns.
+        rows: a cell a column.
+        styles: of each row's last cell; none for plain ones.
+        total: a row that sums up the others, for terminals only.
 
     """
-    columns = [Column(title=one) if isinstance(one, str) else one for one in given]
-    stream = sys.stdout
-    room = columns_of(stream)
-    rows = [row for row in rows if room is not None or not row.total]
-    texts = [[_shown(cell, stream) for cell in row.cells] for row in rows]
-    titles = [_shown(column.title, stream) for column in columns]
-    widths = [max(map(cells, column)) for column in zip(titles, *texts, strict=True)]
-    right = [all(map(_is_number, column)) for column in zip(*texts, strict=True)] or widths
-    if room is None:
-        for cell_texts, row in zip([titles, *texts], [None, *rows], strict=True):
-            padded = [
-                " " * (width - cells(text)) + text
-                if to_right
-                else text.ljust(len(text) + width - cells(text))
-                for text, width, to_right in zip(cell_texts, widths, right, strict=True)
-            ]
-            style: Style | None = "strong" if row is None else None
-            echo(painted(_GAP.join(padded).rstrip(), style, stream), stream)
-        return
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False, padding=(0, len(_GAP), 0, 0), header_style="bold")
-    kept = _kept(columns, widths, room)
-    for i in kept:
-        table.add_column(
-            Text(titles[i]),
-            justify="right" if right[i] else "left",
-            no_wrap=not columns[i].least,
-            overflow="fold",
-        )
-    for row, own in zip(rows, texts, strict=True):
-        parts = [Text(own[i]) for i in kept]
-        parts[-1].stylize(_RICH.get(row.style or "", ""))
-        table.add_row(*parts, style="bold" if row.total else None)
-    colour = has_colour(stream)
-    console = Console(file=stream, width=room, force_terminal=colour, no_color=not colour)
+    stream = sys.stdout
+    room, colour = columns_of(stream), has_colour(stream)
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    texts = [[as_shown(safe(cell), stream) for cell in row] for row in (titles, *rows)]
+    for title, *cells in zip(*texts, strict=True):
+        is_number = all(map(_is_number, cells))
+        justify: Literal["left", "right"] = "right" if is_number else "left"
+        table.add_column(Text(title), justify=justify, no_wrap=is_number, overflow="fold")
+    for cells, style in zip_longest(texts[1:], styles):
+        *parts, last = map(Text, cells)
+        table.add_row(*parts, Text(last.plain, _RICH.get(style, "")))
+    if total is not None and room is not None:
+        table.add_row(*map(Text, total), style="bold")
+    width = room or _NO_TERMINAL
+    console = Console(file=stream, width=width, force_terminal=colour, no_color=not colour)
     with console.capture() as shown:
         console.print(table)
     echo("\n".join(line.rstrip() for line in shown.get().rstrip("\n").split("\n")), stream)
 
 
-_RICH = {"good": "green", "care": "yellow", "bad": "red"}
-
-
-def _kept(columns: Sequence[Column], widths: Sequence[int], room: int) -> list[int]:
-    """Which columns are kept where there are so many cells."""
-    kept = list(range(len(columns)))
-    least = [
-        min(column.least or width, width) for column, width in zip(columns, widths, strict=True)
-    ]
-    while sum(least[i] + len(_GAP) for i in kept) - len(_GAP) > room:
-        droppable = [i for i in kept if columns[i].drop]
-        if not droppable:
-            break
-        kept.remove(max(droppable, key=lambda i: columns[i].drop))
-    return kept
-
-
-def _shown(text: str, stream: TextIO) -> str:
-    return as_shown(safe(text), stream)
-
-
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", ""))
-    except ValueError:
-        return cell in _EMPTY
-    return True
+    return re.fullmatch(r"-?|-?[0-9][0-9.,]*(e[-+][0-9]+)?", cell) is not None

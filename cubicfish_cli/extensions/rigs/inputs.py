@@ -8,7 +8,7 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish_cli.app.asked import Run, TargetSource
+from cubicfish_cli.app.asked import RUN, Run, TargetSource, check_inputs
 from cubicfish_cli.app.films.recordings import is_recording, label_of
 from cubicfish_cli.app.inputs import Inputs, load_inputs
 from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
@@ -44,6 +44,7 @@ def load_camera_inputs(
                 f"{model.parent} has a camera.yaml and no corners.csv: calibrate it again, or name "
                 "the camera's photos or its corners.csv"
             )
+    check_inputs(sources, target, RUN)
     loaded = load_inputs(sources, target, run)
     run.listener.found(loaded.photo_findings)
     if camera is not None:

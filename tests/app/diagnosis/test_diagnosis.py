@@ -968,6 +968,7 @@ def test_nothing_is_said_of_a_photo_that_no_board_explains():
     assert board_fault(LENS, replace(pairs, pixel=pixel), TARGET, 1.0, 0.1) is None
 
 
+@pytest.mark.slow
 def test_a_blurred_photo_has_no_board_that_moved():
     """A few corners of one board are fitted by a pose whatever they are."""
     pairs = one_photo()

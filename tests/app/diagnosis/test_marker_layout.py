@@ -118,6 +118,7 @@ def test_tags_tell_it_too():
     assert (told.figures["columns"], told.figures["rows"]) == (4, 3)
 
 
+@pytest.mark.slow
 def test_a_few_wrong_names_in_one_photo_of_three_hide_nothing():
     pictures = photos("charuco", (4, 6))
     three = (*pictures, pictures[1])
@@ -129,6 +130,7 @@ def test_a_few_wrong_names_in_one_photo_of_three_hide_nothing():
     assert (told.figures["columns"], told.figures["rows"]) == (4, 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("other", "seen"),
     [
@@ -187,6 +189,7 @@ def test_a_board_that_shows_too_little_is_not_blamed():
     assert told.code is Code.NO_MARKERS
 
 
+@pytest.mark.slow
 def test_markers_of_another_size_than_drawn_name_the_same_corners():
     target, pictures = drawing("charuco", (4, 6)), photos("charuco", (4, 6))
     (board,) = target.boards

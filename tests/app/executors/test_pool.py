@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from cubicfish_cli.app.executors.pool import map_photos
+from cubicfish_cli.app.executors.pool import by_processes
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 
 
@@ -25,8 +25,8 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     folder = tmp_path / ("x" * letters)
     folder.mkdir(exist_ok=True)
     work = (
-        "from cubicfish_cli.app.executors.pool import map_photos; "
-        "print(*map_photos(abs, [-1, 2], 2))"
+        "from cubicfish_cli.app.executors.pool import by_processes; "
+        "print(*by_processes(abs, [-1, 2], 2))"
     )
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", work],
@@ -60,7 +60,7 @@ def outcome(work: Callable[[str], object], items: list[str]) -> BaseException | 
 
     def run() -> None:
         try:
-            outcomes.append(list(map_photos(work, items, 2)))
+            outcomes.append(list(by_processes(work, items, 2)))
         except BaseException as problem:
             outcomes.append(problem)
 
@@ -88,7 +88,7 @@ def test_a_request_to_end_waits_until_a_process_has_started(
     monkeypatch.setattr(SpawnProcess, "start", interrupted)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        list(map_photos(abs, [-1, 2], 2))
+        list(by_processes(abs, [-1, 2], 2))
     assert len(started) == 2
     assert not any(process.is_alive() for process in started)
     assert signal.getsignal(signal.SIGINT) is before
@@ -122,7 +122,7 @@ def test_what_the_work_raises_is_raised() -> None:
 
 @pytest.mark.slow
 def test_leaving_early_ends_the_processes() -> None:
-    answers = map_photos(refuses, list("abcdefgh"), 2)
+    answers = by_processes(refuses, list("abcdefgh"), 2)
     assert next(answers) == "a"
     answers.close()
     assert multiprocessing.active_children() == []

@@ -87,6 +87,7 @@ def test_a_lens_of_the_model_is_found_again() -> None:
     assert found.a == pytest.approx(LENS.a, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_angle_deg", [50, 75, 100, 112])
 def test_a_fit_is_as_near_as_any_radial_lens(half_angle_deg: float) -> None:
     """Of a camera with no bend of its own hardly anything is lost, in either direction."""
@@ -103,6 +104,7 @@ def test_a_fit_is_as_near_as_any_radial_lens(half_angle_deg: float) -> None:
     assert_it_goes_on_behind(lens, camera)
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_no_radial_lens_is_met_as_well_as_by_its_radial_reference() -> None:
     camera = cubic_camera(95)
     rays, pixel = field(camera)
@@ -115,6 +117,7 @@ def test_a_camera_that_is_no_radial_lens_is_met_as_well_as_by_its_radial_referen
     assert_it_goes_on_behind(lens, camera)
 
 
+@pytest.mark.slow
 def test_f_does_not_fold_right_behind_a_narrow_field() -> None:
     camera = cubic_camera(50)
     assert_it_goes_on_behind(ScaramuzzaLens.nearest_to(camera, *field(camera)), camera)

@@ -29,6 +29,7 @@ BENT_TWICE = AsymmetricLens(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("photos", "seed"), [(6, 14), (6, 33)])
 def test_a_pole_that_corners_miss_is_no_start(photos, seed):
     """Of a narrow lens the linear solution has one: denominator and numerators vanish."""
@@ -119,6 +120,7 @@ def test_a_narrow_camera_is_no_worse_than_its_radial_lens(width_deg):
     assert ends == pytest.approx([ends[0]] * 5, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_prior_is_of_the_reference_that_the_fit_has_now():
     """Not of the one that a warm start was fitted with, whose noise and corners are others."""
     seen, _ = simulated_corners(BENT_TWICE, TARGET, 8, seed=3)

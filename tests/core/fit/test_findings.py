@@ -106,6 +106,7 @@ def test_a_middle_that_no_side_shows_is_the_camera_itself() -> None:
     assert blind_angle(rays[(angle > 45) & (rays[:, 0] > 0)]) == 0
 
 
+@pytest.mark.slow
 def test_a_blurred_photo_is_named_and_left_out(pairs):
     pixel = pairs.pixel.copy()
     own = pairs.image == 6

@@ -101,6 +101,7 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
         assert rms_px(residual) == pytest.approx(rms_px(wanted), rel=0.02)
 
 
+@pytest.mark.slow
 def test_all_holds_at_once_are_as_one_by_one(reference, held):
     """Both ways to eliminate, and every prior as its lens itself has it."""
     _, result = held

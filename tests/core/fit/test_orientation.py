@@ -64,6 +64,7 @@ def test_a_print_that_is_exact_loses_nothing_by_it() -> None:
     assert found.held_out.rms_px < 1.05 * right.held_out.rms_px
 
 
+@pytest.mark.slow
 def test_a_board_without_symmetry_keeps_its_names() -> None:
     target = drawn(7, 4)
     given = photos(7, 4, 0.1)
@@ -112,6 +113,7 @@ def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:
     np.testing.assert_array_equal(as_drawn.pairs.column, given.column)
 
 
+@pytest.mark.slow
 def test_dropped_corners_have_the_names_of_the_others() -> None:
     target = drawn(6, 4)
     given, way = misnamed(photos(6, 4, 0.1), target)

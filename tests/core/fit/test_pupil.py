@@ -76,6 +76,7 @@ def test_other_photos_are_told_better_with_it(found: Calibration, lens: Syntheti
     assert evaluate(in_cm, others.with_target(TARGET)).errors.rms_px == pytest.approx(told)
 
 
+@pytest.mark.slow
 def test_a_central_lens_stays_central() -> None:
     """Within what its photos leave open."""
     lens = synthetic.TRUE_LENS
@@ -86,6 +87,7 @@ def test_a_central_lens_stays_central() -> None:
     assert abs(found.fit.pupil.rim_px) < 0.1
 
 
+@pytest.mark.slow
 def test_it_stands_still_where_that_is_how_p_is_held(lens: SyntheticLens) -> None:
     pairs = photos(lens)
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))

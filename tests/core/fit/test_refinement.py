@@ -238,6 +238,7 @@ boards:
     assert target_text(load_target(again)) == again.read_text()
 
 
+@pytest.mark.slow
 def test_corners_off_their_places_are_found_where_shapes_gain_nothing() -> None:
     """A sheet that is flat and true in its outlines, printed or cut a little unevenly."""
     drawn = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))

@@ -132,6 +132,7 @@ def test_noisy_photos_and_slips_that_hardly_count_make_it_hardly_larger():
     assert sigma_of(slipped) < 1.2 * sigma_of(pairs)
 
 
+@pytest.mark.slow
 def test_what_is_held_takes_few_degrees_of_freedom():
     """Few corners, and a lens that is held so firmly that they hardly move it."""
     poses = synthetic.poses_around(BOARD, 4, seed=3, distance=(0.2, 0.4))

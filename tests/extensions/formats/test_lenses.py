@@ -144,6 +144,7 @@ def test_nearest_to_a_camera(kind):
         assert least <= getattr(lens, name) <= most
 
 
+@pytest.mark.slow
 def test_what_other_tools_refuse_is_not_written():
     """The nearest lens whose α they take, and not the nearest one with another α put in."""
     rays = random_rays(60, 400)

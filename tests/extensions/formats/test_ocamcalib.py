@@ -167,6 +167,7 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, raw: bytes, head: bytes
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.slow
 def test_export_tells_what_the_inverse_polynomial_loses(run, calibrated, tmp_path: Path) -> None:
     path = tmp_path / "calib_results.txt"
     said = run(

@@ -188,6 +188,7 @@ def test_nothing_comes_from_elsewhere_and_no_script_runs(page: Page, html: str) 
     assert "https:" not in html
 
 
+@pytest.mark.slow
 def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
     fitted: Calibration, pairs: Observations
 ) -> None:

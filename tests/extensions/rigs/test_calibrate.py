@@ -137,6 +137,7 @@ def test_info_knows_rigs(run: Run, made: tuple[Path, dict[str, Any]]) -> None:
     assert "left + right" in said
 
 
+@pytest.mark.slow
 def test_known_lenses_stay_and_exchanged_ones_are_named(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -162,6 +163,7 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
     assert not (tmp_path / "wrong").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
 def test_a_page_shows_the_rig(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
@@ -240,6 +242,7 @@ def test_names_on_a_rigs_page_are_only_text(
     assert "&lt;b&gt;left" in page
 
 
+@pytest.mark.slow
 def test_a_rig_is_evaluated_on_shots(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -326,6 +329,7 @@ def test_a_lens_that_turns_its_rays_where_its_camera_turns_back_is_the_same(
     assert np.linalg.norm(found.shift) < 1e-6
 
 
+@pytest.mark.slow
 def test_photos_are_matched_by_times_in_a_table(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:

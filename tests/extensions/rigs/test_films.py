@@ -96,6 +96,7 @@ def test_films_without_a_common_time_have_no_moments() -> None:
     assert not len(moments(near, [0.0, 0.0], 4, 0.005).time)
 
 
+@pytest.mark.slow
 def test_flow_is_how_corners_move() -> None:
     photo = photos(3)[0]
     corners = np.array([[200.0, 150.0], [230.0, 180.0], [180.0, 200.0]])

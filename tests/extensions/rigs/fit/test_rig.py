@@ -441,6 +441,7 @@ def test_derivatives_of_a_rig_are_those_of_differences() -> None:
             assert np.allclose(own, found, atol=1e-4), (column, shot)
 
 
+@pytest.mark.slow
 def test_one_camera_is_a_rig_of_one() -> None:
     pairs, truth = simulated()
     one = pairs[0]
