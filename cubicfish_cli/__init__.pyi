@@ -28,8 +28,8 @@ from cubicfish_cli.commands.info import info_files as info_files
 from cubicfish_cli.commands.map import MapOptions as MapOptions
 from cubicfish_cli.commands.map import map_files as map_files
 from cubicfish_cli.commands.target import CheckOptions as CheckOptions
+from cubicfish_cli.commands.target import check_target as check_target
 from cubicfish_cli.commands.target import check_target_files as check_target_files
-from cubicfish_cli.commands.target_files import check_target as check_target
 from cubicfish_cli.commands.undistort import UndistortOptions as UndistortOptions
 from cubicfish_cli.commands.undistort import undistort_files as undistort_files
 from cubicfish_cli.core.assess.verdict import Verdict as Verdict

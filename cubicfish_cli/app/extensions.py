@@ -144,13 +144,3 @@ def written_formats() -> dict[str, str]:
 def read_formats() -> dict[str, str]:
     """Format that is read -> what is read."""
     return {one.read: one.reads for one in camera_formats() if one.read is not None}
-
-
-def outputs() -> dict[str, Output]:
-    """What extensions make of a calibration, by kind."""
-    return {kind: made for one in extensions() for kind, made in one.outputs.items()}
-
-
-def input_readers() -> list[str]:
-    """What makes photos of inputs that are none: ``module:function`` of all extensions."""
-    return [place for one in extensions() for place in one.inputs]

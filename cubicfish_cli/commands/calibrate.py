@@ -26,7 +26,7 @@ from cubicfish_cli.app.asked import (
     paths_of,
     tables_among,
 )
-from cubicfish_cli.app.extensions import Output, input_readers, load_place, outputs
+from cubicfish_cli.app.extensions import Output, extensions, load_place
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.pages.report_files import PAGE
@@ -250,7 +250,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     from cubicfish_cli.core.fit.calibration import Calibration
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]
-    more = outputs()
+    more = {kind: made for one in extensions() for kind, made in one.outputs.items()}
     names = {**NAMES, **{kind: one.file for kind, one in more.items()}}
     goals = {kind: folder / name for kind, name in names.items()}
     # Corners that were read from this very file need not be written again.
@@ -267,7 +267,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
             "choose another folder with -o"
         )
     photos, chosen = paths, None
-    for reader in input_readers():
+    for reader in (place for one in extensions() for place in one.inputs):
         read_photos = load_place(reader)
         photos, ended = read_photos(photos, folder / "frames", source, asked.most, run)
         chosen = ended or chosen

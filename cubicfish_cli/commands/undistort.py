@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,14 +23,14 @@ from cubicfish_cli.commands.view_options import (
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
+from cubicfish_cli.core.errors import OutputError, PhotoError, UsageError
 from cubicfish_cli.core.views.options import (
     INTERPOLATIONS,
     Interpolation,
     PlaneOptions,
     ViewOptions,
 )
-from cubicfish_cli.core.wording import did_you_mean, listed, quoted
+from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.batch import Job, Views
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
 _CAMERA_FILES = {".yaml", ".yml"}
+_FEW = 10
 
 
 @record
@@ -328,10 +329,27 @@ def command(made: UndistortedFiles, given: UndistortOptions, how: How) -> None:
 
 
 def print_pictures(made: UndistortedFiles, how: How) -> None:
-    """Print what was written, and end with an error when something failed."""
+    """Print what was written.
+
+    Raises:
+        CubicfishError: something failed; the text says how much, and where the reasons are.
+
+    """
+    number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
+        if number > 1:
+            for name, error in failures[:_FEW]:
+                tell(f"failed: {f'shot {name}: ' * (made.kind == 'shot')}{error}")
+        if len(failures) > _FEW:
+            tell(f"and {len(failures) - _FEW:,} more, which --json lists")
         _print(made)
-    _end_with(made, as_json=how.as_json)
+    if failures:
+        if number == 1:
+            raise failures[0][1]
+        raise PhotoError(
+            f"{len(failures):,} of {count(number, made.kind)} could not be undistorted: see "
+            f"{'the JSON' if how.as_json else 'above'}"
+        )
 
 
 def named_sources(sources: StrPath | Sequence[StrPath]) -> StrPath | list[StrPath]:
@@ -350,10 +368,7 @@ def named_sources(sources: StrPath | Sequence[StrPath]) -> StrPath | list[StrPat
 
 
 def _print(made: UndistortedFiles) -> None:
-    """Print what was written, and on stderr what was not."""
-    if made.files or len(_by_reason(made.failures)) > 1:  # else the error at the end says it
-        for line in _failure_lines(made.failures, made.kind):
-            tell(f"failed: {line}")
+    """Print what was written, and what it shows."""
     if made.skipped:
         say(f"skipped {count(len(made.skipped), made.kind)} whose result exists")
     if made.view is not None:
@@ -381,67 +396,3 @@ def _warn_of_limit(view: ChosenView) -> None:
             f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
             "the view's own limit, and --view stereographic or equidistant shows all"
         )
-
-
-def _end_with(made: UndistortedFiles, *, as_json: bool) -> None:
-    """End with an error when something failed: how many, where the reasons are, what is done.
-
-    Args:
-        made: what was done, and what was not.
-        as_json: whether the reasons went to stdout.
-
-    """
-    failures = made.failures
-    if not failures:
-        return
-    number = len(made.written) + len(failures)
-    total = count(number, made.kind)
-    if number == 1:
-        raise next(iter(failures.values()))
-    told_in, done = "in the JSON" if as_json else "above", len(made.written)
-    if not done:
-        reasons = list(_by_reason(failures))
-        shared = len(reasons) == 1 and not as_json
-        why = reasons[0] if shared else f"the reasons are {told_in}"
-        raise PhotoError(f"none of {total} could be undistorted: {why}")
-    rest = "the other is done" if done == 1 else f"the other {done:,} are done"
-    why = f"{'the reason is' if len(failures) == 1 else 'the reasons are'} {told_in}"
-    raise PhotoError(f"{len(failures):,} of {total} could not be undistorted: {why}, {rest}")
-
-
-Failures = Mapping[str, CubicfishError]
-
-
-def _failure_lines(failures: Failures, kind: str) -> list[str]:
-    """A line for each reason, and for which photos it holds.
-
-    Args:
-        failures: photos, and why.
-        kind: what they are, in a word.
-
-    """
-    lines = []
-    for reason, names in _by_reason(failures).items():
-        if len(names) > 1:
-            named = f"{count(len(names), kind)} ({listed(names, f'{kind}s')})"
-            lines.append(f"{named}: {reason}")
-        else:
-            lines.append(f"shot {names[0]}: " * (kind == "shot") + str(failures[names[0]]))
-    return lines
-
-
-def _by_reason(failures: Failures) -> dict[str, list[str]]:
-    groups: dict[str, list[str]] = {}
-    for name, error in failures.items():
-        groups.setdefault(_reason(error), []).append(name)
-    return groups
-
-
-def _reason(error: CubicfishError) -> str:
-    """Why, without what is the photo's own: "each is empty: ..." for "a.png is empty: ..."."""
-    if not error.about:
-        return str(error)
-    text = f"{error.what}: {error.do}" if error.do else error.what
-    if error.apart:
-        return text
-    return f"{'each result' if isinstance(error, OutputError) else 'each'} {text}"

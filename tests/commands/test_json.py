@@ -228,10 +228,7 @@ def test_undistort_names_what_failed_and_why(run: Run, model: Path, tmp_path: Pa
     assert failed["image"] == "bad.jpg"
     assert "bad.jpg" in failed["problem"]
     said = run(*line, "--overwrite", "--json", code=1).stderr
-    assert said == (
-        "Error: 1 of 2 photos could not be undistorted: the reason is in the JSON, the other is "
-        "done\n"
-    )
+    assert said == ("Error: 1 of 2 photos could not be undistorted: see the JSON\n")
     alone = record(run, "undistort", photos / "bad.jpg", tmp_path / "x.png", "-m", model, code=1)
     assert alone["images"] == 0
     assert alone["failed"][0]["image"] == "bad.jpg"

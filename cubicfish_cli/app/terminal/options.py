@@ -13,16 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, dataclass_transform
+from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import click
 
 from cubicfish_cli.app.asked import TargetSource, in_folder
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.wording import quoted
-
-if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
 
 
 class _Bounded(click.ParamType):
@@ -101,41 +98,26 @@ _ENDS_OF_FILES = {
 }  # fmt: skip
 
 
-class OutputFile(click.Path):
-    """A path of a file to write: one that ends in a slash is refused, as it names a folder."""
+class OutputPath(click.Path):
+    """The name of a file or a folder to write; one that looks like the other is refused."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse the name of a folder."""
-        if str(value).endswith(("/", os.sep)):
-            self.fail(f"{quoted(str(value))} is a folder: give the name of a file", param, ctx)
-        return super().convert(value, param, ctx)
-
-
-class FolderType(click.Path):
-    """A path that shells complete with folders only; what it names is checked where it is used."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuse the name of a file, of which a folder would be made."""
-        path = Path(value)
-        if path.suffix.lower() in _ENDS_OF_FILES and not path.is_dir():
+        """Refuse the other's name."""
+        path, text = Path(value), quoted(str(value))
+        if not self.file_okay and path.suffix.lower() in _ENDS_OF_FILES and not path.is_dir():
             self.fail(
-                f"{quoted(str(value))} is the name of a file, and several files are written: name "
-                f"their folder, such as {quoted(str(path.with_suffix('')))}",
+                f"{text} is the name of a file, and several files are written: name their folder, "
+                f"such as {quoted(str(path.with_suffix('')))}",
                 param,
                 ctx,
             )
+        if self.file_okay and str(value).endswith(("/", os.sep)):
+            self.fail(f"{text} is a folder: give the name of a file", param, ctx)
         return super().convert(value, param, ctx)
 
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Leave it to the shell."""
-        from click.shell_completion import CompletionItem
 
-        return [CompletionItem(incomplete, type="dir")]
-
-
-FOLDER = FolderType(path_type=Path)
+OUTPUT = OutputPath(path_type=Path)
+FOLDER = OutputPath(path_type=Path, file_okay=False)
 
 NAME = click.Path(readable=False)
 """The name of a file or several, as text: what it means is found out where it is used."""
@@ -591,7 +573,7 @@ def output_option(
 ) -> Any:
     """``-o``, which says where the result goes; ``folder`` is None where it may be either."""
     words = metavar or ("FOLDER" if folder else "FILE")
-    kind = FILE if folder is None else FOLDER if folder else OutputFile(path_type=Path)
+    kind = FILE if folder is None else FOLDER if folder else OUTPUT
     return option(f"-o --output {words}", help, kind, default, **more)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import io
 import os
 import shutil
@@ -78,35 +77,8 @@ def wrapped(line: str, columns: int) -> str:
 
 # Control, format (which turn the writing about), surrogates, ends of lines and paragraphs.
 _STEERING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-# What our own words are made of beyond ASCII, for a terminal or a file without it.
-_PLAIN = {
-    "°": "deg",
-    "²": "^2",
-    "–": "-",
-    "—": "-",
-    "−": "-",
-    "×": "x",
-    "·": "*",
-    "±": "+-",
-    "…": "~",
-    "→": "->",
-    "√": "sqrt",
-    "─": "-",
-    "Φ": "Phi",
-    "θ": "theta",
-    "µ": "u",
-    "μ": "u",
-}
-ERRORS = "cubicfish"
-"""How characters are written that a stream's encoding lacks: in ASCII."""
-
-
-def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    lacking = error.object[error.start : error.end]
-    plain = [_PLAIN.get(c) or c.encode("ascii", "backslashreplace").decode() for c in lacking]
-    return "".join(plain), error.end
+ERRORS = "backslashreplace"
+"""How characters are written that a stream's encoding lacks."""
 
 
 def safe(text: str) -> str:
@@ -167,7 +139,6 @@ class _Results(io.FileIO):
 
 def settle_streams() -> None:
     """Open closed streams to nowhere, so that no file takes their place, and guard the others."""
-    codecs.register_error(ERRORS, _in_ascii)  # a terminal may lack some characters
     for descriptor in (_STDIN, _STDOUT, _STDERR):
         try:
             os.fstat(descriptor)

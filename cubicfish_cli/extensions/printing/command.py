@@ -154,7 +154,7 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
             and may not be replaced.
 
     """
-    from cubicfish_cli.commands.target_files import check_target
+    from cubicfish_cli.commands.target import check_target
     from cubicfish_cli.core.target import load_target, target_text
     from cubicfish_cli.core.units import length_mm
     from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
@@ -227,7 +227,7 @@ def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
 
 
 def _print_written(made: PrintedFiles) -> None:
-    from cubicfish_cli.commands.target_files import print_size
+    from cubicfish_cli.commands.target import print_size
 
     outputs, pages = made.files, made.pages
     rows = [

@@ -141,7 +141,7 @@ def test_shots_that_fail_are_named_and_the_others_done(
     out = tmp_path / "out"
     said = run("rig", "undistort", folder, out, "-m", rig, *SMALL, code=1).stderr
     assert "failed: shot 0002: camera right: the photo has 60x50 pixels" in said
-    ending = "1 of 2 shots could not be undistorted: the reason is above, the other is done"
+    ending = "1 of 2 shots could not be undistorted: see above"
     assert said.endswith(f"Error: {ending}\n")
     assert [file.name for file in out.iterdir()] == ["0001.png"]
     said = run("rig", "undistort", folder, out, "-m", rig, *SMALL, code=1).stderr
