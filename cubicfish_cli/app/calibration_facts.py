@@ -32,8 +32,7 @@ from cubicfish_cli.core.fit.coverage import FieldCells, field_cells
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.fit.subset import select
-from cubicfish_cli.core.io.calibrated import CameraRecord
-from cubicfish_cli.core.io.camera_yaml import load_any_camera
+from cubicfish_cli.core.io.camera_yaml import CameraRecord, load_any_camera
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera

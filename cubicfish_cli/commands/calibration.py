@@ -18,8 +18,7 @@ from cubicfish_cli.core.fit import evaluate as evaluation
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.evaluate import Evaluation
 from cubicfish_cli.core.fit.model_selection import RefineTarget
-from cubicfish_cli.core.io.calibrated import Calibrated
-from cubicfish_cli.core.io.camera_yaml import CameraFile
+from cubicfish_cli.core.io.camera_yaml import Calibrated, CameraFile
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, target_text

@@ -18,7 +18,7 @@ from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD, WRITTEN
 from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError, FitError
-from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.io.camera_yaml import Calibrated
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 # Of formats of one tool, the one that follows decentred lenses best.

@@ -16,8 +16,7 @@ from cubicfish_cli.app.undistortion.batch import Size, Views
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.io.calibrated import Calibrated
-from cubicfish_cli.core.io.camera_yaml import PointCameraFile
+from cubicfish_cli.core.io.camera_yaml import Calibrated, PointCameraFile
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import ChosenView
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos

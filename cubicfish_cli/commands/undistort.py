@@ -35,7 +35,7 @@ from cubicfish_cli.core.wording import did_you_mean, quoted
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.batch import Job, Views
     from cubicfish_cli.commands.pictures import UndistortedFiles
-    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.io.camera_yaml import Calibrated
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.views.choose import ChosenView
     from cubicfish_cli.core.views.view import View

@@ -19,8 +19,7 @@ from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.io.calibrated import camera_text
-from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.io.camera_yaml import camera_text, load_camera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.target import Target
 

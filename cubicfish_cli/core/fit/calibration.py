@@ -17,8 +17,7 @@ from cubicfish_cli.core.fit.held_out import HeldOut
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import Level, NominalTarget, TargetFit
 from cubicfish_cli.core.fit.subset import select_photos, world_scale
-from cubicfish_cli.core.io.calibrated import Calibrated
-from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Symmetry, renamed

@@ -29,7 +29,7 @@ from cubicfish_cli.core.fit.statistics import (
     rms_px,
 )
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
-from cubicfish_cli.core.io.calibrated import CameraRecord
+from cubicfish_cli.core.io.camera_yaml import CameraRecord
 from cubicfish_cli.core.lenses.lift import lift
 from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.observations import Observations

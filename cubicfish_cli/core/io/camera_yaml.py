@@ -1,52 +1,179 @@
-"""camera.yaml: a camera as plain YAML that ten lines of numpy can read."""
+"""camera.yaml: a camera, and its fit's record, as plain YAML that ten lines of numpy can read.
+
+A fit and its file give the same answers: both are a :class:`Calibrated`.
+"""
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain
+from functools import cached_property
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish_cli.core.assess.fit_record import FitRecord, fit_record
-from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.calibrated import (
-    FORMAT_VERSION,
-    RADIAL_KEYS,
-    Calibrated,
-    CameraRecord,
-    unit_norm,
-)
+from cubicfish_cli import __version__
+from cubicfish_cli.core.assess.camera_facts import CameraFacts, camera_facts
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record
+from cubicfish_cli.core.assess.verdict import Verdict, verdict
+from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
+from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.core.lenses.lift import SIZE
-from cubicfish_cli.core.lenses.point import Frame, PointCamera
+from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import mapping, parse_plain_yaml, refuse_unknown, refuse_version
+from cubicfish_cli.core.plain_yaml import (
+    mapping,
+    parse_plain_yaml,
+    plain_yaml_text,
+    refuse_unknown,
+    refuse_version,
+)
 from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import quoted
 
+FORMAT_VERSION = 1
 # A calibration of some ten thousand photos; nobody's camera file is larger.
-MAX_BYTES = 64 * 1024 * 1024
-MAX_SIDE = 100_000
+_MAX_BYTES = 64 * 1024 * 1024
+_MAX_SIDE = 100_000
+_MAX_DEPTH = 8  # the reader takes no more than a few levels
+_RADIAL = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 _KEYS = (
-    "cubicfish",
-    "image_size",
-    "lift",
-    "frame",
-    "P",
-    "max_angle_deg",
-    "valid",
-    "radial",
-    "pupil",
-    "fit",
-    "made_by",
-    "point_offset",
-    "point_scale",
-    "point_reach",
-    "point_null",
+    *("cubicfish", "image_size", "lift", "frame", "P", "max_angle_deg", "valid", "radial", "pupil"),
+    *("fit", "made_by", "point_offset", "point_scale", "point_reach", "point_null"),
 )
+_NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
+
+
+class CameraRecord:
+    """A camera of either lift, and the record of its fit.
+
+    Attributes:
+        camera: the camera.
+        fit: how well it fits.
+        made_by: where it comes from, plain data; empty where nothing is known.
+
+    """
+
+    camera: CubicCamera | PointCamera
+    fit: FitRecord
+    made_by: Mapping[str, Any]
+
+    @property
+    def errors(self) -> ErrorStatistics:
+        """Reprojection errors over the used pairs."""
+        return self.fit
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: ``fit`` of camera.yaml."""
+        return self.fit.as_record()
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What the calibration is worth, and why: what ``cubicfish calibrate`` prints."""
+        known = self.facts.verdict
+        if known is not None:
+            return known
+        return verdict(self.fit, self.camera.image_size, self.camera.outline())
+
+    @cached_property
+    def facts(self) -> CameraFacts:
+        """The camera in the figures that people ask for first."""
+        return camera_facts(self.camera, self.fit, self.made_by)
+
+    def text(self, made_by: Mapping[str, Any] | None = None) -> str:
+        """The text of its camera.yaml.
+
+        Args:
+            made_by: plain data on where it comes from, beside what is known already; the version
+                is added.
+
+        Raises:
+            CameraFileError: ``made_by`` is not plain data.
+
+        """
+        origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
+        facts = camera_facts(self.camera, self.fit, origin) if made_by else self.facts
+        return camera_text(self.camera, fit=self.fit, made_by=origin, comment=facts.line)
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        made_by: Mapping[str, Any] | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Write ``camera.yaml``, which every command reads.
+
+        Args:
+            path: the file.
+            made_by: plain data on where it comes from; the version is added.
+            overwrite: whether an existing file may be replaced.
+
+        Raises:
+            OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+            CameraFileError: ``made_by`` is not plain data.
+
+        """
+        write_text(Path(path), self.text(made_by), overwrite=overwrite)
+
+    def __str__(self) -> str:
+        """The camera's figures, and what it is worth."""
+        facts = self.facts
+        return f"{facts.line}\n{facts.verdict.line}" if facts.verdict else facts.line
+
+    def __repr__(self) -> str:
+        """The camera's figures, no arrays."""
+        return f"<{type(self).__name__}: {self.facts.line}>"
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        return "<br>".join(map(escape, str(self).splitlines()))
+
+
+class Calibrated(CameraRecord):
+    """A camera with rays, and the record of its fit."""
+
+    camera: CubicCamera
+
+    def uncertainty(self, pixel: npt.ArrayLike) -> FloatArray:
+        """How far the camera itself may be off: sqrt(var x + var y) of a distant point's pixel.
+
+        That is how far the pixel would move if the same photos were taken again with other
+        noise. It is interpolated on the grid over the photo that the fit left.
+
+        Args:
+            pixel: (..., 2) x, y.
+
+        Returns:
+            (...,) pixels; NaN outside the photo and the camera's field.
+
+        Raises:
+            CameraFileError: the file does not say.
+            CorrespondenceError: ``pixel`` has another shape.
+
+        """
+        pixel = np.asarray(pixel, float)
+        if not pixel.ndim or pixel.shape[-1] != 2:
+            raise CorrespondenceError(f"pixel has the shape {pixel.shape}, not (..., 2)")
+        flat = pixel.reshape(-1, 2)
+        sides = np.array(self.camera.image_size)
+        index = np.flatnonzero(((flat >= -0.5) & (flat <= sides - 0.5)).all(axis=1))
+        seen = index[np.isfinite(self.camera.unproject(flat[index])[:, 0])]
+        known, sigma = self.fit.uncertainty.at(flat[seen]), np.full(len(flat), np.nan)
+        if known is None:
+            raise CameraFileError(
+                "this camera's file does not say how certain it is: calibrate again"
+            )
+        sigma[seen] = known
+        return sigma.reshape(pixel.shape[:-1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -74,6 +201,74 @@ class PointCameraFile(CameraRecord):
     made_by: Mapping[str, Any]
 
 
+def camera_text(
+    camera: CubicCamera | PointCamera,
+    *,
+    fit: FitRecord,
+    made_by: Mapping[str, Any],
+    comment: str = "",
+) -> str:
+    """The text of a camera.yaml; ``comment`` is a line for people at its top."""
+    own: dict[str, Any]
+    P = unit_norm(camera.P).tolist()
+    if isinstance(camera, PointCamera):
+        own = {
+            "lift": "point",
+            "frame": camera.frame,
+            "P": P,
+            "point_offset": camera.offset.tolist(),
+            "point_scale": float(camera.scale),
+            "point_reach": float(camera.reach),
+            "point_null": camera.null.tolist(),
+            "valid": np.round(camera.valid, 3).tolist(),
+        }
+    else:
+        own = {
+            "lift": "ray",
+            "frame": "camera",
+            "P": P,
+            "max_angle_deg": float(camera.max_angle_deg),
+            "valid": np.round(camera.outline(), 3).tolist(),
+            "radial": dict(zip(_RADIAL, camera.radial.parameters.tolist(), strict=True)),
+        }
+        if camera.pupil_travel:
+            own["pupil"] = {"travel": float(camera.pupil_travel), "units": camera.units}
+    size = [int(side) for side in camera.image_size]
+    record = {"cubicfish": FORMAT_VERSION, "image_size": size, **own}
+    record |= {"fit": fit.as_record(), "made_by": dict(made_by)}
+    return (f"# {comment}\n" if comment else "") + plain_yaml_text(record)
+
+
+def unit_norm(P: FloatArray) -> FloatArray:
+    """P with Frobenius norm 1; left to the last bit when it has that already."""
+    norm = np.linalg.norm(P)
+    if abs(norm - 1) < 1e-12:
+        return P
+    P = P / np.abs(P).max()  # squares of tiny numbers vanish
+    return np.asarray(P / np.linalg.norm(P))
+
+
+def plain(value: Any, depth: int = 0) -> Any:
+    """Data that YAML holds without more ado.
+
+    Raises:
+        CameraFileError: they are of another kind.
+
+    """
+    if depth < _MAX_DEPTH:
+        if value is None or isinstance(value, str | bool | int):
+            return value
+        if isinstance(value, float) and math.isfinite(value):
+            return float(value)
+        if isinstance(value, list | tuple):
+            return [plain(part, depth + 1) for part in value]
+        if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
+            return {key: plain(part, depth + 1) for key, part in value.items()}
+    raise CameraFileError(
+        f"made_by holds {quoted(value)}: it may hold text, finite numbers, lists and mappings"
+    )
+
+
 def load_camera(path: Path | str) -> CameraFile:
     """Read camera.yaml of a central camera (the ``ray`` lift).
 
@@ -93,9 +288,6 @@ def load_camera(path: Path | str) -> CameraFile:
     return loaded
 
 
-_NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
-
-
 def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     """Read camera.yaml of either lift, the paper's literal ``point`` too, as ``project`` does.
 
@@ -106,166 +298,147 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     """
     path = Path(path)
     path = path / "camera.yaml" if path.is_dir() else path
-    text = read_text(path, max_bytes=MAX_BYTES, error=CameraFileError)
-    none = CameraFileError(
-        f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
-        "another tool's with 'cubicfish import'"
-    )
-    if text.startswith("%"):  # OpenCV's files, which are not quite YAML
-        raise none
-    record = parse_plain_yaml(path, text, error=CameraFileError, if_empty=f"{_NO_CAMERA} wrote")
-    if not isinstance(record, dict) or "cubicfish" not in record:
-        if isinstance(record, dict) and "boards" in record:
-            raise CameraFileError(
-                f"{path} is a calibration target, not a camera: {_NO_CAMERA} wrote"
-            )
-        keys = map(str, record if isinstance(record, dict) else ())
-        other = next((key for key in keys if key.startswith("cubicfish_")), "").partition("_")[2]
-        if other:  # of several cameras on one body, or of two turned into rows
-            raise CameraFileError(f"{path} is of a {other}, not of one camera: {_NO_CAMERA} wrote")
-        raise none
-    refuse_version(path, record["cubicfish"], FORMAT_VERSION)
-    refuse_unknown(path, record, _KEYS)
-    kind = (record.get("lift"), record.get("frame"))
-    if kind not in (("ray", "camera"), ("point", "world"), ("point", "camera")):
-        raise CameraFileError(
-            f"{path}: lift and frame must be 'ray' and 'camera', or 'point' and either 'world' or "
+    file = _Keys(path, _read(path))
+    lift, frame = file.data.get("lift"), file.data.get("frame")
+    if (lift, frame) not in (("ray", "camera"), ("point", "world"), ("point", "camera")):
+        file.refuse(
+            "lift and frame must be 'ray' and 'camera', or 'point' and either 'world' or "
             "'camera': calibrate again"
         )
-    image_size = _image_size(path, record)
-    P = _numbers(path, record, "P", (3, SIZE))
+    size = file.numbers("image_size", 2)
+    if not all(side == int(side) and 0 < side <= _MAX_SIDE for side in size):
+        file.refuse("image_size must be two whole numbers above 0")
+    image_size = (int(size[0]), int(size[1]))
+    P = file.numbers("P", 3, SIZE)
     if not P.any():
-        raise CameraFileError(f"{path}: P is all zeros: calibrate again")
-    known, made_by = (mapping(path, record.get(key, {}), key) for key in ("fit", "made_by"))
-    fit = fit_record(known)
-    if kind[0] == "point":
-        frame: Frame = "world" if kind[1] == "world" else "camera"
-        point = _point_camera(path, record, image_size, P, frame)
+        file.refuse("P is all zeros: calibrate again")
+    fit, made_by = fit_record(file.inner("fit").data), file.inner("made_by").data
+    if lift == "point":
+        point = PointCamera(
+            image_size=image_size,
+            P=unit_norm(P),
+            frame="world" if frame == "world" else "camera",
+            offset=file.numbers("point_offset", 3),
+            scale=file.above_zero("point_scale"),
+            null=file.rows("point_null", SIZE),
+            reach=file.above_zero("point_reach"),
+            valid=file.rows("valid", 2),
+        )
         return PointCameraFile(camera=point, fit=fit, made_by=made_by)
-    camera = _ray_camera(path, record, image_size, P)
-    _refuse_contradictions(path, record, camera, fit)
+    camera = _ray_camera(file, image_size, P)
+    _refuse_contradictions(file, image_size, fit)
     return CameraFile(camera=camera, fit=fit, made_by=made_by)
 
 
-def _image_size(path: Path, record: dict[str, Any]) -> tuple[int, int]:
-    size = _numbers(path, record, "image_size", (2,))
-    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
-        raise CameraFileError(f"{path}: image_size must be two whole numbers above 0")
-    return int(size[0]), int(size[1])
-
-
-def _point_camera(
-    path: Path, record: dict[str, Any], image_size: tuple[int, int], P: FloatArray, frame: Frame
-) -> PointCamera:
-    scale = float(_numbers(path, record, "point_scale", ()))
-    reach = float(_numbers(path, record, "point_reach", ()))
-    if scale <= 0 or reach <= 0:
-        raise CameraFileError(f"{path}: point_scale and point_reach must be above 0")
-    return PointCamera(
-        image_size=image_size,
-        P=unit_norm(P),
-        frame=frame,
-        offset=_numbers(path, record, "point_offset", (3,)),
-        scale=scale,
-        null=_rows(path, record, "point_null", SIZE),
-        reach=reach,
-        valid=_rows(path, record, "valid", 2),
+def _read(path: Path) -> dict[str, Any]:
+    """The keys and values of a camera file of this version; what else it is, is told."""
+    text = read_text(path, max_bytes=_MAX_BYTES, error=CameraFileError)
+    parsed: Any = None
+    if not text.startswith("%"):  # OpenCV's files, which are not quite YAML
+        parsed = parse_plain_yaml(path, text, error=CameraFileError, if_empty=f"{_NO_CAMERA} wrote")
+    record: dict[str, Any] = parsed if isinstance(parsed, dict) else {}
+    if "cubicfish" in record:
+        refuse_version(path, record["cubicfish"], FORMAT_VERSION)
+        refuse_unknown(path, record, _KEYS)
+        return record
+    if "boards" in record:
+        raise CameraFileError(f"{path} is a calibration target, not a camera: {_NO_CAMERA} wrote")
+    other = next((key for key in record if key.startswith("cubicfish_")), "").partition("_")[2]
+    if other:  # of several cameras on one body, or of two turned into rows
+        raise CameraFileError(f"{path} is of a {other}, not of one camera: {_NO_CAMERA} wrote")
+    raise CameraFileError(
+        f"{path} is not a camera file (it has no key 'cubicfish'): {_NO_CAMERA} wrote, or read "
+        "another tool's with 'cubicfish import'"
     )
 
 
-def _rows(path: Path, record: dict[str, Any], key: str, columns: int) -> FloatArray:
-    """The rows of numbers under a key, however many."""
-    rows = record.get(key)
-    count = len(rows) if isinstance(rows, list) else 1
-    return _numbers(path, record, key, (count, columns)) if count else np.zeros((0, columns))
-
-
-def _ray_camera(
-    path: Path, record: dict[str, Any], image_size: tuple[int, int], P: FloatArray
-) -> CubicCamera:
-    max_angle_deg = float(_numbers(path, record, "max_angle_deg", ()))
+def _ray_camera(file: _Keys, image_size: tuple[int, int], P: FloatArray) -> CubicCamera:
+    max_angle_deg = float(file.numbers("max_angle_deg"))
     if not 0 < max_angle_deg < 180:
-        raise CameraFileError(f"{path}: max_angle_deg must be between 0 and 180")
-    pupil = mapping(path, record.get("pupil", {"travel": 0.0}), "pupil")
-    units = pupil.get("units")
-    if not isinstance(units, str | None):
-        raise CameraFileError(f"{path}: pupil.units must be a word, as in target.yaml")
+        file.refuse("max_angle_deg must be between 0 and 180")
+    radial, travel, units = file.inner("radial"), 0.0, None
+    focal = [radial.above_zero(key) for key in _RADIAL[:2]]
+    others = [float(radial.numbers(key)) for key in _RADIAL[2:]]
+    if "pupil" in file.data:
+        pupil = file.inner("pupil")
+        travel, units = float(pupil.numbers("travel")), pupil.data.get("units")
+        if not isinstance(units, str | None):
+            file.refuse("pupil.units must be a word, as in target.yaml")
     camera = CubicCamera(
         image_size=image_size,
         P=unit_norm(P),
         max_angle_deg=max_angle_deg,
-        radial=_radial(path, record, image_size),
-        pupil_travel=float(_numbers(path, pupil, "travel", (), "pupil.")),
+        radial=RadialCamera.from_parameters(np.array([*focal, *others]), image_size),
+        pupil_travel=travel,
         units=units,
     )
     validity = check_validity(camera.P, max_angle_deg)
     if not validity.valid:
-        raise CameraFileError(
-            f"{path}: P has a pole or a fold at {validity.valid_to_deg:.1f}° from the axis, "
+        file.refuse(
+            f"P has a pole or a fold at {validity.valid_to_deg:.1f}° from the axis, "
             f"inside its max_angle_deg of {max_angle_deg:.1f}: the file was changed or cut, "
             "calibrate again"
         )
     return camera
 
 
-def _refuse_contradictions(
-    path: Path, record: dict[str, Any], camera: CubicCamera, fit: FitRecord
-) -> None:
+def _refuse_contradictions(file: _Keys, image_size: tuple[int, int], fit: FitRecord) -> None:
     """Refuse figures that another program, or a hand, has changed without the others."""
-    width, height = camera.image_size
-    sigma = fit.uncertainty
-    if "valid" in record:
-        outline = _rows(path, record, "valid", 2)
-        if len(outline) and bool((outline.max(axis=0) > [width, height]).any()):
-            raise CameraFileError(
-                f"{path}: the outline of 'valid' reaches beyond the photo of image_size: the file "
-                "was changed by hand, calibrate again"
-            )
-    grid = [(sigma.x, width), (sigma.y, height)]
-    if any(side and abs(side[-1] - (size - 1)) > 1 for side, size in grid):
-        raise CameraFileError(
-            f"{path}: image_size is not that of the grid of fit.uncertainty: the file was changed "
-            "by hand, calibrate again"
-        )
-    figures = [sigma.noise_px, sigma.median_px, sigma.p95_px, sigma.max_px]
-    figures += [*sigma.focal_px, *sigma.principal_point_px, *chain.from_iterable(sigma.sigma_px)]
-    if any(one < 0 for one in figures):
-        raise CameraFileError(
-            f"{path}: a standard deviation of fit.uncertainty is below 0: the file was changed by "
-            "hand, calibrate again"
-        )
+    sigma, wrong = fit.uncertainty, ""
+    figures = (sigma.noise_px, sigma.median_px, sigma.p95_px, sigma.max_px, *sigma.focal_px)
+    pixels = [one for row in (sigma.principal_point_px, *sigma.sigma_px) for one in row]
+    outline = file.rows("valid", 2) if "valid" in file.data else np.zeros((0, 2))
+    grid = zip((sigma.x, sigma.y), image_size, strict=True)
+    if bool((outline > image_size).any()):
+        wrong = "the outline of 'valid' reaches beyond the photo of image_size"
+    elif any(side and abs(side[-1] - (size - 1)) > 1 for side, size in grid):
+        wrong = "image_size is not that of the grid of fit.uncertainty"
+    elif any(one < 0 for one in (*figures, *pixels)):
+        wrong = "a standard deviation of fit.uncertainty is below 0"
+    if wrong:
+        file.refuse(f"{wrong}: the file was changed by hand, calibrate again")
 
 
-def _radial(path: Path, record: dict[str, Any], image_size: tuple[int, int]) -> RadialCamera:
-    reference = mapping(path, record.get("radial", {}), "radial")
-    missing = [key for key in RADIAL_KEYS if key not in reference]
-    if missing:
-        raise CameraFileError(f"{path}: radial has no key {missing[0]!r}: calibrate again")
-    values = np.array(
-        [_numbers(path, reference, key, (), "radial.") for key in RADIAL_KEYS], dtype=float
-    )
-    if values[0] <= 0 or values[1] <= 0:
-        raise CameraFileError(f"{path}: radial.fx and radial.fy must be above 0")
-    return RadialCamera.from_parameters(values, image_size)
+@dataclass(frozen=True)
+class _Keys:
+    """Keys and values of a camera file, each checked as it is asked for."""
 
+    path: Path
+    data: dict[str, Any]
+    above: str = ""
 
-def _numbers(
-    path: Path, record: dict[str, Any], key: str, shape: tuple[int, ...], prefix: str = ""
-) -> FloatArray:
-    """The numbers under a key, all finite, in the shape that the format has there."""
-    if key not in record:
-        raise CameraFileError(f"{path} has no key {prefix + key!r}: calibrate again")
-    wanted = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
-    problem = CameraFileError(f"{path}: {prefix + key} must be {wanted}, all finite")
-    if not _is_numeric(record[key], len(shape)):
-        raise problem
-    try:
-        value = np.array(record[key], dtype=float)
-    except (ValueError, OverflowError) as error:
-        raise problem from error
-    if value.shape != shape or not np.isfinite(value).all() or np.abs(value).max() > 1e100:
-        raise problem
-    return value
+    def refuse(self, what: str) -> NoReturn:
+        raise CameraFileError(f"{self.path}: {what}")
+
+    def inner(self, key: str) -> _Keys:
+        """What is under a key."""
+        return _Keys(self.path, mapping(self.path, self.data.get(key, {}), key), f"{key}.")
+
+    def numbers(self, key: str, *shape: int) -> FloatArray:
+        """The numbers under a key, all finite, in the shape that the format has there."""
+        name = self.above + key
+        if key not in self.data:
+            raise CameraFileError(f"{self.path} has no key {name!r}: calibrate again")
+        own, value = self.data[key], np.array(math.nan)
+        with suppress(ValueError, OverflowError):
+            value = np.array(own, float) if _is_numeric(own, len(shape)) else value
+        if value.shape != shape or not (np.abs(value) <= 1e100).all():
+            wanted = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
+            self.refuse(f"{name} must be {wanted}, all finite")
+        return value
+
+    def rows(self, key: str, columns: int) -> FloatArray:
+        """The rows of numbers under a key, however many."""
+        rows = self.data.get(key)
+        count = len(rows) if isinstance(rows, list) else 1
+        return self.numbers(key, count, columns) if count else np.zeros((0, columns))
+
+    def above_zero(self, key: str) -> float:
+        """A number above 0."""
+        value = float(self.numbers(key))
+        if value <= 0:
+            self.refuse(f"{self.above}{key} must be above 0")
+        return value
 
 
 def _is_numeric(value: Any, depth: int) -> bool:

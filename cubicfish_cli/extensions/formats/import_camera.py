@@ -108,7 +108,7 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
     """
     from cubicfish_cli.core.assess.fit_record import FitRecord
     from cubicfish_cli.core.files import fingerprint, refuse_existing, write_text
-    from cubicfish_cli.core.io.calibrated import camera_text
+    from cubicfish_cli.core.io.camera_yaml import camera_text
     from cubicfish_cli.extensions.formats.importing import import_camera
 
     made_at()  # said before the work if it cannot be

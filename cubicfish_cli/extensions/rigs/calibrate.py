@@ -40,7 +40,7 @@ from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.model_selection import RefineTarget
-    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.io.camera_yaml import Calibrated
     from cubicfish_cli.core.target import Target
     from cubicfish_cli.extensions.rigs.films import RigFrames
     from cubicfish_cli.extensions.rigs.rig import Rig
@@ -231,8 +231,7 @@ def _load_known(
     lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
 ) -> dict[str, Calibrated]:
     """Cameras that are calibrated already, by name."""
-    from cubicfish_cli.core.io.calibrated import Calibrated
-    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
 
     if not isinstance(lenses, Mapping):  # left=left_calibration
         lenses = {name: path for name, _, path in (str(one).partition("=") for one in lenses)}

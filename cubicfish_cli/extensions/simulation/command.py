@@ -29,7 +29,7 @@ from cubicfish_cli.extensions.simulation.options import FORMATS, LOOKS, LookOpti
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.files import Content
-    from cubicfish_cli.core.io.calibrated import Calibrated
+    from cubicfish_cli.core.io.camera_yaml import Calibrated
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.target import Target
 

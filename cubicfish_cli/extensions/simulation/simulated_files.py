@@ -14,8 +14,7 @@ from cubicfish_cli.app.viewpoints.views import NearLens, WholeLens
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, UsageError
-from cubicfish_cli.core.io.calibrated import Calibrated, camera_text
-from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.io.camera_yaml import Calibrated, camera_text, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import MAX_SIDE
 from cubicfish_cli.core.target import Target

@@ -10,8 +10,7 @@ from lenses import cubic_camera
 
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.io.calibrated import camera_text
-from cubicfish_cli.core.io.camera_yaml import load_camera
+from cubicfish_cli.core.io.camera_yaml import camera_text, load_camera
 from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.core.lenses.sphere import ray_at
 

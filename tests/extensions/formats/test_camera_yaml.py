@@ -14,10 +14,10 @@ from lenses import cubic_camera, random_rays
 from cubicfish_cli import save_camera
 from cubicfish_cli.core.assess.fit_record import FitRecord, fit_record
 from cubicfish_cli.core.errors import CameraFileError, OutputError
-from cubicfish_cli.core.io.calibrated import camera_text
 from cubicfish_cli.core.io.camera_yaml import (
     CameraFile,
     PointCameraFile,
+    camera_text,
     load_any_camera,
     load_camera,
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.point_fit import calibrate_points
-from cubicfish_cli.core.io.calibrated import camera_text
+from cubicfish_cli.core.io.camera_yaml import camera_text
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.target import load_target

@@ -41,7 +41,7 @@ from cubicfish_cli.core.fit.statistics import (
     weighed,
 )
 from cubicfish_cli.core.fit.subset import select, world_scale
-from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.io.camera_yaml import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations

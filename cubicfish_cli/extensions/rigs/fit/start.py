@@ -21,7 +21,7 @@ from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
-from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.io.camera_yaml import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray

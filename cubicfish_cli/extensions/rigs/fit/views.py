@@ -21,7 +21,7 @@ from cubicfish_cli.core.fit.radial_reference import radial_near
 from cubicfish_cli.core.fit.refinement import Level
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.subset import select, with_mean_weight_one
-from cubicfish_cli.core.io.calibrated import Calibrated
+from cubicfish_cli.core.io.camera_yaml import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
