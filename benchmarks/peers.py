@@ -26,10 +26,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from lens_models import compare_models
 
 from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.lenses.compared import UnifiedLens
-from cubicfish_cli.app.lenses.model_comparison import compare_models
+from cubicfish_cli.app.lenses.spheres import UnifiedLens
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust

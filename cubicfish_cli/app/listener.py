@@ -36,7 +36,6 @@ class Event(StrEnum):
     LOOKED_AGAIN = "looked_again"
     NOT_CERTAIN = "not_certain"
     FITTING = "fitting"
-    OTHER_MODELS = "other_models"
     NO_MAP = "no_map"
     NO_PAGE = "no_page"
     PAGE_TOOK = "page_took"

@@ -39,7 +39,6 @@ from cubicfish_cli.app.terminal.figures import (
     mark_of,
     print_errors,
     print_figure,
-    print_models,
     print_photo_table,
     print_verdict,
     px,
@@ -107,7 +106,6 @@ class CalibrateOptions:
         lift: what the cubics are of: the viewing ray, or the 3D point itself.
         most: calibrates from no more photos or frames, those that add most; of films 60 frames
             where it is None, and otherwise all.
-        compare: also fits other lens models to the same corners.
         report: also writes report.html, where the extra ``report`` is installed.
 
     Raises:
@@ -157,9 +155,6 @@ class CalibrateOptions:
         f"photos, and of films {MOST} frames]",
         IntRange(min=1),
     )
-    compare: bool = option(
-        "--compare", "Also fit other lens models to the same corners, and print one table."
-    )
     report: bool = options.report_option
 
     def __post_init__(self) -> None:
@@ -170,8 +165,6 @@ class CalibrateOptions:
             raise UsageError(
                 f"--title must be a line of plain text, of at most {_LONGEST_TITLE} characters"
             )
-        if self.lift == "point" and self.compare:
-            raise UsageError("--compare is of cameras with rays: it goes with --lift ray")
         if self.lift == "point" and self.refine_target is not None:
             raise UsageError("--refine-target goes with --lift ray: leave it out")
         if self.refine_target == "auto" and not self.hold_out:
@@ -194,7 +187,6 @@ class CalibratedFiles:
         files: what was written, by its name in :data:`NAMES`.
         removed: what went of an earlier calibration.
         advice: what to photograph next, in a line; None for the lift ``point``.
-        models: a record a lens model, where they were compared.
 
     """
 
@@ -206,13 +198,11 @@ class CalibratedFiles:
     files: dict[str, Path]
     removed: list[Path]
     advice: str | None = None
-    models: list[dict[str, Any]] | None = None
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish calibrate --json`` prints."""
         return {
             **self.record,
-            **({} if self.models is None else {"models": self.models}),
             **self.inputs.remarks(self.fitted.remarks),
             **({} if self.advice is None else {"advice": self.advice}),
             "summary": self.facts.line,
@@ -317,16 +307,9 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
         overwrite=run.overwrite,
         obsolete=obsolete if run.overwrite else (),
     )
-    record, advice, models = fitted.as_record(), None, None
+    record, advice = fitted.as_record(), None
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, fitted.fit, fitted.pairs)
-        if asked.compare:
-            from cubicfish_cli.app.lenses.model_comparison import compare_models  # all lens models
-
-            run.listener.tell(Event.OTHER_MODELS)
-            run.listener.progress("Fitting other lens models")
-            rows = compare_models(fitted, drawn=loaded.pairs.target, hold_out=asked.hold_out)
-            models = [row.as_record() for row in rows]
     return CalibratedFiles(
         fitted=fitted,
         inputs=loaded,
@@ -336,7 +319,6 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
         files=files,
         removed=[path for path in obsolete if not path.exists()],
         advice=advice,
-        models=models,
     )
 
 
@@ -481,9 +463,6 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
     print_photo_table(rows, pairs.boards, fit, everything=everything, apart=True)
     result()
     _print_object(calibration)
-    if made.models:
-        print_models(made.models)
-        result()
     print_wrote(made.files.values())
     used = {Path(name).name for name in pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)

@@ -14,7 +14,6 @@ from lenses import smaller
 from running import SAMPLE, Run
 
 from cubicfish_cli import save_camera
-from cubicfish_cli.app.lenses import model_comparison
 from cubicfish_cli.app.terminal.options import JsonOption
 from cubicfish_cli.app.terminal.terminal import print_json
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -106,19 +105,15 @@ def test_what_is_not_finite_is_null_and_what_is_not_plain_is_made_so(
 
 
 @pytest.mark.usefixtures("quick_fit")
-def test_calibrate(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(model_comparison, "compare_models", lambda *args, **options: [])
+def test_calibrate(run: Run, tmp_path: Path) -> None:
     line = ("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o")
-    ray, point = records(
-        run, (*line, tmp_path / "a", "--compare"), (*line, tmp_path / "b", "--lift", "point")
-    )
+    ray, point = records(run, (*line, tmp_path / "a"), (*line, tmp_path / "b", "--lift", "point"))
     for one, folder in ((ray, "a"), (point, "b")):
         written = {str(path) for path in (tmp_path / folder).iterdir()}
         assert set(one["files"].values()) == written
         assert one["files"]["camera"] == one["model"]
         assert one["held_out_rms_px"] is None
         assert one["photo_problems"] is None
-    assert ray["models"] == []
 
 
 @pytest.mark.slow

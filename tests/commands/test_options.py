@@ -23,7 +23,6 @@ from running import SAMPLE, invoke_cli, run_cli
 
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.app.executors import cluster, pool
-from cubicfish_cli.app.lenses import model_comparison
 from cubicfish_cli.app.lenses.from_lens import ExactLens
 from cubicfish_cli.core.fit import calibrate as fit
 from cubicfish_cli.core.fit import point_fit
@@ -75,7 +74,6 @@ CASES = {
             "--hold-out": (None, FITS),
             "--lift": ("point", FITS),
             "--most": ("2", SEARCHED),
-            "--compare": (None, FITS - {"point"}),
             "--no-report": (None, FITS),
             "--max-rms": ("0.0001", FITS),
             "--overwrite": (None, FITS),
@@ -269,7 +267,6 @@ def fits_once() -> Iterator[None]:
         patch.setattr(point_fit, "calibrate_points", once(point_fit.calibrate_points))
         patch.setattr(simulate, "chosen_poses", once(simulate.chosen_poses))
         patch.setattr(ExactLens, "of", once(ExactLens.of))
-        patch.setattr(model_comparison, "compare_models", once(model_comparison.compare_models))
         yield
 
 

@@ -65,4 +65,3 @@ def test_several_photos_and_the_gate(run: Run, tmp_path: Path) -> None:
     camera = load_any_camera(tmp_path / "camera.yaml").camera
     assert (camera.frame, camera.rank) == ("camera", 20)  # type: ignore[union-attr]
     assert "exists already" in run(*args, "-o", tmp_path, code=1).stderr
-    run(*args, "-o", tmp_path, "--compare", code=2)

@@ -8,7 +8,6 @@ from synthetic import IMAGE_SIZE, TRUE_LENS, corner_of_three, synthetic_correspo
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from cubicfish_cli import calibrate, evaluate
-from cubicfish_cli.app.lenses.model_comparison import compare_models
 from cubicfish_cli.core.threads import Shared, one_blas_thread
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
@@ -64,7 +63,6 @@ def test_fits_take_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     with threadpool_limits(2, user_api="blas"):
         fit = calibrate(pairs, hold_out=False)
         evaluate(fit.camera, pairs)
-        compare_models(fit, hold_out=False)
         assert blas_threads() == {2}
     assert len(seen) > 50
     assert all(threads == {1} for threads in seen)

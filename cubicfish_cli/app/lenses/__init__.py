@@ -2,9 +2,8 @@
 
 Each model is a `ForeignLens` (`foreign_lens.py`), whose fields are its parameters: formats read and
 write these objects and know no formula. Scaramuzza's polynomial and mrcal's splines have a fit of
-their own (`nearest_to`). `model_comparison.py` fits those of `compared.py` and `scaramuzza.py` to
-the corners of a calibration, as `calibrate --compare` prints it; models that only a format knows
-are in the extension of formats. `to_lens.py` finds the lens nearest to a cubic camera,
-`from_lens.py` the cubic camera nearest to a lens, `camera_format.py` says what a format of files
-offers, and `foreign_files.py` finds formats by name.
+their own (`nearest_to`). Models that only one format knows are in the extension of formats.
+`to_lens.py` finds the lens nearest to a cubic camera, `from_lens.py` the cubic camera nearest to a
+lens, `camera_format.py` says what a format of files offers, and `foreign_files.py` finds formats by
+name.
 """

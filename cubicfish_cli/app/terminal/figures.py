@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -71,29 +71,6 @@ def print_verdict(judged: Verdict) -> None:
     result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
     for reason in judged.reasons[1:]:
         result(f"  also: {reason.why}; {reason.do}")
-
-
-def print_models(records: Sequence[Mapping[str, Any]]) -> None:
-    """Print one row per lens model: how large it is, how well it does, how far it reaches."""
-    result("Lens models: the same corners, loss and folds, the target as drawn")
-    print_table(
-        ("model", "parameters", "rms px", "held-out px", "usable to °", "seconds"),
-        [
-            (
-                str(record["model"]),
-                str(record["parameters"]),
-                px(record["rms_px"]),
-                px(record["held_out_rms_px"]),
-                _degrees(record["largest_angle_deg"]),
-                f"{record['seconds']:.2f}",
-            )
-            for record in records
-        ],
-    )
-
-
-def _degrees(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
 
 
 def mark_of(finding: Finding) -> str:

@@ -85,7 +85,7 @@ Kind = TypeVar("Kind")
 
 _OPTIONS = "options"
 _CHANGES_NO_CAMERA = {
-    "as_json", "compare", "folder", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
+    "as_json", "folder", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
 }  # fmt: skip
 DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"

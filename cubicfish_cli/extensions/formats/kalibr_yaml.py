@@ -22,7 +22,7 @@ from cubicfish_cli.app.lenses.camera_format import (
     numbers,
     size,
 )
-from cubicfish_cli.app.lenses.compared import DoubleSphereLens, UnifiedLens
+from cubicfish_cli.app.lenses.spheres import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera

@@ -36,8 +36,8 @@ from cubicfish_cli.app.lenses.camera_format import (
     read_bounded,
     size,
 )
-from cubicfish_cli.app.lenses.compared import UnifiedLens
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens
+from cubicfish_cli.app.lenses.spheres import UnifiedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera

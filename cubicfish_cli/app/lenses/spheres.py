@@ -1,11 +1,7 @@
-"""Lens models of few parameters: a unit sphere's, and symmetric ones by their profile.
+"""Lens models that project from unit spheres.
 
 - ``unified`` (Mei & Rives 2007), with radial-tangential distortion, as cv2.omnidir;
-- ``double_sphere`` (Usenko, Demmel & Cremers 2018), which descends from it;
-- ``division`` (Fitzgibbon 2001): the ray of (x, y) is (x, y, 1 + λ(x² + y²));
-- ``fov``, the field-of-view model (Devernay & Faugeras 2001): r = atan(2 tan θ tan(ω/2)) / ω.
-
-Written with rays, and with the arc tangent of two arguments, the last two hold beyond 180° too.
+- ``double_sphere`` (Usenko, Demmel & Cremers 2018), which descends from it.
 """
 
 from __future__ import annotations
@@ -17,13 +13,9 @@ from typing import ClassVar, Self
 import numpy as np
 
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens, SymmetricLens
-from cubicfish_cli.core.angles import columns
 from cubicfish_cli.core.geometry import decentring
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
-
-# Below this share of ρ in |X| the series replaces quotients that are 0/0 on the axis.
-_NEAR_AXIS = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,55 +87,3 @@ class DoubleSphereLens(SymmetricLens):
         d2 = np.sqrt(np.sum(points[:, :2] ** 2, axis=1) + shifted * shifted)
         bottom = self.alpha * d2 + (1 - self.alpha) * shifted
         return np.where(bottom > 0, 1 / bottom, np.inf)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DivisionLens(SymmetricLens):
-    """The shape's parameter ``bend`` is λ."""
-
-    name = "division"
-    label = "division"
-
-    bend: float
-
-    @classmethod
-    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """λ = −1/4 is the stereographic lens."""
-        return (cls.near(radial, bend=-0.25),)
-
-    def scale(self, points: FloatArray) -> FloatArray:
-        """The s that solves λρ²s² − Zs + 1 = 0: the root that is 1/Z on the axis."""
-        z = points[:, 2]
-        rho_squared = np.sum(points[:, :2] ** 2, axis=1)
-        root = np.sqrt(z * z - 4 * self.bend * rho_squared)
-        # Where Z < 0 the two terms cancel: the other form of the same root is exact there.
-        value = np.where(z > 0, 2 / (z + root), (z - root) / (2 * self.bend * rho_squared))
-        return np.where(value > 0, value, np.inf)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FieldOfViewLens(SymmetricLens):
-    """The shape's parameter ``omega`` is ω in radians."""
-
-    name = "fov"
-    label = "field of view"
-
-    omega: float
-
-    @classmethod
-    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """2 tan(ω/2) = 1 makes it the equidistant lens."""
-        omega = 2 * np.arctan(0.5)
-        return (cls.near(radial, stretch=omega, omega=omega),)
-
-    def scale(self, points: FloatArray) -> FloatArray:
-        """The profile over ρ: s = atan2(aρ, Z) / (ωρ) with a = 2 tan(ω/2)."""
-        omega = self.omega
-        if not 0 < omega < np.pi:
-            return np.full(len(points), np.inf)
-        a = 2 * np.tan(omega / 2)
-        x, y, z = columns(points)
-        rho = np.hypot(x, y)
-        axis = (rho < _NEAR_AXIS * np.abs(z)) & (z > 0)
-        value = np.where(axis, a / z, np.arctan2(a * rho, z) / np.where(axis, 1, rho)) / omega
-        return np.where((z != 0) | (rho > 0), value, np.inf)

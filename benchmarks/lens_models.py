@@ -1,4 +1,12 @@
-"""One table of lens models: the same corners, the same loss, the same folds."""
+"""Other lens models on the corners of a calibration: the same loss, the same folds.
+
+Beside those that formats of other tools hold there are two here that no format needs:
+
+- ``division`` (Fitzgibbon 2001): the ray of (x, y) is (x, y, 1 + λ(x² + y²));
+- ``fov``, the field-of-view model (Devernay & Faugeras 2001): r = atan(2 tan θ tan(ω/2)) / ω.
+
+Written with rays, and with the arc tangent of two arguments, both hold beyond 180° too.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +14,14 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.compared import (
-    DivisionLens,
-    DoubleSphereLens,
-    FieldOfViewLens,
-    UnifiedLens,
-)
-from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
+from cubicfish_cli.app.lenses.foreign_lens import ForeignLens, SymmetricLens
 from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
-from cubicfish_cli.core.angles import angle_from_axis
+from cubicfish_cli.app.lenses.spheres import DoubleSphereLens, UnifiedLens
+from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
 from cubicfish_cli.core.fit.calibration import Calibration
@@ -42,11 +45,67 @@ L = TypeVar("L", bound=ForeignLens)
 F = TypeVar("F", bound=FitLens)
 
 CUBIC = "cubic"
-COMPARED = (DivisionLens, FieldOfViewLens, ScaramuzzaLens, UnifiedLens, DoubleSphereLens)
 # Free numbers of the cubic: 3 x 16 on the sphere, less the scale and the frame's rotation.
 _CUBIC_PARAMETERS = 44
 _START_RAYS = 400
 _LOST_PX = 1e3
+# Below this share of ρ in |X| the limit on the axis replaces quotients that are 0/0 there.
+_NEAR_AXIS = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DivisionLens(SymmetricLens):
+    """The shape's parameter ``bend`` is λ."""
+
+    name = "division"
+    label = "division"
+
+    bend: float
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """λ = −1/4 is the stereographic lens."""
+        return (cls.near(radial, bend=-0.25),)
+
+    def scale(self, points: FloatArray) -> FloatArray:
+        """The s that solves λρ²s² − Zs + 1 = 0: the root that is 1/Z on the axis."""
+        z = points[:, 2]
+        rho_squared = np.sum(points[:, :2] ** 2, axis=1)
+        root = np.sqrt(z * z - 4 * self.bend * rho_squared)
+        # Where Z < 0 the two terms cancel: the other form of the same root is exact there.
+        value = np.where(z > 0, 2 / (z + root), (z - root) / (2 * self.bend * rho_squared))
+        return np.where(value > 0, value, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldOfViewLens(SymmetricLens):
+    """The shape's parameter ``omega`` is ω in radians."""
+
+    name = "fov"
+    label = "field of view"
+
+    omega: float
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """2 tan(ω/2) = 1 makes it the equidistant lens."""
+        omega = 2 * np.arctan(0.5)
+        return (cls.near(radial, stretch=omega, omega=omega),)
+
+    def scale(self, points: FloatArray) -> FloatArray:
+        """The profile over ρ: s = atan2(aρ, Z) / (ωρ) with a = 2 tan(ω/2)."""
+        omega = self.omega
+        if not 0 < omega < np.pi:
+            return np.full(len(points), np.inf)
+        a = 2 * np.tan(omega / 2)
+        x, y, z = columns(points)
+        rho = np.hypot(x, y)
+        axis = (rho < _NEAR_AXIS * np.abs(z)) & (z > 0)
+        value = np.where(axis, a / z, np.arctan2(a * rho, z) / np.where(axis, 1, rho)) / omega
+        return np.where((z != 0) | (rho > 0), value, np.inf)
+
+
+COMPARED = (DivisionLens, FieldOfViewLens, ScaramuzzaLens, UnifiedLens, DoubleSphereLens)
 
 
 @dataclass(frozen=True, kw_only=True)
