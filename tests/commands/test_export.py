@@ -18,8 +18,9 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
 
-# The last two are not read.
-LENS_FORMATS = sorted({*WRITTEN} - {"gyroflow", "nvidia"})
+# These are not read.
+NOT_READ = {"gyroflow", "nvidia", "anipose", "anipose-pinhole"}
+LENS_FORMATS = sorted({*WRITTEN} - NOT_READ)
 
 
 @pytest.fixture(scope="module")

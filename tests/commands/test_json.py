@@ -271,6 +271,11 @@ def test_info(run: Run, calibrated: Path) -> None:
     assert one["image_size"] == [960, 720]
 
 
+def test_transform(run: Run, calibrated: Path, tmp_path: Path) -> None:
+    (one,) = records(run, ("transform", calibrated, "--scale", "0.5", "-o", tmp_path / "c.yaml"))
+    assert one["image_size"] == [480, 360]
+
+
 @pytest.mark.slow
 def test_simulate(run: Run, calibrated: Path, tmp_path: Path) -> None:
     seen = load_camera(calibrated / "camera.yaml").fit.per_image[0].camera_from_world

@@ -115,6 +115,17 @@ CASES = {
             "--no-cache": (None, {"file"}),
         },
     ),
+    "transform": Case(
+        lines={"camera": "{camera} -o {out}/t.yaml"},
+        used={
+            "--model": ("{true}", set()),
+            "--output": ("{out}/u.yaml", {"camera"}),
+            "--crop": ("10,20,640x480", {"camera"}),
+            "--scale": ("0.5", {"camera"}),
+            "--overwrite": (None, {"camera"}),
+            "--json": (None, {"camera"}),
+        },
+    ),
     "frames": Case(
         lines={"film": "{film} -t {target} -o {out}/f", "blind": "{film} -o {out}/f"},
         used={

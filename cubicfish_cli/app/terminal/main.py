@@ -41,6 +41,7 @@ COMMANDS = {
     "project": "commands.points:project",
     "unproject": "commands.points:unproject",
     "export": "commands.export:command",
+    "transform": "commands.transform:command",
 }
 """The commands in the order of the work, and where each is."""
 

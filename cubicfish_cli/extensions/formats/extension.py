@@ -12,6 +12,10 @@ _COLMAP = {
     "colmap": "cameras.txt; OPENCV_FISHEYE",
     "colmap-rad-tan-thin-prism-fisheye": "cameras.txt; the nearest of COLMAP's",
 }
+_ANIPOSE = {
+    "anipose": "calibration.toml; FreeMoCap, caliscope; fisheye",
+    "anipose-pinhole": "the same for Pose2Sim, which has no fisheye",
+}
 _FORMATS = (
     CameraFiles(
         place=f"{_HERE}.opencv_cameras:FORMAT",
@@ -51,6 +55,7 @@ _FORMATS = (
     ),
     CameraFiles(place=f"{_HERE}.gyroflow_json:FORMAT", written={"gyroflow": "lens_profile.json"}),
     CameraFiles(place=f"{_HERE}.nvidia_json:FORMAT", written={"nvidia": "rig.json; f-theta"}),
+    CameraFiles(place=f"{_HERE}.anipose_toml:FORMAT", written=_ANIPOSE),
     CameraFiles(
         place=f"{_HERE}.mrcal_model:FORMAT",
         written={"mrcal": ".cameramodel; holds any lens"},

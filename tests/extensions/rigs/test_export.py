@@ -2,6 +2,7 @@
 
 import ast
 import json
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -14,9 +15,12 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import Rig, load_rig
+from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import WRITTEN
 from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.commands.export import FORMATS
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.extensions.formats.anipose_toml import anipose_rig_text
 from cubicfish_cli.extensions.rigs import group
 from cubicfish_cli.extensions.rigs.rig import rig_text
 from tests.commands.test_export import kannala_brandt, project_kalibr
@@ -256,6 +260,53 @@ def test_nvidia_sees_every_pixel_where_it_is(run: Run, three: Path, tmp_path: Pa
     run("export", three.parent / "left", "--to", "nvidia", "-o", one, "--max-error", 3)
     alone = json.loads(one.read_text())["rig"]["sensors"][0]
     assert alone["properties"] == sensors[0]["properties"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("to", "ahead"), [("anipose", 0.1), ("anipose-pinhole", 0.75)])
+def test_anipose_sees_every_pixel_where_it_is(
+    run: Run, three: Path, tmp_path: Path, to: str, ahead: float
+) -> None:
+    """As aniposelib's cameras project: tables in the order of their names, metadata left out."""
+    path = tmp_path / "calibration.toml"
+    angle = [] if to == "anipose" else ["--max-angle", 50]
+    said = run("rig", "export", three, "--to", to, "-o", path, "--max-error", 3, "--json", *angle)
+    record = json.loads(said.stdout)
+    held = tomllib.loads(path.read_text())
+    assert held.pop("metadata")["adjusted"] is True
+    rig = load_rig(three)
+    for number, key in enumerate(sorted(held)):
+        one = held[key]
+        assert (one["name"], one["size"]) == (NAMES[number], [960, 720])
+        assert one["fisheye"] == (to == "anipose")
+        points, true = seen(rig, number, ahead=ahead)
+        project = cv2.fisheye.projectPoints if one["fisheye"] else cv2.projectPoints
+        pose = np.array(one["rotation"]), np.array(one["translation"])
+        inside = (np.array(one["matrix"]), np.array(one["distortions"]))
+        pixel = project(points[:, None] / 1000, *pose, *inside)[0]
+        assert np.linalg.norm(pixel[:, 0] - true, axis=1).max() <= stated_px(record)
+
+
+def test_a_name_of_any_letters_is_text_of_toml() -> None:
+    lens = RadialCamera.from_parameters([300, 300, 319.5, 239.5, 0, 0, 0, 0], (640, 480))
+    names = [f'{number} "\\ \x7f é 😀 [x]' for number in range(11)]
+    placed = tuple(
+        PlacedLens(
+            name=name,
+            lens=lens,
+            note=["a line"],
+            rotation=np.eye(3),
+            translation=np.array([1000.0 * number, 0, 0]),
+            max_angle_deg=80.0,
+            poses={},
+        )
+        for number, name in enumerate(names)
+    )
+    rig = LensRig(lenses=placed, units="mm", overlaps=np.ones((11, 11), bool))
+    held = tomllib.loads(anipose_rig_text(rig))
+    held.pop("metadata")
+    assert [held[key]["name"] for key in sorted(held)] == names
+    assert [held[key]["translation"][0] for key in sorted(held)] == list(range(11))
 
 
 @pytest.mark.slow

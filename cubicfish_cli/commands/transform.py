@@ -1,0 +1,216 @@
+"""``cubicfish transform``: a camera for photos that are cropped or scaled, exactly."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, made_by_record
+from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.terminal.options import FloatRange, Parsed, as_command, option, record
+from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.terminal.terminal import print_wrote, result
+from cubicfish_cli.core.errors import UsageError, ViewError
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.io.camera_yaml import CameraFile
+
+# Of a pixel: a scale is written with some digits, and photos have whole sizes.
+_WHOLE_PX = 0.01
+
+
+@dataclass(frozen=True)
+class Crop:
+    """What is left of a photo: its first pixel (x, y), and its size."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    def __str__(self) -> str:
+        """As it is asked for."""
+        return f"{self.x},{self.y},{self.width}x{self.height}"
+
+
+def _crop(text: str) -> Crop:
+    found = re.fullmatch(r"([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6})x([0-9]{1,6})", text)
+    if found is None:
+        raise ViewError("write X,Y,WIDTHxHEIGHT in whole pixels, such as 320,180,1280x720")
+    return Crop(*map(int, found.groups()))
+
+
+@record
+class TransformOptions:
+    """A camera, and what happens to its photos.
+
+    Attributes:
+        camera: its file, or the folder of that.
+        output: where the other camera goes.
+        crop: what is left of the photo.
+        scale: by how much what is left is scaled.
+
+    """
+
+    camera: StrPath = options.camera_options
+    output: StrPath = options.output_option("Where the camera goes.", default="camera.yaml")
+    crop: Crop | None = option(
+        "--crop X,Y,WIDTHxHEIGHT",
+        "What is left of the photo: its first pixel, and its size. [default: all]",
+        Parsed("X,Y,WIDTHxHEIGHT", _crop),
+    )
+    scale: float = option(
+        "--scale S",
+        "By how much what is left is scaled: 0.5 halves it, as binning by two does.",
+        FloatRange(min=0, min_open=True, max=100),
+        1.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TransformedFile:
+    """The camera that was written, and where."""
+
+    file: Path
+    camera: CameraFile
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish transform --json`` prints."""
+        size, rms_px = self.camera.camera.image_size, self.camera.fit.rms_px
+        return {"model": self.file, "image_size": size, "rms_px": rms_px}
+
+
+def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> CameraFile:
+    """A camera of the same sensor and lens in another mode, with all that is known of it.
+
+    A pixel (x, y) of the photo becomes ((x - X + 0.5) s - 0.5, (y - Y + 0.5) s - 0.5): pixel (0, 0)
+    is the middle of the first one. P3 stays, and P1 and P2 take up a multiple of it, so that
+    nothing is fitted; the field and its cone stay too. What counts pixels is scaled: errors, and
+    the standard deviations, of which the grid is laid over the new photo.
+
+    Args:
+        camera: the camera, with the record of its fit.
+        crop: what is left of the photo, which comes first; None for all.
+        scale: of what is left.
+
+    Raises:
+        UsageError: the crop reaches beyond the photo, or the size is not one of whole pixels.
+
+    """
+    import numpy as np
+
+    from cubicfish_cli.core.assess.fit_record import fit_record
+    from cubicfish_cli.core.io.camera_yaml import CameraFile
+
+    old = camera.camera
+    left = crop or Crop(0, 0, *old.image_size)
+    width, height = left.width, left.height
+    ends = left.x + width <= old.image_size[0] and left.y + height <= old.image_size[1]
+    if min(width, height) < 1 or not ends:
+        raise UsageError(
+            f"--crop {left} is not within the photo of {old.image_size[0]}x{old.image_size[1]} "
+            "pixels: choose a part of it"
+        )
+    size = round(width * scale), round(height * scale)
+    if min(size) < 1 or np.abs(np.multiply((width, height), scale) - size).max() > _WHOLE_PX:
+        raise UsageError(
+            f"{width}x{height} pixels times {scale:g} are not whole ones: choose --crop and "
+            "--scale so that width and height are, as the mode's own photos have them"
+        )
+    first, factor = np.array([left.x, left.y]), np.divide(size, (width, height))
+    shift = (0.5 - first) * factor - 0.5
+    P = old.P.copy()
+    P[:2] = factor[:, None] * P[:2] + shift[:, None] * P[2]
+    radial = old.radial
+    fx, fy = factor * [radial.fx, radial.fy]
+    cx, cy = factor * [radial.cx, radial.cy] + shift
+    moved = replace(
+        old,
+        image_size=size,
+        P=P,
+        radial=replace(radial, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy),
+    )
+    pixels = math.sqrt(float(factor.prod()))
+    fit = fit_record(_scaled(camera.fit.as_record(), pixels))
+    grid = fit.uncertainty
+    if grid.has_grid:
+        across, down = (
+            np.linspace(0, side - 1, len(places))
+            for side, places in zip(size, (grid.x, grid.y), strict=True)
+        )
+        places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+        sigma = grid.at((places - shift) / factor)
+        assert sigma is not None
+        seen = np.isfinite(moved.unproject(places)[:, 0])
+        sigma = np.where(seen, sigma, np.nan)
+        rows = sigma.reshape(len(down), len(across))
+        other = replace(
+            grid,
+            x=tuple(across.tolist()),
+            y=tuple(down.tolist()),
+            sigma_px=tuple(map(tuple, rows.tolist())),
+        )
+        known = sigma[np.isfinite(sigma)]
+        if len(known):
+            median, p95, most = map(float, np.percentile(known, [50, 95, 100]))
+            other = replace(other, median_px=median, p95_px=p95, max_px=most)
+        fit = replace(fit, uncertainty=other)
+    return CameraFile(camera=moved, fit=fit, made_by=camera.made_by)
+
+
+def _scaled(value: Any, factor: float, key: str = "") -> Any:
+    """A fit's plain record in which what counts pixels is scaled."""
+    if isinstance(value, Mapping):
+        own = key == "held_out_by_level"
+        return {name: _scaled(one, factor, "_px" if own else name) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_scaled(one, factor, key) for one in value]
+    counts = key.endswith("_px") and isinstance(value, float)
+    return value * factor if counts else value
+
+
+def transform_files(asked: TransformOptions, *, run: Run = RUN) -> TransformedFile:
+    """Write a camera for another mode of its sensor, as ``cubicfish transform`` does.
+
+    Raises:
+        UsageError: as :func:`transform_camera`.
+        CubicfishError: the camera cannot be read, or its file exists and may not be replaced.
+
+    """
+    from cubicfish_cli.core.files import fingerprint, refuse_existing
+    from cubicfish_cli.core.io.camera_yaml import load_camera
+
+    path, goal = in_folder(Path(asked.camera)), Path(asked.output)
+    refuse_existing(goal, overwrite=run.overwrite)
+    source, loaded = fingerprint(path), load_camera(path)
+    made = transform_camera(loaded, crop=asked.crop, scale=asked.scale)
+    given = {"crop": None if asked.crop is None else str(asked.crop), "scale": asked.scale}
+    origin = made_by_record(run.command, given, None, [source])
+    made = replace(made, made_by={**loaded.made_by, **origin})
+    made.save(goal, overwrite=run.overwrite)
+    return TransformedFile(file=goal, camera=made)
+
+
+@as_command(
+    "transform",
+    "The camera for another mode of its sensor: cropped, scaled.",
+    "cubicfish transform --crop 320,180,1280x720 -o cropped.yaml",
+    "cubicfish transform lens_a/ --scale 0.5 -o binned.yaml",
+    do=transform_files,
+    how=("overwrite", "as_json"),
+)
+def command(made: TransformedFile, given: TransformOptions, how: How) -> None:
+    """Write the camera in FOLDER (by default: calibration) for photos of another mode.
+
+    They show what the calibrated ones do, cropped first and then scaled, as other modes of the same
+    sensor are. Nothing is fitted: pixels are the calibrated camera's to the last digits, the field
+    stays, and errors and uncertainty are those of the new pixels.
+    """
+    if how.print(made):
+        return
+    print_wrote([made.file])
+    result(made.camera.facts.line)

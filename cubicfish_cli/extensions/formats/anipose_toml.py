@@ -1,0 +1,94 @@
+"""Anipose's calibration.toml, which FreeMoCap, caliscope and Pose2Sim read as well.
+
+A table a camera: ``matrix`` and ``distortions`` are those of cv2.fisheye where ``fisheye`` is true,
+else cv2's own; ``rotation`` (a rotation vector) and ``translation`` (metres) take points of the
+rig's frame, which is the first camera's, to the camera's. Pixel (0, 0) is the middle of the first
+pixel. Tables are read in the order of their names.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig
+from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BrownLens(PinholeLens):
+    """OpenCV's pinhole lens with the five numbers that all of these programs take."""
+
+    name = "brown"
+    label = "pinhole of five numbers"
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """The one without distortion."""
+        return (cls.near(radial, d=np.zeros(5)),)
+
+
+def anipose_text(lens: Lens, note: Sequence[str]) -> str:
+    """A lens as a calibration.toml of one camera, which stands in its own frame."""
+    return _text(note, [_table("cam_0", "camera", lens, np.eye(3), np.zeros(3))])
+
+
+def anipose_rig_text(rig: LensRig) -> str:
+    """Lenses as a calibration.toml.
+
+    Raises:
+        CameraFileError: the rig's unit of length is not known.
+
+    """
+    metres, digits = rig.metres, len(str(len(rig.lenses) - 1))
+    notes = [f"{_value(one.name)}: {line}" for one in rig.lenses for line in one.note]
+    tables = []
+    for number, one in enumerate(rig.lenses):
+        place = one.rotation, one.translation * metres
+        tables.append(_table(f"cam_{number:0{digits}}", one.name, one.lens, *place))
+    return _text(notes, tables)
+
+
+def _table(
+    table: str, name: str, lens: Any, rotation: FloatArray, metres: FloatArray
+) -> dict[str, Any]:
+    return {
+        "": table,
+        "name": name,
+        "size": list(lens.image_size),
+        "matrix": [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]],
+        "distortions": (lens.k if isinstance(lens, RadialCamera) else lens.d).tolist(),
+        "rotation": Rotation.from_matrix(rotation).as_rotvec().tolist(),
+        "translation": (metres + 0.0).tolist(),
+        "fisheye": isinstance(lens, RadialCamera),
+    }
+
+
+def _text(note: Sequence[str], tables: Sequence[dict[str, Any]]) -> str:
+    lines = [f"# {line}" for line in note]
+    for table in tables:
+        lines += ["", f"[{table.pop('')}]"]
+        lines += [f"{key} = {_value(value)}" for key, value in table.items()]
+    return "\n".join([*lines, "", "[metadata]", "adjusted = true", ""])
+
+
+def _value(value: Any) -> str:
+    """JSON's text of text, flags and lists is TOML's, but for the one that TOML escapes."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+FORMAT = CameraFormat(
+    lenses={"anipose": RadialCamera, "anipose-pinhole": BrownLens},
+    file_name="calibration.toml",
+    write=lambda lens, note, poses: anipose_text(lens, note),
+    rig=("calibration.toml", anipose_rig_text),
+    front_only={"anipose": "cv2.fisheye", "anipose-pinhole": "a pinhole lens"},
+)
