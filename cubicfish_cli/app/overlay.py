@@ -30,7 +30,6 @@ BOARD_COLOURS: tuple[Colour, ...] = (
     (167, 121, 204),  # reddish purple
 )
 LEFT_OUT: Colour = (60, 60, 255)  # red
-REFUSED: Colour = (165, 165, 165)
 
 _SHIFT = 4  # cv2 draws to 1/16 pixel
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -38,8 +37,6 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _BRIGHTEST, _GAMMA = 135.0, 0.7
 # Levels are spread no further than this share of the grey scale: noise stays dark.
 _LEAST_SPAN = 1 / 12
-# What is in no grid is drawn where its contrast is this share of the grids', and so many at most.
-_CLEAR, _MOST_DOTS = 0.5, 200
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
 
@@ -49,9 +46,7 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
     Each board has a colour: lines along its rows and columns, rings at its corners (squares
     where a second look found them), a disc at corner (0, 0), arrows along growing column (x)
     and growing row (y) from the first corner in view, the last one's column and row.
-    Grids that were left out are red crosses with the reason beside them. Of the candidate corners
-    that belong to no grid, those as clear as a grid's are grey dots: noise has others by the
-    thousand. The caption counts them all.
+    Grids that were left out are red crosses with the reason beside them. The caption counts all.
 
     Args:
         picture: (H, W) grey photo, 8 or 16 bits.
@@ -64,11 +59,8 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
     """
     canvas = _Canvas(picture)
     boards, left_out = _boards(report, corners), _left_out(report)
-    dots = _clear(picture, report, [*boards, *(mesh for mesh, _ in left_out)])
-    for row, (text, colour) in enumerate(_caption(report, boards, len(dots))):
+    for row, (text, colour) in enumerate(_caption(report, boards)):
         canvas.write(text, np.array([0.0, (row + 1) * canvas.line]), colour)
-    for pixel in dots:
-        canvas.disc(pixel, REFUSED, 1.5 * canvas.unit)
     for mesh, why in left_out:
         canvas.lines(mesh.between(canvas.unit), LEFT_OUT)
         for pixel in mesh.pixel:
@@ -267,34 +259,10 @@ def _left_out(report: PhotoReport) -> list[tuple[_Mesh, str]]:
     ]
 
 
-def _clear(picture: Picture, report: PhotoReport, found: Sequence[_Mesh]) -> FloatArray:
-    """Candidates (K, 2) of no grid that are nearly as contrasty as the grids' corners, if any.
-
-    The clearest come first, and no more than can be told apart in a drawing.
-    """
-    refused = np.empty((0, 2)) if report.found is None else report.found.refused
-    contrast = _local_contrast(picture, refused)
-    own = [_local_contrast(picture, mesh.pixel) for mesh in found]
-    least = _CLEAR * float(np.median(np.concatenate(own))) if own else 0.0
-    order = np.argsort(-contrast, kind="stable")
-    return refused[order[contrast[order] >= least][:_MOST_DOTS]]
-
-
-def _local_contrast(picture: Picture, pixel: FloatArray) -> FloatArray:
-    """Brightest minus darkest level (N,) some pixels around (N, 2) pixels, noise smoothed away."""
-    smooth = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 1.5)
-    around = np.ones((9, 9), np.uint8)
-    reach = np.asarray(cv2.dilate(smooth, around)) - np.asarray(cv2.erode(smooth, around))
-    height, width = picture.shape
-    x, y = np.clip(np.rint(pixel).astype(int), 0, (width - 1, height - 1)).T
-    return np.asarray(reach[y, x], float)
-
-
-def _caption(report: PhotoReport, boards: Sequence[_Board], dots: int) -> list[tuple[str, Colour]]:
+def _caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[str, Colour]]:
     """The photo's name and how much of everything is drawn, in the colours it is drawn in."""
     count = sum(len(board.cells) for board in boards)
     added = sum(int(board.added.sum()) for board in boards)
-    refused = 0 if report.found is None else len(report.found.refused)
     left_out = sum(not fate.named for fate in report.grids)
     parts = [(report.name, WHITE), (f"{count} corner{'s' * (count != 1)}", WHITE)]
     parts += [
@@ -308,7 +276,4 @@ def _caption(report: PhotoReport, boards: Sequence[_Board], dots: int) -> list[t
         parts.append((f"{left_out} grid{'s' * (left_out != 1)} left out", LEFT_OUT))
     elif report.problem is not None:
         parts.append((report.problem, LEFT_OUT))
-    if refused:
-        clear = f"{dots} of {refused}" if dots < refused else str(refused)
-        parts.append((f"{clear} in no grid (dots)", REFUSED))
     return parts

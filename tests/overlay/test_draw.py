@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.app.overlay import BOARD_COLOURS, LEFT_OUT, REFUSED, _Canvas, draw_found
+from cubicfish_cli.app.overlay import BOARD_COLOURS, LEFT_OUT, _Canvas, draw_found
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
@@ -40,9 +40,7 @@ def report() -> PhotoReport:
         name="a.png",
         corners=51,
         added=1,
-        found=FoundGrids(
-            grids=tuple(grids), refused=np.array([[40.0, 380]]), image_size=(WIDTH, HEIGHT)
-        ),
+        found=FoundGrids(grids=tuple(grids), refused=np.empty((0, 2)), image_size=(WIDTH, HEIGHT)),
         grids=(
             fate(Decided.NAMED, Place(board=0, turn=0, column=0, row=0)),
             fate(Decided.CONVENTION, Place(board=1, turn=0, column=2, row=3)),
@@ -91,7 +89,6 @@ def test_everything_has_its_colour_and_shape(report: PhotoReport, corners: Obser
     assert near(drawn, EXTRA[0] + radius, EXTRA[1] + radius, BOARD_COLOURS[1])
     ring = LEFT[1] + 4 * STEP + radius
     assert not near(drawn, ring, TOP + 4 * STEP + radius, BOARD_COLOURS[1], by=0)
-    assert near(drawn, 40, 380, REFUSED)
 
 
 def test_the_first_corner_and_the_axes_are_marked(
@@ -133,7 +130,7 @@ def test_texts_say_what_is_what(
 ) -> None:
     texts = written(monkeypatch, BLANK, report, corners)
     caption = ("a.png", "51 corners", "floor 25", "wänd 26 (place by convention)")
-    more = ("1 by a second look (squares)", "1 grid left out", "1 in no grid (dots)")
+    more = ("1 by a second look (squares)", "1 grid left out")
     assert {*caption, *more} <= set(texts)
     assert len(texts["x"]) == len(texts["y"]) == 2
     # The last corners say which they are, names and reasons stand within their grids.
@@ -141,24 +138,6 @@ def test_texts_say_what_is_what(
     plates = ("floor", "wänd", "left out: fits no place")
     for left, text in zip(LEFT, plates, strict=True):
         assert (np.abs(texts[text][0] - [left + 2 * STEP, TOP + 2 * STEP]) < STEP).all()
-
-
-def test_only_what_is_as_clear_as_a_board_s_corners_is_a_dot(
-    report: PhotoReport, corners: Observations, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # Chequers under the grids and at one candidate; noise everywhere, with candidates of its own.
-    y, x = np.mgrid[:HEIGHT, :WIDTH]
-    chequers = np.where(((x - 80) // 50 + (y - 120) // 50) % 2 == 0, 160.0, 60.0)
-    noise = np.random.default_rng(0).normal(0, 8, chequers.shape)
-    picture = np.where(y > 350, 100.0, chequers) + noise
-    picture[372:388, 40:56] += 100
-    assert report.found is not None
-    refused = np.array([[40.0, 380], *[[20.0 * k + 70, 385] for k in range(40)]])
-    seen = replace(report, found=replace(report.found, refused=refused))
-    texts = written(monkeypatch, np.rint(picture).astype(np.uint8), seen, corners)
-    assert "1 of 41 in no grid (dots)" in texts
-    drawn = draw_found(np.rint(picture).astype(np.uint8), seen, corners)
-    assert near(drawn, 40, 380, REFUSED)
 
 
 def test_a_photo_with_nothing_says_why(

@@ -2,8 +2,8 @@
 
 EXIF, colour profile and tables of a JPEG, carried over to the picture made from it.
 
-The EXIF record (orientation, time, place, lens) and the colour profile go along; the thumbnail
-in it, which would show the old picture, does not.
+The EXIF record (orientation, time, place, lens) and the colour profile go along; no reader finds
+the thumbnail in it, which would show the old picture.
 """
 
 from __future__ import annotations
@@ -379,7 +379,7 @@ def _nearest_quality(table: tuple[int, ...]) -> int:
 
 
 def _without_thumbnail(body: bytes) -> bytes:
-    """An EXIF record whose first directory is its last: the second holds the thumbnail."""
+    """An EXIF record whose first directory is its last: the second would lead to the thumbnail."""
     if not body.startswith(_EXIF):
         return body
     tiff = len(_EXIF)
@@ -388,33 +388,6 @@ def _without_thumbnail(body: bytes) -> bytes:
         return body
     first = tiff + int(struct.unpack_from(order + "I", body, tiff + 4)[0])
     after = first + 2 + 12 * int(struct.unpack_from(order + "H", body, first)[0])
-    second = int(struct.unpack_from(order + "I", body, after)[0])
     whole = bytearray(body)
     whole[after : after + 4] = bytes(4)
-    # The thumbnail stands at the end in nearly every file: drop its bytes where it does.
-    if second and tiff + second > after and tiff + second < len(body):
-        rest = _last_used(body, tiff, order, first)
-        if rest is not None and rest <= tiff + second:
-            del whole[tiff + second :]
     return bytes(whole)
-
-
-def _last_used(body: bytes, tiff: int, order: str, directory: int) -> int | None:
-    """Where the values of a directory and those below it end; None when in doubt."""
-    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8}
-    count = int(struct.unpack_from(order + "H", body, directory)[0])
-    last = directory + 2 + 12 * count + 4
-    for entry in range(count):
-        tag, kind, number, value = struct.unpack_from(
-            order + "HHII", body, directory + 2 + 12 * entry
-        )
-        if kind not in sizes:
-            return None
-        if sizes[kind] * number > 4:
-            last = max(last, tiff + value + sizes[kind] * number)
-        if tag in (0x8769, 0x8825, 0xA005):  # directories of their own: EXIF, GPS, interchange
-            below = _last_used(body, tiff, order, tiff + value) if value else None
-            if below is None:
-                return None
-            last = max(last, below)
-    return last

@@ -36,17 +36,12 @@ from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
-from cubicfish_cli.core.types import FloatArray, IntArray
 
 _MOST_STROKES = 1500
 _FINE_CELLS = 12
 _STEP_DEG = 5.0
 # 95 of 100 arrows are at most this share of the picture's longer side.
 _ARROW_SHARE = 0.04
-# Share of errors beyond four σ that noise alone does not explain.
-_HEAVY_TAIL = 0.001
-# Steps of angle whose RMS is this many times the typical one are called a worse rim.
-_WORSE_RIM = 3.0
 
 
 def all_figures(facts: Facts) -> dict[str, Drawn]:
@@ -59,7 +54,6 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
             lambda: vectors_figure(facts, errors),
             lambda: places_figure(facts, errors),
             lambda: angle_figure(errors),
-            lambda: histogram_figure(errors),
         ]
     if isinstance(camera, CubicCamera):
         makers += [lambda: profile_figure(camera), lambda: uncertainty_figure(facts, camera)]
@@ -184,60 +178,12 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
         title="Errors by angle from the axis",
         label=f"Errors by angle from the axis; RMS from {rms.min():.3f} to {rms.max():.3f} px in "
         f"steps of {_STEP_DEG:g} degrees",
-        caption=_worse_rim(used, rms)
-        + f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
+        caption=f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
         + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
         + thinned(len(length), MOST_DOTS // 2, "corners"),
         keys=(
             Key(kind="dot", colour=BLUE, text="a corner"),
             Key(kind="line", colour=ORANGE, text=f"RMS of {_STEP_DEG:g}° each"),
-        ),
-    )
-
-
-def _worse_rim(steps: IntArray, rms: FloatArray) -> str:
-    """Where errors grow towards the rim, in words; empty where they do not."""
-    worse = rms > _WORSE_RIM * np.median(rms)
-    outer = len(rms) - int(np.argmin(worse[::-1])) if not worse.all() else len(rms)
-    if outer == len(rms):
-        return ""
-    times = float(rms[outer:].max() / np.median(rms))
-    return (
-        f"Beyond {_STEP_DEG * steps[outer]:.0f}° errors are up to {times:.0f} times the usual: "
-        "trust the camera less there. "
-    )
-
-
-def histogram_figure(errors: ErrorFacts) -> Drawn:
-    """Residuals along x and y against the normal distribution of the same spread."""
-    values = errors.residual.ravel()
-    sigma = max(1.4826 * float(np.median(np.abs(values - np.median(values)))), 1e-9)
-    reach = 4.0 * sigma
-    figure = new_figure()
-    axes = figure.add_subplot()
-    axes.grid(True, axis="y")
-    share = np.full(len(values), 100 / len(values))
-    _, edges, _ = axes.hist(
-        values, bins=40, range=(-reach, reach), weights=share, rwidth=0.9, color=BLUE, alpha=0.8
-    )
-    x = np.linspace(-reach, reach, 121)
-    normal = np.exp(-0.5 * (x / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
-    axes.plot(x, 100 * (edges[1] - edges[0]) * normal, color=ORANGE, linewidth=2)
-    axes.set(xlim=(-reach, reach), xlabel="error along x or y, px", ylabel="share, %")
-    beyond = float(np.mean(np.abs(values) > reach))
-    heavy = beyond > _HEAVY_TAIL
-    return finished(
-        figure,
-        name="histogram",
-        title="How errors are spread",
-        label="Histogram of errors along x and y with the normal distribution of sigma "
-        f"{sigma:.4f} px",
-        caption=f"{100 * beyond:.2g} % lie beyond four σ, where a normal distribution has 0.006 %"
-        + (": corners that were found worse than most, which weigh little in the fit." * heavy)
-        + "." * (not heavy),
-        keys=(
-            Key(kind="area", colour=BLUE, text="errors along x and along y"),
-            Key(kind="line", colour=ORANGE, text=f"normal, σ = {sigma:.3f} px (from the median)"),
         ),
     )
 

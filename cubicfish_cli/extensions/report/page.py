@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def report_html(facts: Facts) -> str:
         most_cards=MOST_CARDS,
         most_rows=_MOST_ROWS,
         zoom=zoom,
-        deformations=_deformations(facts.fit),
+        deformations=facts.fit.departures,
         empty=_without_corners(facts),
         notes=_notes(facts.fit),
         dropped=sorted(facts.fit.dropped_corners, key=_least_off)[:_MOST_DROPPED],
@@ -110,27 +110,6 @@ def _boards(facts: Facts) -> dict[str, str]:
     ):
         told.setdefault(pairs.images[image], []).append(f"{pairs.boards[board]} {number}")
     return {name: ", ".join(boards) for name, boards in told.items()}
-
-
-def _deformations(fit: FitRecord) -> list[dict[str, Any]]:
-    """How the target as fitted differs from its drawing, a row per board."""
-    return [
-        {
-            "board": one.board,
-            "bend": _joined(one.bend, ".2g"),
-            "stretch": _joined([100 * share for share in one.stretch], ".2f"),
-            "twist": _joined([one.twist], ".2g"),
-            "shift": _joined([one.shift], ".2g"),
-            "turn": _joined([one.turn_deg], ".2f"),
-            "offset": _joined([one.offset_rms], ".2g"),
-            "doubts": one.doubts,
-        }
-        for one in fit.departures
-    ]
-
-
-def _joined(values: Sequence[float], form: str) -> str:
-    return ", ".join(format(value, form) for value in np.nan_to_num(values).tolist())
 
 
 def _notes(fit: FitRecord) -> list[str]:

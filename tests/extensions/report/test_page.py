@@ -304,7 +304,7 @@ def test_it_can_be_read_without_eyes_and_without_a_mouse(page: Page) -> None:
     assert page.all("html") == [{"lang": "en"}]
     assert all(image.get("alt") for image in page.all("img"))
     drawings = [image for image in page.all("img") if "svg+xml" in str(image["src"])]
-    assert len(drawings) >= 9
+    assert len(drawings) >= 8
     assert all(head.get("scope") in ("row", "col") for head in page.all("th"))
     boxes = [box for box in page.all("div") if "scroll" in (box.get("class") or "")]
     assert boxes
