@@ -189,6 +189,34 @@ def test_a_link_is_replaced_and_what_it_leads_to_stays(run, calibrated, photo, h
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["undistort", "loop", "flat.png", "-m", "camera"],
+        ["undistort", "loop/photo.png", "flat.png", "-m", "camera"],
+        ["undistort", "photo.png", "loop/flat.png", "-m", "camera"],
+        ["undistort", "photo.png", "loop", "-m", "camera"],
+        ["map", "loop/map.npz", "-m", "camera"],
+        ["calibrate", "loop", "--target", TARGET, "-o", "out"],
+        ["calibrate", CORNERS, "--target", "loop", "-o", "out"],
+        ["calibrate", CORNERS, "--target", TARGET, "-o", "loop"],
+        ["detect", "loop", "--target", TARGET],
+        ["evaluate", CORNERS, "--target", TARGET, "-m", "loop"],
+        ["info", "loop/camera.yaml"],
+        ["export", "--to", "opencv", "-m", "loop"],
+        ["compare", "loop", "camera"],
+        ["target", "check", "loop"],
+        ["rig", "info", "loop"],
+    ],
+)
+def test_a_link_that_leads_to_itself_ends_in_one_line(run, calibrated, photo, here, arguments):
+    Path("loop").symlink_to("loop")
+    Path("camera").symlink_to(calibrated)
+    ended = run(*arguments, code=1)
+    assert [line[:6] for line in ended.stderr.splitlines() if line[:6] == "Error:"] == ["Error:"]
+    assert "loop" in ended.stderr
+
+
 def test_a_folder_that_is_a_link_is_written_into(run, calibrated, photo, here):
     (here / "real").mkdir()
     (here / "link").symlink_to("real")

@@ -17,18 +17,16 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import numpy as np
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.executors.pool import Answer, Item
 from cubicfish_cli.app.photos import one_opencv_thread, shown
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
 from cubicfish_cli.core.files import working_on
-
-Item = TypeVar("Item")
-Answer = TypeVar("Answer")
 
 CANCELLED = (concurrent.futures.CancelledError, asyncio.CancelledError)
 """What becomes of a task whose scheduler is gone."""
@@ -36,8 +34,7 @@ WAIT_S = 60.0
 """How long to wait for a worker where there is none."""
 
 # A scheduler that is there answers within milliseconds.
-_CONNECT_S, _SLACK_S = 5.0, 1.0
-_CLOSE_S = 5.0
+_CONNECT_S, _SLACK_S, _CLOSE_S = 5.0, 1.0, 5.0
 _POLL_S, _LOOK_S = 1.0, 0.01
 
 

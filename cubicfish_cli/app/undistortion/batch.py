@@ -15,9 +15,8 @@ from functools import partial
 from os.path import abspath
 from pathlib import Path
 from threading import BoundedSemaphore, RLock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.executors.pool import Executor
 from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.app.undistortion.images import (
     check_outputs,
@@ -33,6 +32,9 @@ from cubicfish_cli.core.views.choose import ChosenView, chosen_view
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
 from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.core.views.view import View
+
+if TYPE_CHECKING:
+    from cubicfish_cli.app.executors.pool import Executor
 
 Size = tuple[int, int]
 """(width, height), pixels."""
