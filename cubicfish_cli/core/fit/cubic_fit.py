@@ -12,7 +12,7 @@ out say, from the plain radial lens at one end to a nearly free P at the other.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,9 +164,9 @@ def fit_cubic(
 
     """
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
-    errors = reference.errors if start is None else start.errors
-    lens, poses = _first(reference, prior, start, world, max_angle_deg, errors)
+    errors, known = (reference.errors, None) if start is None else (start.errors, start)
     while True:
+        lens, poses = _first(reference, prior, known, world, max_angle_deg, errors)
         fit = adjust(
             lens,
             poses,
@@ -187,8 +187,7 @@ def fit_cubic(
         if validity.valid:
             return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg)
         # A pole crept in: hold P closer to the reference, which has none.
-        prior = replace(prior, weight=prior.weight * 10**0.5)
-        lens, poses = _first(reference, prior, None, world, max_angle_deg, errors)
+        prior, known = replace(prior, weight=prior.weight * 10**0.5), None
         if prior.weight > _STRONGEST:
             raise FitError(
                 f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
@@ -268,42 +267,31 @@ def held(
         errors: (N, 2) of the corners, pixels.
 
     """
-    near, old, (bent, _) = reference.cubic, lens.ray_prior, reference.bent(prior.spread)
+    near, pairs, old = reference.cubic, reference.pairs, lens.ray_prior
+    bent, _ = reference.bent(prior.spread)
     if old is not None and old.rays is near.rays:
-        return _with_pupil(lens.held_to(bent, prior.weight), reference, prior, errors)
-    ray_prior = RayPrior(
-        rays=near.rays,
-        lens=bent,
-        miss=near.miss,
-        within=near.within,
-        weight=prior.weight,
-        coefficients=near.lens.coefficients[2],
-        denominator_weight=_denominator_weight(reference, len(near.rays)),
-    )
-    lens = replace(
-        near.lens.with_pixels_of(lens, near.rays), travel=lens.travel, ray_prior=ray_prior
-    )
-    return _with_pupil(lens, reference, prior, errors)
-
-
-def _with_pupil(
-    lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
-) -> CubicFit:
-    """With what a unit of its pupil's travel counts as among corners with these residuals."""
+        lens = lens.held_to(bent, prior.weight)
+    else:
+        sigma = max(noise_px(reference.errors), 1e-3)
+        ray_prior = RayPrior(
+            rays=near.rays,
+            lens=bent,
+            miss=near.miss,
+            within=near.within,
+            weight=prior.weight,
+            coefficients=near.lens.coefficients[2],
+            # So that 16 independent relative changes of P3Φ by its spread count one noise each.
+            denominator_weight=float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / len(near.rays))),
+        )
+        far = near.lens.with_pixels_of(lens, near.rays)
+        lens = replace(far, travel=lens.travel, ray_prior=ray_prior)
     if prior.central:
         return replace(lens, travel=0.0, travel_weight=_STILL)
-    pairs = reference.pairs
+    # What a unit of the pupil's travel counts as among corners with these residuals.
     points = reference.poses.apply(pairs.image, pairs.world)
     distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
-    sigma = max(noise_px(errors), 1e-3)
-    weight = sigma * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
+    weight = max(noise_px(errors), 1e-3) * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
     return replace(lens, travel_weight=float(weight))
-
-
-def _denominator_weight(reference: RadialReference, rays: int) -> float:
-    """So that 16 independent relative changes of P3Φ by its spread count one noise each."""
-    sigma = max(noise_px(reference.errors), 1e-3)
-    return float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / rays))
 
 
 def choose_prior(
@@ -340,13 +328,13 @@ def choose_prior(
             reference, prior, world=world, start=start, relative_decrease=NEAR_DECREASE
         )
     place = _place_of(prior)
-    places = _EVERY_PLACE if everywhere or start is None else _around(place)
+    away = np.abs(np.subtract(_EVERY_PLACE, place)).sum(axis=1)
+    reach = np.inf if everywhere or start is None else 1
+    places = [_EVERY_PLACE[near] for near in np.flatnonzero(away <= reach).tolist()]
     start = fit_cubic(
         reference, _prior_at(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
     )
-    leave_one_out = LeaveOneOut(start.fit, groups)
-    squares = _squares(leave_one_out, start.lens, reference, places)
-    chosen, runners_up = _likeliest(squares)
+    chosen, runners_up = _likeliest(places, _told(start, reference, groups, places))
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == place else _prior_at(chosen)
     fitted = fit_cubic(
@@ -364,48 +352,51 @@ def _place_of(prior: PriorChoice) -> _Place:
     return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
 
 
-def _around(place: _Place) -> list[_Place]:
-    return [other for other in _EVERY_PLACE if np.abs(np.subtract(place, other)).sum() <= 1]
+def _told(
+    start: CubicResult,
+    reference: RadialReference,
+    groups: Sequence[IntArray],
+    places: Sequence[_Place],
+) -> FloatArray:
+    """Log likelihood (priors, M) of some priors by each of the photos left out.
 
-
-def _squares(
-    leave_one_out: LeaveOneOut, lens: CubicFit, reference: RadialReference, places: Sequence[_Place]
-) -> dict[_Place, FloatArray]:
-    """Squared errors of each photo under a fit without it, summed over its corners.
-
-    Under some priors, to first order from a fit under one of them, whose lens is given.
+    To first order from a fit under one of them. Corners of one photo share their errors: together
+    they count as one corner, whose noise is of that photo alone and unknown: integrated over noise
+    with the prior 1/σ, the likelihood is 1 / squared error. So no photo outweighs the others.
 
     Args:
-        leave_one_out: that fit.
-        lens: its lens.
+        start: that fit.
         reference: what P is held to.
+        groups: photos that are left out together.
         places: the priors, those of one spread together: the order is relied on.
-
-    Returns:
-        By prior, the (M,) squared errors.
 
     """
     priors = []
     for spread in dict.fromkeys(spread for spread, _ in places):
         weights = [WEIGHTS[weight] for own, weight in places if own == spread]
-        to_another = lens.held_to(reference.bent(SPREADS[spread])[0])
+        to_another = start.lens.held_to(reference.bent(SPREADS[spread])[0])
         priors.append(to_another.priors(np.array(weights)))
-    photos = leave_one_out.residuals(np.concatenate(priors))
+    photos = LeaveOneOut(start.fit, groups).residuals(np.concatenate(priors))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
-    of_places = np.array([squares[photo] for photo in range(len(squares))]).T
-    return dict(zip(places, of_places, strict=True))
+    of_photos = np.array([squares[photo] for photo in range(len(squares))])
+    return np.ascontiguousarray(-np.log(np.maximum(of_photos, _NO_ERROR)).T)
 
 
-def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, tuple[RunnerUp, ...]]:
+def _likeliest(places: Sequence[_Place], told: FloatArray) -> tuple[_Place, tuple[RunnerUp, ...]]:
     """The prior that is taken, and those that would be if other photos had been taken.
 
     How likely these are: as often as they are taken when as many photos are drawn from these with
     repetition (the bootstrap, as Buckland, Burnham & Augustin 1997 weigh models by it).
+
+    Args:
+        places: the priors.
+        told: what photos say of them, see :func:`_told`.
+
     """
-    places, expected = list(squares), np.array(list(_expected(squares).values()))
-    told = np.array(list(_told(squares).values()))
-    chosen = int((told.sum(axis=1) + expected).argmax())
-    photos = told.shape[1]
+    # Log prior of each, up to a constant: a step in either list is a standard deviation.
+    away = np.subtract(places, _place_of(EXPECTED))
+    expected = -np.square(away).sum(axis=1) / 2
+    chosen, photos = int((told.sum(axis=1) + expected).argmax()), told.shape[1]
     drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
     taken = (drawn @ told.T + expected).argmax(axis=1)
     likely = np.bincount(taken, minlength=len(places)) / _DRAWS
@@ -415,21 +406,3 @@ def _likeliest(squares: Mapping[_Place, FloatArray]) -> tuple[_Place, tuple[Runn
         if other != chosen
     )
     return places[chosen], runners_up
-
-
-def _told(squares: Mapping[_Place, FloatArray]) -> dict[_Place, FloatArray]:
-    """Log likelihood (M,) of each prior by each of the photos left out.
-
-    Corners of one photo share their errors: together they count as one corner, whose noise is of
-    that photo alone and unknown: integrated over noise with the prior 1/σ, the likelihood is
-    1 / squared error. So no photo outweighs the others.
-    """
-    return {
-        place: -np.log(np.maximum(of_photos, _NO_ERROR)) for place, of_photos in squares.items()
-    }
-
-
-def _expected(places: Iterable[_Place]) -> dict[_Place, float]:
-    """Log prior of each choice, up to a constant: a step in either list is a standard deviation."""
-    middle = _place_of(EXPECTED)
-    return {place: -float(np.square(np.subtract(place, middle)).sum()) / 2 for place in places}

@@ -61,11 +61,6 @@ class HeldOut:
         """Of the radial reference."""
         return float(np.sqrt(np.nanmean(self.radial_square)))
 
-    @property
-    def corners(self) -> int:
-        """Corners that were counted."""
-        return int(np.isfinite(self.square).sum())
-
     @cached_property
     def photos_px(self) -> FloatArray:
         """(M,) RMS of the cubic camera on each photo; NaN where it sees none of it."""
@@ -154,11 +149,22 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
     out = np.isin(pairs.image, test)
     train = np.setdiff1d(np.arange(len(pairs.images)), test)
     training = select_photos(pairs, train)
-    limit, own = huber_px(fit.cubic.errors), np.flatnonzero(~out)
+
+    def trained_from(start: State[CubicFit]) -> Adjustment[CubicFit]:
+        return adjust(
+            start.lens,
+            start.poses[train],
+            training,
+            huber_px=huber_px(fit.cubic.errors),
+            world=start.world.select(np.flatnonzero(~out)),
+            relative_decrease=_FOLD_DECREASE,
+            damping=WARM_DAMPING,
+        )
+
     try:
-        trained = _trained(near, training, train, own, limit)
+        trained = trained_from(near)
     except FitError:  # the first-order step was too long: start where the fit ended
-        trained = _trained(fit.cubic.fit.state, training, train, own, limit)
+        trained = trained_from(fit.cubic.fit.state)
     radial = adjust(
         fit.reference.lens,
         fit.reference.poses[train],
@@ -187,24 +193,6 @@ def _squares(camera: CubicCamera | RadialCamera, pairs: Observations, start: Pos
     square = np.full(len(pairs.pixel), np.nan)
     square[seen] = np.sum(np.square(residual), axis=1)
     return square
-
-
-def _trained(
-    start: State[CubicFit], pairs: Observations, photos: IntArray, rows: IntArray, limit: float
-) -> Adjustment[CubicFit]:
-    """The fit to ``photos``, from a state of the fit to all.
-
-    ``pairs`` are theirs, and ``rows`` says which of all pairs these are.
-    """
-    return adjust(
-        start.lens,
-        start.poses[photos],
-        pairs,
-        huber_px=limit,
-        world=start.world.select(rows),
-        relative_decrease=_FOLD_DECREASE,
-        damping=WARM_DAMPING,
-    )
 
 
 def pose_only_residual(

@@ -127,8 +127,6 @@ def refine_object(
         ValueError: the drawing is unknown.
 
     """
-    if nominal.target is None:
-        raise ValueError("pairs without a target have no boards to refine")
     spread = FIRST_SPREAD if level == "points" else None
     free = free_target(nominal, noise=noise_px(fit.cubic.errors), offset_spread=spread)
     free = free.started(fit.cubic.fit.world)

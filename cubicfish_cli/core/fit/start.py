@@ -53,14 +53,6 @@ class Start:
         return float(self.error[placed].mean()) if placed.any() else np.inf
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Photo:
-    world: FloatArray
-    offset: FloatArray
-    radius: FloatArray
-    candidates: list[RadialPose]
-
-
 def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     """Scan focal lengths of an equidistant lens r = fθ about ``centre``: (2,) pixels.
 
@@ -68,13 +60,20 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     length in closed form; the focal length with the smallest errors over all photos wins.
     """
     bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
-    photos = [_photo(pairs, slice(*own), centre) for own in pairwise(bounds.tolist())]
-    farthest = max(float(photo.radius.max(initial=0)) for photo in photos)
-    focals = farthest / np.deg2rad(_FARTHEST_ANGLE_DEG)
-    by_candidate = [_errors(photo, focals) for photo in photos]
+    photos = [slice(*own) for own in pairwise(bounds.tolist())]
+    world, offset = pairs.world, pairs.pixel - centre
+    radius = np.hypot(offset[:, 0], offset[:, 1])
+    focals = float(radius.max(initial=0)) / np.deg2rad(_FARTHEST_ANGLE_DEG)
+    candidates = [candidate_poses(world[own], offset[own], pairs.board[own]) for own in photos]
+    by_candidate = [
+        np.stack([_errors(pose, world[own], offset[own], radius[own], focals) for pose in poses])
+        if poses
+        else np.full((1, len(focals)), np.inf)
+        for poses, own in zip(candidates, photos, strict=True)
+    ]
     errors = np.stack([each.min(axis=0) for each in by_candidate])
     # Any so few corners fit, so they say nothing of the lens, and little of their pose.
-    spare = np.array([len(photo.world) > MIN_POINTS_ON_PLANE for photo in photos])
+    spare = np.diff(bounds) > MIN_POINTS_ON_PLANE
     if np.isfinite(errors[spare]).any():
         errors[~spare] = np.inf
     placed = np.isfinite(errors).any(axis=1)
@@ -83,35 +82,21 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     total = np.minimum(errors[placed], cap).mean(axis=0) if placed.any() else np.zeros(len(focals))
     chosen = int(np.argmin(total))
     focal = float(focals[chosen])
-    rotation = np.full((len(photos), 3, 3), np.nan)
-    translation = np.full((len(photos), 3), np.nan)
-    error = np.full(len(photos), np.inf)
-    for image, photo in enumerate(photos):
-        if not placed[image]:
-            continue
-        own = by_candidate[image][:, chosen]
+    poses, error = _unplaced(len(photos)), np.full(len(photos), np.inf)
+    for photo in np.flatnonzero(placed).tolist():
+        own = by_candidate[photo][:, chosen]
         best = int(np.argmin(own))
-        pose = photo.candidates[best]
-        depth, _ = depth_shift(pose, photo.world, photo.radius / focal)
-        rotation[image] = pose.rotation
-        translation[image] = [*pose.shift, depth]
-        error[image] = own[best]
-    return Start(
-        centre=centre,
-        focal=focal,
-        poses=Poses(rotation=rotation, translation=translation),
-        error=error,
-    )
+        pose = candidates[photo][best]
+        depth, _ = depth_shift(pose, world[photos[photo]], radius[photos[photo]] / focal)
+        poses.rotation[photo] = pose.rotation
+        poses.translation[photo] = [*pose.shift, depth]
+        error[photo] = own[best]
+    return Start(centre=centre, focal=focal, poses=poses, error=error)
 
 
-def _photo(pairs: Observations, own: slice, centre: FloatArray) -> _Photo:
-    world, offset = pairs.world[own], pairs.pixel[own] - centre
-    return _Photo(
-        world=world,
-        offset=offset,
-        radius=np.hypot(offset[:, 0], offset[:, 1]),
-        candidates=candidate_poses(world, offset, pairs.board[own]),
-    )
+def _unplaced(photos: int) -> Poses:
+    """Poses of photos that are not known yet."""
+    return Poses(rotation=np.full((photos, 3, 3), np.nan), translation=np.full((photos, 3), np.nan))
 
 
 def candidate_poses(world: FloatArray, offset: FloatArray, board: npt.NDArray) -> list[RadialPose]:
@@ -128,64 +113,20 @@ def candidate_poses(world: FloatArray, offset: FloatArray, board: npt.NDArray) -
     return candidates
 
 
-def _errors(photo: _Photo, focals: FloatArray) -> FloatArray:
-    """Median distance to the pixels, each candidate and focal length: (C, F), pixels."""
-    if not photo.candidates:
-        return np.full((1, len(focals)), np.inf)
-    return np.stack([_candidate_errors(pose, photo, focals) for pose in photo.candidates])
-
-
-def _candidate_errors(pose: RadialPose, photo: _Photo, focals: FloatArray) -> FloatArray:
-    angle = np.minimum(photo.radius / focals[:, None], 3.1)
-    _, found = depth_shift(pose, photo.world, angle)
-    camera = photo.world @ pose.rotation[:2].T + pose.shift
+def _errors(
+    pose: RadialPose,
+    world: FloatArray,
+    offset: FloatArray,
+    radius: FloatArray,
+    focals: FloatArray,
+) -> FloatArray:
+    """Median distance to the pixels of a photo under each focal length: (F,), pixels."""
+    angle = np.minimum(radius / focals[:, None], 3.1)
+    _, found = depth_shift(pose, world, angle)
+    camera = world @ pose.rotation[:2].T + pose.shift
     direction = camera / np.maximum(np.hypot(camera[:, 0], camera[:, 1]), 1e-300)[:, None]
     predicted = (focals[:, None] * found)[:, :, None] * direction
-    return np.median(np.linalg.norm(predicted - photo.offset, axis=-1), axis=-1)
-
-
-def place_photos(camera: RadialCamera, pairs: Observations) -> tuple[Poses, FloatArray]:
-    """Start poses of all photos under a known radial lens.
-
-    Returns:
-        camera_from_world of every photo, and each photo's median error in pixels; NaN and inf
-        where a photo has too few corners to be placed.
-
-    """
-    count = len(pairs.images)
-    rotation = np.full((count, 3, 3), np.nan)
-    translation = np.full((count, 3), np.nan)
-    error = np.full(count, np.inf)
-    focal = np.array([camera.fx, camera.fy])
-    offset = (pairs.pixel - [camera.cx, camera.cy]) / focal
-    angle = camera.angle(np.hypot(offset[:, 0], offset[:, 1]))
-    seen = np.flatnonzero(np.isfinite(angle))
-    seen = seen[np.argsort(pairs.image[seen], kind="stable")]
-    bounds = np.searchsorted(pairs.image[seen], np.arange(count + 1))
-    for photo in range(count):
-        own = seen[bounds[photo] : bounds[photo + 1]]
-        world = pairs.world[own]
-        for pose in _candidates(world, offset[own], angle[own], pairs.board[own]):
-            shift = pose.shift
-            miss = camera.project(world @ pose.rotation.T + shift) - pairs.pixel[own]
-            length = np.hypot(miss[:, 0], miss[:, 1])
-            found = float(np.median(np.where(np.isfinite(length), length, np.inf)))
-            if found < error[photo]:
-                rotation[photo], translation[photo], error[photo] = pose.rotation, shift, found
-    return Poses(rotation=rotation, translation=translation), error
-
-
-def _candidates(
-    world: FloatArray, offset: FloatArray, angle: FloatArray, board: IntArray
-) -> list[RadialPose]:
-    """Poses with their depths, from directions and angles of some points."""
-    found = []
-    for pose in candidate_poses(world, offset, board):
-        depth, _ = depth_shift(pose, world, angle)
-        found.append(RadialPose(rotation=pose.rotation, shift=np.append(pose.shift, depth)))
-    away = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-300)[:, None]
-    rays = np.column_stack([np.sin(angle)[:, None] * away, np.cos(angle)])
-    return [*found, *poses_of_rays(world, rays)]
+    return np.median(np.linalg.norm(predicted - offset, axis=-1), axis=-1)
 
 
 def fit_poses(
@@ -194,15 +135,44 @@ def fit_poses(
     """Poses under a known radial lens, refined by Levenberg–Marquardt.
 
     Returns:
-        The adjustment (None when no photo could be placed), the pairs of the photos that could,
-        and each such photo's index in ``pairs.images``.
+        The adjustment (None when no photo has enough corners to be placed), the pairs of the
+        photos that have, and each such photo's index in ``pairs.images``.
 
     """
-    poses, error = place_photos(camera, pairs)
+    count = len(pairs.images)
+    poses, error = _unplaced(count), np.full(count, np.inf)
+    offset = (pairs.pixel - [camera.cx, camera.cy]) / np.array([camera.fx, camera.fy])
+    angle = camera.angle(np.hypot(offset[:, 0], offset[:, 1]))
+    seen = np.flatnonzero(np.isfinite(angle))
+    seen = seen[np.argsort(pairs.image[seen], kind="stable")]
+    bounds = np.searchsorted(pairs.image[seen], np.arange(count + 1))
+    for photo in range(count):
+        own = seen[bounds[photo] : bounds[photo + 1]]
+        world = pairs.world[own]
+        for pose in _known_poses(world, offset[own], angle[own], pairs.board[own]):
+            miss = camera.project(world @ pose.rotation.T + pose.shift) - pairs.pixel[own]
+            length = np.hypot(miss[:, 0], miss[:, 1])
+            found = float(np.median(np.where(np.isfinite(length), length, np.inf)))
+            if found < error[photo]:
+                poses.rotation[photo], poses.translation[photo] = pose.rotation, pose.shift
+                error[photo] = found
     placed = np.flatnonzero(np.isfinite(error))
     if not placed.size:
         return None, pairs, placed
-    own, _ = select(pairs, np.isin(pairs.image, placed))
+    kept, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
-    fit = adjust(lens, poses[placed], own, huber_px=_WIDE_HUBER_PX, max_iterations=30)
-    return fit.again(own), own, placed
+    fit = adjust(lens, poses[placed], kept, huber_px=_WIDE_HUBER_PX, max_iterations=30)
+    return fit.again(kept), kept, placed
+
+
+def _known_poses(
+    world: FloatArray, offset: FloatArray, angle: FloatArray, board: IntArray
+) -> list[RadialPose]:
+    """Candidate poses with their depths, from directions and angles of some points."""
+    found = []
+    for pose in candidate_poses(world, offset, board):
+        depth, _ = depth_shift(pose, world, angle)
+        found.append(RadialPose(rotation=pose.rotation, shift=np.append(pose.shift, depth)))
+    away = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-300)[:, None]
+    rays = np.column_stack([np.sin(angle)[:, None] * away, np.cos(angle)])
+    return [*found, *poses_of_rays(world, rays)]
