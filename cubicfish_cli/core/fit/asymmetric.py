@@ -13,7 +13,7 @@ import numpy as np
 
 from cubicfish_cli.core.fit.normal_equations import gram
 from cubicfish_cli.core.geometry import decentring, decentring_slope
-from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
+from cubicfish_cli.core.lenses.radial import project_jacobian
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 _BENDS = 5
@@ -73,14 +73,6 @@ class BentFit:
     spread: float
     anchor: FloatArray | None = None
     anchor_px: float = np.inf
-
-    @classmethod
-    def unbent(
-        cls, camera: RadialCamera, *, terms: int = 4, noise_px: float = 1.0, spread: float = 0.0
-    ) -> BentFit:
-        """A radial lens as the perfectly symmetric one of these."""
-        values = np.concatenate([camera.parameters, np.zeros(_BENDS)])
-        return cls(values=values, terms=terms, noise_px=noise_px, spread=spread)
 
     @cached_property
     def _free(self) -> IntArray:

@@ -171,7 +171,7 @@ def fit_cubic(
             lens,
             poses,
             reference.pairs,
-            huber_px=huber_px(errors) if start else wide_px(errors),
+            huber_px(errors) if start else wide_px(errors),
             world=world,
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,

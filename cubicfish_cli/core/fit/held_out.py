@@ -155,7 +155,7 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
             start.lens,
             start.poses[train],
             training,
-            huber_px=huber_px(fit.cubic.errors),
+            huber_px(fit.cubic.errors),
             world=start.world.select(np.flatnonzero(~out)),
             relative_decrease=_FOLD_DECREASE,
             damping=WARM_DAMPING,
@@ -169,7 +169,7 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
         fit.reference.lens,
         fit.reference.poses[train],
         training.with_world(trained.world.points),
-        huber_px=wide_px(fit.reference.errors),
+        wide_px(fit.reference.errors),
         relative_decrease=_RADIAL_DECREASE,
         damping=WARM_DAMPING,
     )
@@ -219,12 +219,7 @@ def pose_only_residual(
     own, photos = select(pairs, inside)
     lens = FixedLens(camera=camera)
     fit = adjust(
-        lens,
-        poses[photos],
-        own,
-        huber_px=_WIDE_PX,
-        relative_decrease=_POSE_DECREASE,
-        damping=WARM_DAMPING,
+        lens, poses[photos], own, _WIDE_PX, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING
     )
     # Once more, with a loss that follows what the first left.
     fit = fit.again(own, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)

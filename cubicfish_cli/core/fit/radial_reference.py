@@ -112,11 +112,32 @@ class RadialReference:
         return self._cubic[0]
 
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
-        """The nearest lens of this expected asymmetry, and the poses that go with it."""
+        """The bent lens nearest to the corners, anchored there, and the poses that go with it.
+
+        Args:
+            spread: its expected asymmetry, see :class:`BentFit`.
+
+        """
         if spread not in self._bent:
-            self._bent[spread] = _bend(
-                self.camera, self.terms, self.poses, self.pairs, self.errors, spread
+            poses = self.poses
+            lens = BentFit(
+                values=np.append(self.camera.parameters, np.zeros(5)),
+                terms=self.terms,
+                noise_px=max(noise_px(self.errors), 1e-3),
+                spread=spread,
             )
+            if spread:
+                fit = adjust(
+                    lens,
+                    poses,
+                    self.pairs,
+                    wide_px(self.errors),
+                    relative_decrease=_BENT_DECREASE,
+                    damping=WARM_DAMPING,
+                )
+                lens, poses = fit.lens, fit.poses
+            about = _CENTRE_SPREAD * float(lens.values[:2].mean())
+            self._bent[spread] = replace(lens, anchor=lens.values[2:4], anchor_px=about), poses
         return self._bent[spread]
 
     @property
@@ -174,14 +195,12 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         unfit |= {own.images[photo]: why for photo, why in bad.items()}
         if not bad:
             break
-        good = np.array([photo for photo in range(len(used)) if photo not in bad])
+        good = np.setdiff1d(np.arange(len(used)), list(bad))
         if 2 * len(good) < len(used) or not len(good):
             raise _does_not_fit(noise_px(fit.residual))
         own, used = select_photos(own, good), used[good]
         limit = gross_px(fit.residual)
-        fit = adjust(
-            fit.lens, fit.poses[good], own, huber_px=limit, relative_decrease=_ROUGH_DECREASE
-        )
+        fit = adjust(fit.lens, fit.poses[good], own, limit, relative_decrease=_ROUGH_DECREASE)
         fit = _adjusted(fit, own)
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
@@ -207,16 +226,8 @@ def radial_near(
 
     """
     miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
-    near = RadialReference(
-        camera=camera,
-        poses=poses,
-        pairs=pairs,
-        residual=np.nan_to_num(miss, nan=lost_px),
-        unfit={},
-        terms=terms,
-        focal_uncertainty=0.0,
-    )
-    return refit_radial(near, pairs, poses)
+    errors = np.nan_to_num(miss, nan=lost_px)[pairs.tells_error]
+    return _refitted(_free(camera, terms), poses, pairs, errors, {})
 
 
 def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) -> RadialReference:
@@ -224,15 +235,20 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
 
     Used for pairs without the dropped ones and for the training part of a fold.
     """
+    return _refitted(reference.lens, poses, pairs, reference.errors, reference.unfit)
+
+
+def _refitted(
+    lens: FreeLens[RadialCamera],
+    poses: Poses,
+    pairs: Observations,
+    errors: FloatArray,
+    unfit: dict[str, Finding],
+) -> RadialReference:
     fit = adjust(
-        reference.lens,
-        poses,
-        pairs,
-        huber_px=wide_px(reference.errors),
-        relative_decrease=_NEAR_DECREASE,
-        damping=WARM_DAMPING,
+        lens, poses, pairs, wide_px(errors), relative_decrease=_NEAR_DECREASE, damping=WARM_DAMPING
     )
-    return _sound(fit, pairs, reference.unfit)
+    return _sound(fit, pairs, unfit)
 
 
 def _sound(
@@ -240,14 +256,17 @@ def _sound(
 ) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
     fit, terms = _sound_profile(fit, pairs)
+    camera, variance = fit.lens.lens, noise_px(fit.residual) ** 2
+    covariance = np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * variance
+    focal = np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(camera.fx)
     return RadialReference(
-        camera=fit.lens.lens,
+        camera=camera,
         poses=fit.poses,
         pairs=pairs,
         residual=fit.residual,
         unfit=unfit,
         terms=terms,
-        focal_uncertainty=_focal_uncertainty(fit),
+        focal_uncertainty=float(focal),
     )
 
 
@@ -318,7 +337,7 @@ def _fit_from_centre(
         _free(camera, 2),
         start.poses[used],
         own,
-        huber_px=max(20.0, 2 * float(np.median(start.error[used]))),
+        max(20.0, 2 * float(np.median(start.error[used]))),
         max_iterations=1 if typical > _HOPELESS_SHARE * size else _FIRST_ITERATIONS,
         relative_decrease=_ROUGH_DECREASE,
     )
@@ -341,9 +360,7 @@ def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> Radia
     camera = fit.lens.lens
     camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
     limit = wide_px(fit.residual)
-    return adjust(
-        _free(camera, terms), fit.poses, pairs, huber_px=limit, relative_decrease=_NEAR_DECREASE
-    )
+    return adjust(_free(camera, terms), fit.poses, pairs, limit, relative_decrease=_NEAR_DECREASE)
 
 
 def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
@@ -398,7 +415,7 @@ def _joined(
         fit.lens,
         poses,
         select_photos(pairs, everyone),
-        huber_px=wide_px(fit.residual),
+        wide_px(fit.residual),
         relative_decrease=_ROUGH_DECREASE,
     )
     return joined, everyone
@@ -454,47 +471,3 @@ def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAd
         if fit.lens.lens.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
             return fit, fewer
     return best, terms
-
-
-def _focal_uncertainty(fit: RadialAdjustment) -> float:
-    covariance = (
-        np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * noise_px(fit.residual) ** 2
-    )
-    focal = abs(fit.lens.lens.fx)
-    return float(np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / focal)
-
-
-def _bend(
-    camera: RadialCamera,
-    terms: int,
-    poses: Poses,
-    pairs: Observations,
-    residual: FloatArray,
-    spread: float,
-) -> tuple[BentFit, Poses]:
-    """The bent lens nearest to corners, anchored there, and the poses that go with it.
-
-    Args:
-        camera: the radial lens to start from.
-        terms: how many of its coefficients are free.
-        poses: camera_from_world of each photo under it.
-        pairs: the corners.
-        residual: (K, 2) of the radial lens, of those pairs that tell its errors, pixels.
-        spread: expected asymmetry, see :class:`BentFit`.
-
-    """
-    noise = max(noise_px(residual), 1e-3)
-    lens = BentFit.unbent(camera, terms=terms, noise_px=noise, spread=spread)
-    if spread:
-        fit = adjust(
-            lens,
-            poses,
-            pairs,
-            huber_px=wide_px(residual),
-            relative_decrease=_BENT_DECREASE,
-            damping=WARM_DAMPING,
-        )
-        lens, poses = fit.lens, fit.poses
-    return replace(
-        lens, anchor=lens.values[2:4], anchor_px=_CENTRE_SPREAD * float(lens.values[:2].mean())
-    ), poses

@@ -137,7 +137,7 @@ def refine_object(
         fit.cubic.lens,
         fit.cubic.poses,
         pairs,
-        huber_px=2 * huber_px(np.full((1, 2), free.noise)),
+        2 * huber_px(np.full((1, 2), free.noise)),
         world=free,
         relative_decrease=1e-3,
         damping=WARM_DAMPING,

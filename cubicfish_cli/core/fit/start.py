@@ -161,7 +161,7 @@ def fit_poses(
         return None, pairs, placed
     kept, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
-    fit = adjust(lens, poses[placed], kept, huber_px=_WIDE_HUBER_PX, max_iterations=30)
+    fit = adjust(lens, poses[placed], kept, _WIDE_HUBER_PX, max_iterations=30)
     return fit.again(kept), kept, placed
 
 

@@ -108,60 +108,13 @@ class Uncertainty:
         return np.diagonal(by_lens @ self.lens @ by_lens.T).copy()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Information:
-    """What a fit's photos say of the shared unknowns: it adds up, photo by photo.
-
-    Attributes:
-        gauge: the fit's lens, and what takes the common turn out.
-        hessian: (K, K) of lens and target parameters, priors included and poses, corners and the
-            lens that P is held to eliminated; for corners whose noise is one pixel.
-        noise_px: standard deviation of a corner's coordinate, pixels.
-
-    """
-
-    gauge: Gauge
-    hessian: FloatArray
-    noise_px: float
-
-    def of_photo(self, points: FloatArray) -> Information:
-        """What a photo alone would add, of known corners of the target.
-
-        The photo's own pose is unknown and eliminated. The target counts as known there, which is
-        not quite right of a fit that refines it, by a few percent.
-
-        Args:
-            points: (N, 3) the corners in the camera frame, in the fit's unit; six or more numbers
-                must fix the pose.
-
-        """
-        _, d_point, d_lens = self.gauge.lens.project_jacobian(points)
-        by_lens = d_lens.reshape(-1, d_lens.shape[2])
-        length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
-        moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
-        by_pose = moved.reshape(-1, 6)
-        inverse = np.linalg.inv(by_pose.T @ by_pose)
-        cross = by_lens.T @ by_pose
-        lens = slice(0, by_lens.shape[1])
-        hessian = np.zeros_like(self.hessian)
-        hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
-        gauge = Gauge.over(self.gauge.lens, points)
-        return replace(self, hessian=hessian, gauge=gauge)
-
-    def __add__(self, other: Information) -> Information:
-        """What both say of the same lens."""
-        return replace(self, hessian=self.hessian + other.hessian, gauge=self.gauge + other.gauge)
-
-    def uncertainty(self) -> Uncertainty:
-        """The covariance σ² H⁻¹."""
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(self.hessian), 1e-300))
-        inverse = scale * scale[:, None] * np.linalg.inv(self.hessian * scale * scale[:, None])
-        count = len(self.gauge.lens.parameters)
-        return Uncertainty(
-            gauge=self.gauge,
-            lens=self.noise_px**2 * inverse[:count, :count],
-            noise_px=self.noise_px,
-        )
+def covariance(gauge: Gauge, hessian: FloatArray, noise_px: float) -> Uncertainty:
+    """σ² H⁻¹ of a lens, whose parameters stand first among those of H (K, K)."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
+    inverse = scale * scale[:, None] * np.linalg.inv(hessian * scale * scale[:, None])
+    count = len(gauge.lens.parameters)
+    lens = noise_px**2 * inverse[:count, :count]
+    return Uncertainty(gauge=gauge, lens=lens, noise_px=noise_px)
 
 
 def corner_noise_px(fit: Adjustment[Any]) -> float:
@@ -198,32 +151,20 @@ def _unknowns(fit: Adjustment[Any]) -> float:
     return float(shared + 6 * poses + 3 * len(corner) - held)
 
 
-def information(
-    result: CubicResult, pairs: Observations, *, noise_px: float | None = None
-) -> Information:
-    """What the photos of a cubic fit say, from its normal equations at the optimum.
-
-    Args:
-        result: the fit.
-        pairs: its pairs, in its frame.
-        noise_px: standard deviation of a corner's coordinate; by default what the residuals show.
-
-    """
+def common_gauge(result: CubicResult, pairs: Observations) -> Gauge:
+    """What takes the turn out that the lens of a cubic fit shares with poses, over its pairs."""
     count = len(pairs.image)
     some = np.arange(count)
     if count > _MOST_CORNERS:  # at random: every so many could be one column of a board
         some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
     points = result.poses.apply(pairs.image[some], pairs.world[some])
-    return Information(
-        gauge=Gauge.over(result.lens, points, count / len(some)),
-        hessian=result.fit.normal.reduced_shared(),
-        noise_px=corner_noise_px(result.fit) if noise_px is None else noise_px,
-    )
+    return Gauge.over(result.lens, points, count / len(some))
 
 
 def camera_uncertainty(result: CubicResult, pairs: Observations) -> Uncertainty:
-    """Covariance at the optimum of a cubic fit, see :func:`information`."""
-    return information(result, pairs).uncertainty()
+    """Covariance of a cubic fit with its pairs, from its normal equations at the optimum."""
+    hessian, gauge = result.fit.normal.reduced_shared(), common_gauge(result, pairs)
+    return covariance(gauge, hessian, corner_noise_px(result.fit))
 
 
 def field_grid(

@@ -7,7 +7,7 @@ too much. `AsymmetricLens` of tests/support is of the family that P is held to, 
 leans on that: the lenses of `synthetic_lenses.py` there are of none, `simulated.py` makes corners
 through any lens without pictures, with errors as those of photos, and `synthetic_films.py` renders
 films of a hand that moves a target. `extensions/advice/knowledge.py` fits a calibration again from
-its record. What photos say of a camera adds up (`Information` in `core/fit/uncertainty.py`), so
+its record. What photos say of a camera adds up (`Information` in `information.py`), so
 `proposals.py` can tell for every sampled pose what its corners would leave of the uncertainty,
 takes the best, then the best after that one. The squares of the field are counted once, in
 `FieldCells` (`core/fit/coverage.py`), for coverage, report and advice. `enough.py` of

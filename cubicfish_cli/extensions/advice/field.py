@@ -11,10 +11,11 @@ import numpy.typing as npt
 from cubicfish_cli.app.viewpoints.views import WholeLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, summed
-from cubicfish_cli.core.fit.uncertainty import Information, field_grid
+from cubicfish_cli.core.fit.uncertainty import field_grid
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.advice.information import Information
 
 GRID = (80, 60)
 """Columns and rows over the photo of the uncertainty that the picture shows."""

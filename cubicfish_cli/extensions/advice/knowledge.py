@@ -17,11 +17,12 @@ from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.core.fit.statistics import noise_px, weighed
 from cubicfish_cli.core.fit.subset import middle, with_mean_weight_one, world_scale
-from cubicfish_cli.core.fit.uncertainty import Information, information
+from cubicfish_cli.core.fit.uncertainty import common_gauge, corner_noise_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.advice.information import Information
 
 _DECREASE = 1e-7
 # Files that do not say how symmetric a lens held P are from when it was always this.
@@ -115,7 +116,11 @@ def know(
             radial=reference.camera,
             pupil_travel=result.lens.travel * scale,
         ),
-        information=information(result, reference.pairs),
+        information=Information(
+            gauge=common_gauge(result, reference.pairs),
+            hessian=result.fit.normal.reduced_shared(),
+            noise_px=corner_noise_px(result.fit),
+        ),
         scale=scale,
     )
 

@@ -182,7 +182,7 @@ MUTATIONS = tuple(
             "core/fit/test_uncertainty",
         ),
         (
-            "core/fit/uncertainty.py",
+            "extensions/advice/information.py",
             "hessian[lens, lens] += by_lens.T @ by_lens - cross",
             "hessian[lens, lens] += by_lens.T @ by_lens + cross",
             "extensions/advice/test_advice",

@@ -1,0 +1,60 @@
+"""What a fit's photos say of a camera, and what more photos would add to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cubicfish_cli.core.fit.poses import cross_matrix
+from cubicfish_cli.core.fit.uncertainty import Gauge, Uncertainty, covariance
+from cubicfish_cli.core.types import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Information:
+    """What a fit's photos say of the shared unknowns: it adds up, photo by photo.
+
+    Attributes:
+        gauge: the fit's lens, and what takes the common turn out.
+        hessian: (K, K) of lens and target parameters, priors included and poses, corners and the
+            lens that P is held to eliminated; for corners whose noise is one pixel.
+        noise_px: standard deviation of a corner's coordinate, pixels.
+
+    """
+
+    gauge: Gauge
+    hessian: FloatArray
+    noise_px: float
+
+    def of_photo(self, points: FloatArray) -> Information:
+        """What a photo alone would add, of known corners of the target.
+
+        The photo's own pose is unknown and eliminated. The target counts as known there, which is
+        not quite right of a fit that refines it, by a few percent.
+
+        Args:
+            points: (N, 3) the corners in the camera frame, in the fit's unit; six or more numbers
+                must fix the pose.
+
+        """
+        _, d_point, d_lens = self.gauge.lens.project_jacobian(points)
+        by_lens = d_lens.reshape(-1, d_lens.shape[2])
+        length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
+        moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)
+        by_pose = moved.reshape(-1, 6)
+        inverse = np.linalg.inv(by_pose.T @ by_pose)
+        cross = by_lens.T @ by_pose
+        lens = slice(0, by_lens.shape[1])
+        hessian = np.zeros_like(self.hessian)
+        hessian[lens, lens] += by_lens.T @ by_lens - cross @ inverse @ cross.T
+        gauge = Gauge.over(self.gauge.lens, points)
+        return replace(self, hessian=hessian, gauge=gauge)
+
+    def __add__(self, other: Information) -> Information:
+        """What both say of the same lens."""
+        return replace(self, hessian=self.hessian + other.hessian, gauge=self.gauge + other.gauge)
+
+    def uncertainty(self) -> Uncertainty:
+        """The covariance σ² H⁻¹."""
+        return covariance(self.gauge, self.hessian, self.noise_px)
