@@ -334,7 +334,7 @@ def choose_prior(
     start = fit_cubic(
         reference, _prior_at(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
     )
-    chosen, runners_up = _likeliest(places, _told(start, reference, groups, places))
+    chosen, runners_up = _likeliest(places, _squares(start, reference, groups, places))
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == place else _prior_at(chosen)
     fitted = fit_cubic(
@@ -352,17 +352,15 @@ def _place_of(prior: PriorChoice) -> _Place:
     return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
 
 
-def _told(
+def _squares(
     start: CubicResult,
     reference: RadialReference,
     groups: Sequence[IntArray],
     places: Sequence[_Place],
 ) -> FloatArray:
-    """Log likelihood (priors, M) of some priors by each of the photos left out.
+    """(priors, M) squared errors of each photo under a fit without it, summed over its corners.
 
-    To first order from a fit under one of them. Corners of one photo share their errors: together
-    they count as one corner, whose noise is of that photo alone and unknown: integrated over noise
-    with the prior 1/σ, the likelihood is 1 / squared error. So no photo outweighs the others.
+    Under some priors, to first order from a fit under one of them.
 
     Args:
         start: that fit.
@@ -378,21 +376,27 @@ def _told(
         priors.append(to_another.priors(np.array(weights)))
     photos = LeaveOneOut(start.fit, groups).residuals(np.concatenate(priors))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
-    of_photos = np.array([squares[photo] for photo in range(len(squares))])
-    return np.ascontiguousarray(-np.log(np.maximum(of_photos, _NO_ERROR)).T)
+    return np.array([squares[photo] for photo in range(len(squares))]).T
 
 
-def _likeliest(places: Sequence[_Place], told: FloatArray) -> tuple[_Place, tuple[RunnerUp, ...]]:
+def _likeliest(
+    places: Sequence[_Place], squares: FloatArray
+) -> tuple[_Place, tuple[RunnerUp, ...]]:
     """The prior that is taken, and those that would be if other photos had been taken.
+
+    Corners of one photo share their errors: together they count as one corner, whose noise is of
+    that photo alone and unknown: integrated over noise with the prior 1/σ, the likelihood is
+    1 / squared error. So no photo outweighs the others.
 
     How likely these are: as often as they are taken when as many photos are drawn from these with
     repetition (the bootstrap, as Buckland, Burnham & Augustin 1997 weigh models by it).
 
     Args:
         places: the priors.
-        told: what photos say of them, see :func:`_told`.
+        squares: of each photo under them, see :func:`_squares`.
 
     """
+    told = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
     # Log prior of each, up to a constant: a step in either list is a standard deviation.
     away = np.subtract(places, _place_of(EXPECTED))
     expected = -np.square(away).sum(axis=1) / 2

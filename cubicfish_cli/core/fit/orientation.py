@@ -13,7 +13,7 @@ sum of all pulls, in the metric of their covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -96,42 +96,53 @@ def _likeliest(
     products: IntArray,
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
-    noise = noise_px(fit.cubic.residual)
-    free = free_target(
-        nominal.of(Observations.stacked(namings)),
-        noise=noise,
-        offset_spread=_SPREAD,
-    )
-    free = free.started(fit.cubic.fit.world)
-    count = len(nominal.pairs.image)
+    noise, count = noise_px(fit.cubic.residual), len(nominal.pairs.image)
+    every = nominal.of(Observations.stacked(namings))
+    free = free_target(every, noise=noise, offset_spread=_SPREAD).started(fit.cubic.fit.world)
     pulls = [
         _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
         for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
     ]
-    found = _best(fit, free, pulls, products)
-    corners = np.bincount(nominal.pairs.image, minlength=len(fit.cubic.poses))
-    return found.surely(noise, 2 * corners - 6)
+    each = np.stack([gradient for gradient, _, _ in pulls], axis=1)
+    square = np.stack([own for _, _, own in pulls], axis=1)
+    # By what names photos are seen changes the equations little: they are those of all alike.
+    hessian = np.mean([own for _, own, _ in pulls], axis=0)
+    lens = len(fit.cubic.lens.parameters)
+    shared, held = lens + len(free.parameters), np.zeros(len(hessian))
+    of_lens, of_boards = fit.cubic.lens.prior(), free.prior()
+    for own, prior in ((slice(0, lens), of_lens), (slice(lens, shared), of_boards)):
+        hessian[own, own] += prior[:-1, :-1]
+        held[own] += prior[:-1, -1]
+    flat = np.vstack([held, each.reshape(-1, len(held))]).T
+    tried = []
+    for spread in _SPREADS:
+        pull = np.full(len(held) - shared, max(free.offset_weight / spread, _LEAST_PULL))
+        pulled = hessian + np.diag(np.append(np.zeros(shared), pull**2))
+        unit = np.sqrt(np.diagonal(pulled))
+        root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
+        length = solve_triangular(root, flat / unit[:, None], lower=True).T
+        found = _together(length[0], length[1:].reshape(*each.shape), square, products)
+        likely = -found[2] / (2 * max(free.noise, _LEAST_NOISE) ** 2) + np.log(pull).sum()
+        tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
+    choice, gain, _ = max(tried, key=lambda one: one[0])[1]
+    # One photo's corners may be off by more than those of others.
+    rows = 2 * np.bincount(nominal.pairs.image, minlength=len(fit.cubic.poses)) - 6
+    variance = np.maximum(noise**2, square[:, 0] / np.maximum(rows, 1))
+    return np.where(gain > 2 * _LIKELIER * variance, choice, 0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pulls:
+def _pulls(
+    fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What M photos put into the normal equations, their poses eliminated.
 
     D unknowns: the lens's parameters, the boards', three coordinates of each free corner.
 
-    Attributes:
-        gradient: (M, D).
-        hessian: (D, D), of all photos.
-        square: (M,) of the residuals that no pose takes away.
+    Returns:
+        The gradients (M, D); the Hessian (D, D) of all photos; and the squares (M,) of the
+        residuals that no pose takes away.
 
     """
-
-    gradient: FloatArray
-    hessian: FloatArray
-    square: FloatArray
-
-
-def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget) -> _Pulls:
     moved = State(fit.cubic.lens, poses, world)
     seen = [terms for _, terms in linearise(moved, pairs, huber_px(fit.cubic.residual))]
     left = np.concatenate([np.dstack([one.by_shared, one.miss]) for one in seen])
@@ -165,98 +176,39 @@ def _pulls(fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableT
     places = shared + np.arange(3 * corners).reshape(corners, 3)
     hessian[places[:, :, None], places[:, None, :]] += own
     gradient = np.concatenate([of_shared, of_corner.reshape(photos, -1)], axis=1)
-    return _Pulls(gradient=gradient, hessian=hessian, square=square)
+    return gradient, hessian, square
 
 
-def _best(
-    fit: TargetFit, world: DeformableTarget, pulls: Sequence[_Pulls], products: IntArray
-) -> _Together:
-    """The likeliest way of each photo, whatever its corners are then off by."""
-    lens = len(fit.cubic.lens.parameters)
-    shared = lens + len(world.parameters)
-    each = np.stack([one.gradient for one in pulls], axis=1)
-    square = np.stack([one.square for one in pulls], axis=1)
-    # By what names photos are seen changes the equations little: they are those of all alike.
-    hessian = np.mean([one.hessian for one in pulls], axis=0)
-    held = np.zeros(len(hessian))
-    of_lens, of_boards = fit.cubic.lens.prior(), world.prior()
-    for own, prior in ((slice(0, lens), of_lens), (slice(lens, shared), of_boards)):
-        hessian[own, own] += prior[:-1, :-1]
-        held[own] += prior[:-1, -1]
-    flat = np.vstack([held, each.reshape(-1, len(held))]).T
-    tried = []
-    for spread in _SPREADS:
-        pull = np.full(len(held) - shared, max(world.offset_weight / spread, _LEAST_PULL))
-        pulled = hessian + np.diag(np.append(np.zeros(shared), pull**2))
-        unit = np.sqrt(np.diagonal(pulled))
-        root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
-        length = solve_triangular(root, flat / unit[:, None], lower=True).T
-        found = _Together.most(length[0], length[1:].reshape(*each.shape), square, products)
-        likely = -found.left / (2 * max(world.noise, _LEAST_NOISE) ** 2) + np.log(pull).sum()
-        tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
-    return max(tried, key=lambda one: one[0])[1]
+def _together(
+    held: FloatArray, pulls: FloatArray, square: FloatArray, products: IntArray
+) -> tuple[IntArray, FloatArray, float]:
+    """Those of pulls (M, W, D) that leave the least of squares (M, W), with another pull (D,).
 
+    They take the square of their sum away. Photo by photo from many starts, as far as it goes.
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Together:
-    """Pulls that add up.
-
-    Attributes:
-        choice: (M,) which of each photo's.
-        gain: (M,) by how much more is left with the first of a photo's.
-        square: (M,) of their residuals with the first.
-        left: of the squares of all residuals.
+    Returns:
+        Which of each photo's (M,); by how much more is left with the first of a photo's (M,); and
+        what is left of all squares.
 
     """
-
-    choice: IntArray
-    gain: FloatArray
-    square: FloatArray
-    left: float
-
-    @classmethod
-    def most(
-        cls, held: FloatArray, pulls: FloatArray, square: FloatArray, products: IntArray
-    ) -> _Together:
-        """Those of pulls (M, W, D) that leave the least of squares (M, W), with another pull (D,).
-
-        They take the square of their sum away. Photo by photo from many starts, as far as it goes.
-        """
-        photos, ways, _ = pulls.shape
-        every = np.arange(photos)
-        choice = np.random.default_rng(0).integers(0, ways, (_STARTS, photos))
-        choice[0] = 0
-        total = held + pulls[every, choice].sum(axis=1)
-        for _ in range(_SWEEPS):
-            before = choice.copy()
-            for photo, own in enumerate(pulls):
-                rest = total - own[choice[:, photo]]
-                gain = 2 * rest @ own.T + np.sum(own * own, axis=1) - square[photo]
-                choice[:, photo] = gain.argmax(axis=1)
-                total = rest + own[choice[:, photo]]
-            if (choice == before).all():
-                break
-        left = square[every, choice].sum(axis=1) - np.sum(total * total, axis=1)
-        # A motion of all photos alike is none: of these, the nearest to the names that are given.
-        alike = products[:, choice[np.argmin(left)]]
-        best = alike[np.argmin(np.count_nonzero(alike, axis=1))]
-        rest = held + pulls[every, best].sum(axis=0) - pulls[every, best]
-        each = square - np.sum(np.square(rest[:, None] + pulls), axis=2)
-        return cls(
-            choice=best,
-            gain=each[:, 0] - each[every, best],
-            square=square[:, 0],
-            left=float(left.min()),
-        )
-
-    def surely(self, noise: float, rows: IntArray) -> IntArray:
-        """(M,) the choice where it is likelier than the first, beyond errors that photos share.
-
-        Args:
-            noise: of the typical photo, pixels.
-            rows: (M,) residuals of each photo less what its pose takes.
-
-        """
-        # One photo's corners may be off by more than those of others.
-        variance = np.maximum(noise**2, self.square / np.maximum(rows, 1))
-        return np.where(self.gain > 2 * _LIKELIER * variance, self.choice, 0)
+    photos, ways, _ = pulls.shape
+    every = np.arange(photos)
+    choice = np.random.default_rng(0).integers(0, ways, (_STARTS, photos))
+    choice[0] = 0
+    total = held + pulls[every, choice].sum(axis=1)
+    for _ in range(_SWEEPS):
+        before = choice.copy()
+        for photo, own in enumerate(pulls):
+            rest = total - own[choice[:, photo]]
+            gain = 2 * rest @ own.T + np.sum(own * own, axis=1) - square[photo]
+            choice[:, photo] = gain.argmax(axis=1)
+            total = rest + own[choice[:, photo]]
+        if (choice == before).all():
+            break
+    left = square[every, choice].sum(axis=1) - np.sum(total * total, axis=1)
+    # A motion of all photos alike is none: of these, the nearest to the names that are given.
+    alike = products[:, choice[np.argmin(left)]]
+    best = alike[np.argmin(np.count_nonzero(alike, axis=1))]
+    rest = held + pulls[every, best].sum(axis=0) - pulls[every, best]
+    each = square - np.sum(np.square(rest[:, None] + pulls), axis=2)
+    return best, each[:, 0] - each[every, best], float(left.min())
