@@ -211,15 +211,12 @@ class DeformableTarget:
             points += self.offsets[self.corner]
         for part in self.parts:
             own = points[part.pairs] + part.basis @ self.parameters[part.shape]
-            points[part.pairs] = self._placed(part, own)
+            place = self.parameters[part.place]
+            if len(place):
+                rotation = rotation_from_vector(place[:3])
+                own = part.middle + (own - part.middle) @ rotation.T + place[3:] * part.size
+            points[part.pairs] = own
         return points
-
-    def _placed(self, part: BoardPart, points: FloatArray) -> FloatArray:
-        place = self.parameters[part.place]
-        if not len(place):
-            return points
-        rotation = rotation_from_vector(place[:3])
-        return part.middle + (points - part.middle) @ rotation.T + place[3:] * part.size
 
     def moved(self, parameters: FloatArray, offsets: FloatArray) -> DeformableTarget:
         """The same target after steps (S,) and (Q, 3)."""

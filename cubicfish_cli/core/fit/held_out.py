@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import stdtr
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, State, adjust
@@ -15,7 +16,7 @@ from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import TargetFit
-from cubicfish_cli.core.fit.statistics import huber_px, likely_positive, wide_px
+from cubicfish_cli.core.fit.statistics import huber_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -26,6 +27,7 @@ from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 _FOLD_DECREASE = 1e-4
 # Photos' ratios are never told apart better than this.
 _LEAST_SPREAD = 1e-3
+_FEWEST_TO_COMPARE = 2
 _RADIAL_DECREASE = 1e-5
 # For fits of poses alone.
 _WIDE_PX = 10.0
@@ -99,11 +101,11 @@ class HeldOut:
         Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
         photos = np.log(self.beside(other).photos_px / other.beside(self).photos_px)
-        return likely_positive(
-            photos[np.isfinite(photos)],
-            float(np.log(self.times(other))),
-            least_error=_LEAST_SPREAD,
-        )
+        photos = photos[np.isfinite(photos)]
+        if len(photos) < _FEWEST_TO_COMPARE:
+            return 0.5
+        error = max(np.std(photos, ddof=1) / np.sqrt(len(photos)), _LEAST_SPREAD)
+        return float(stdtr(len(photos) - 1, float(np.log(self.times(other))) / error))
 
 
 def held_out_error(

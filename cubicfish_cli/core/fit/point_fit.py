@@ -103,8 +103,7 @@ class PointCalibration(CameraRecord):
     @property
     def remarks(self) -> tuple[Finding, ...]:
         """What is told beside the figures: photos that were left out."""
-        unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
-        return (*unfit,)
+        return tuple(replace(why, images=(photo,)) for photo, why in self.unfit.items())
 
 
 @one_blas_thread()
@@ -122,9 +121,8 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
 
     """
     used, poses, unfit = (pairs, None, {}) if len(pairs.images) == 1 else _placed(pairs)
-    given = len(pairs.pixel) - sum(
-        int(np.sum(pairs.image == pairs.images.index(photo))) for photo in unfit
-    )
+    left_out = [pairs.images.index(photo) for photo in unfit]
+    given = int(np.sum(~np.isin(pairs.image, left_out)))
     camera, stages, residual = _fit(used, poses)
     for _ in range(_DROP_ROUNDS):
         near = np.hypot(*residual.T) <= gross_px(residual)
@@ -215,7 +213,7 @@ def _fit(
         scale=scale,
         null=fit.null,
         reach=float(_REACH_SLACK * np.linalg.norm(local, axis=1).max()),
-        valid=_outline(pairs.pixel),
+        valid=pairs.pixel[ConvexHull(pairs.pixel).vertices],
     )
     values = lift(local)
     linear = [rms_px(ratio(P, values) - pairs.pixel) for P in (fit.plain, fit.reweighted)]
@@ -317,7 +315,3 @@ def ratio(P: FloatArray, values: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         pixel = homogeneous[:, :2] / homogeneous[:, 2:]
     return np.where(homogeneous[:, 2:] > 0, pixel, np.inf)
-
-
-def _outline(pixel: FloatArray) -> FloatArray:
-    return pixel[ConvexHull(pixel).vertices]

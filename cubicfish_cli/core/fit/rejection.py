@@ -138,34 +138,31 @@ def dropped_groups(before: Observations, dropped: Sequence[DroppedCorner]) -> li
         dropped: these.
 
     """
-    groups: dict[tuple[str, str], list[float]] = {}
+    errors: dict[str, dict[str, list[float]]] = {}
     for corner in dropped:
         if corner.board is not None:
-            groups.setdefault((corner.image, corner.board), []).append(corner.error_px)
-    lost: dict[str, list[tuple[str, list[float], int]]] = {}
-    for (image, board), errors in groups.items():
-        own = (before.image == before.images.index(image)) & (
-            before.board == before.boards.index(board)
-        )
-        if len(errors) >= max(_GROUP_SIZE, _GROUP_SHARE * own.sum()):
-            lost.setdefault(board, []).append((image, errors, int(own.sum())))
-    return [_group(board, own) for board, own in lost.items()]
-
-
-def _group(board: str, lost: Sequence[tuple[str, list[float], int]]) -> Finding:
-    """What is said of photos that lost most corners of a board: names, errors, all corners."""
-    typical = [float(np.median(errors)) for _, errors, _ in lost]
-    return Finding(
-        code=Code.BOARD_DROPPED,
-        images=tuple(image for image, _, _ in lost),
-        boards=(board,),
-        figures={
-            "dropped": sum(len(errors) for _, errors, _ in lost),
-            "corners": sum(all_ for *_, all_ in lost),
-            "low_px": min(typical),
-            "high_px": max(typical),
-        },
-    )
+            of_photos = errors.setdefault(corner.board, {})
+            of_photos.setdefault(corner.image, []).append(corner.error_px)
+    found = []
+    for board, of_photos in errors.items():
+        seen = before.image[before.board == before.boards.index(board)]
+        corners = {image: int((seen == before.images.index(image)).sum()) for image in of_photos}
+        lost = {
+            image: own
+            for image, own in of_photos.items()
+            if len(own) >= max(_GROUP_SIZE, _GROUP_SHARE * corners[image])
+        }
+        typical = [float(np.median(own)) for own in lost.values()]
+        figures = {
+            "dropped": sum(len(own) for own in lost.values()),
+            "corners": sum(corners[image] for image in lost),
+            "low_px": min(typical, default=0.0),
+            "high_px": max(typical, default=0.0),
+        }
+        code = Code.BOARD_DROPPED
+        if lost:
+            found.append(Finding(code=code, images=tuple(lost), boards=(board,), figures=figures))
+    return found
 
 
 def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding]:

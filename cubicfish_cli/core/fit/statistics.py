@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtr
 
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, PhotoRecord, PoseRecord
 from cubicfish_cli.core.fit.poses import Poses
@@ -19,7 +18,6 @@ from cubicfish_cli.core.fit.subset import with_mean_weight_one
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
-_FEWEST_TO_COMPARE = 2
 # Median of the length of a 2D normal vector of unit standard deviation a component.
 _MEDIAN_OF_RAYLEIGH = 1.17741
 # The same of 95 in a hundred.
@@ -58,26 +56,6 @@ def error_statistics(residual: FloatArray, corners: int | None = None) -> ErrorS
 def rms_px(residual: FloatArray) -> float:
     """sqrt(mean(dx² + dy²)) of residuals (N, 2)."""
     return float(np.sqrt(np.mean(np.sum(residual * residual, axis=-1))))
-
-
-def likely_positive(
-    values: FloatArray, mean: float | None = None, *, least_error: float = np.finfo(float).tiny
-) -> float:
-    """How likely the mean is positive of what such values (M,) are drawn from: Student's t, 0 to 1.
-
-    With fewer than two nothing is known: 0.5.
-
-    Args:
-        values: (M,) the values.
-        mean: a mean of them that is better than the plain one.
-        least_error: no mean is known better than this.
-
-    """
-    if len(values) < _FEWEST_TO_COMPARE:
-        return 0.5
-    error = np.std(values, ddof=1) / np.sqrt(len(values))
-    middle = np.mean(values) if mean is None else mean
-    return float(stdtr(len(values) - 1, middle / max(error, least_error)))
 
 
 def photo_records(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from cubicfish_cli.core.fit.held_out import HeldOut
 
@@ -22,6 +23,17 @@ def test_many_photos_that_agree_leave_no_doubt():
 def test_few_photos_that_disagree_leave_much():
     doubt = held_out(0.2, 0.2, 0.2).doubt(held_out(0.5, 0.1, 0.3))
     assert 0.2 < doubt < 0.5
+
+
+def test_it_is_the_one_sided_t_test_of_photos_ratios():
+    errors = np.random.default_rng(2).uniform(0.1, 0.3, 5)
+    other = errors * np.random.default_rng(3).uniform(0.8, 1.4, 5)
+    mine, theirs = held_out(*errors), held_out(*other)
+    ratios = np.log(errors / other)
+    mean = np.log(mine.times(theirs))
+    expected = t.cdf(mean / (np.std(ratios, ddof=1) / np.sqrt(5)), 4)
+    assert mine.doubt(theirs) == pytest.approx(expected)
+    assert mine.doubt(theirs) + theirs.doubt(mine) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("other", [(0.3,), (np.nan, 0.4)])
