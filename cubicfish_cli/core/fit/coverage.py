@@ -161,18 +161,14 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     least = min(covered_deg + _LEAST_MARGIN_DEG, farthest)
     tried = np.append(np.arange(least, farthest, _STEP_DEG), farthest)
     limit = CERTAIN_PX * max(1.0, max(camera.image_size) / _SIDE)
-    at_corners, *beyond = _on_rings(sigma, np.append(covered_deg, tried))
+    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    rings = np.deg2rad(np.append(covered_deg, tried))
+    angle, azimuths = np.meshgrid(rings, around, indexing="ij")
+    rays = ray_at(angle.ravel(), azimuths.ravel())
+    at_corners, *beyond = np.median(sigma(rays).reshape(angle.shape), axis=1)
     certain = np.array(beyond) <= max(limit, _TIMES * at_corners)
     last = len(tried) if certain.all() else int(certain.argmin())
     return float(tried[max(last - 1, 0)])
-
-
-def _on_rings(sigma: Sigma, angles_deg: FloatArray) -> FloatArray:
-    """(R,) medians over rays at angles (R,) from the axis."""
-    around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
-    angle, azimuths = np.meshgrid(np.deg2rad(angles_deg), around, indexing="ij")
-    rays = ray_at(angle.ravel(), azimuths.ravel())
-    return np.median(sigma(rays).reshape(angle.shape), axis=1)
 
 
 def _all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:

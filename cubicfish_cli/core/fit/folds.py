@@ -98,7 +98,9 @@ def repeated_groups(
     group = np.full(count, -1, np.intp)
     tree = KDTree(seen)
     unsure = np.unique(pairs.image[~pairs.certain])
-    outlines = _outlines(pairs, count) if len(unsure) else np.empty((count, 8, 2))
+    outlines = np.empty((count, 8, 2))  # the outermost corners of each photo, pixels
+    for photo in range(count if len(unsure) else 0):
+        outlines[photo] = outermost(pairs.pixel[pairs.image == photo])
     for photo in range(count):
         if group[photo] >= 0:
             continue
@@ -112,11 +114,6 @@ def repeated_groups(
                 near = np.union1d(np.setdiff1d(near, unsure), np.intersect1d(by_place, unsure))
         group[near[group[near] < 0]] = group.max() + 1
     return group
-
-
-def _outlines(pairs: Observations, count: int) -> FloatArray:
-    """(photos, 8, 2) the outermost corners of each photo, pixels."""
-    return np.array([outermost(pairs.pixel[pairs.image == photo]) for photo in range(count)])
 
 
 def _in_pixels(poses: Poses, world: FloatArray, focal: float) -> FloatArray:

@@ -45,14 +45,13 @@ class Stages:
     """
 
     def __init__(self, progress: Progress | None, *, refined: bool, hold_out: bool) -> None:
-        left_out = set[str]()
-        if not refined:
-            left_out |= {"shape", "shape held out", "points", "points held out"}
-        if not hold_out:
-            left_out |= {"held out", "shape held out", "points held out"}
-        self._progress = progress
-        self._plan = [stage for stage in _STAGES if stage not in left_out]
-        self._share = 0.0
+        self._progress, self._share = progress, 0.0
+        self._plan = [
+            stage
+            for stage in _STAGES
+            if (refined or not stage.startswith(LEVELS[1:]))
+            and (hold_out or not stage.endswith("held out"))
+        ]
 
     def begin(self, stage: str, done: int = 0, parts: int = 1) -> None:
         """Say that a stage begins, or that so many of its parts are done.

@@ -171,11 +171,6 @@ class NearestCubic:
         """(M,) what rays count in a linear solution: beyond corners the lens is a guess."""
         return np.where(self.within, 1.0, WEIGHT_BEYOND)
 
-    @property
-    def rms_px(self) -> float:
-        """How near it comes among corners: RMS of the distances, pixels."""
-        return float(np.sqrt(np.square(self.miss[self.within]).sum(axis=1).mean()))
-
 
 def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> NearestCubic:
     """Find the cubic nearest to a radial lens.

@@ -76,7 +76,7 @@ class PhotoSpread:
         return np.sqrt(np.maximum(of_noise, of_photos) + of_prior + of_guess)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.uncertainty.Sigma`."""
+        """See :class:`~cubicfish_cli.core.fit.uncertainty.Uncertainty`."""
         left_out, influence, runner_up = (weights @ change for change in self._changes(rays))
         of_photos = self._of_photos(left_out, influence)
         of_prior = np.square(runner_up).sum(axis=1)

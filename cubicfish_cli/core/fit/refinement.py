@@ -21,7 +21,7 @@ from cubicfish_cli.core.fit.statistics import huber_px, noise_px, weighed
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Symmetry
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.types import IntArray
 
 L = TypeVar("L", bound=FitLens)
 Level = Literal["off", "shape", "points"]
@@ -186,7 +186,11 @@ def estimate_spread(
     for _ in range(_SPREAD_ROUNDS):
         world, before = fit.world, spread
         noise = noise_px(fit.errors)
-        shapes = world.with_spreads(_left_open(fit, noise)) if len(world.parameters) else world
+        shapes, count = world, len(world.parameters)
+        if count:
+            hessian = fit.normal.reduced_shared()
+            inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
+            shapes = world.with_spreads(noise**2 * np.diagonal(inverse[-count:]))
         if spread is not None:
             spread = _offset_spread(fit, noise) or spread
         fit = fit.again(
@@ -202,13 +206,6 @@ def estimate_spread(
         if np.all(np.abs(change) < _SPREAD_SETTLED):
             break
     return fit, spread
-
-
-def _left_open(fit: Adjustment[Any], noise: float) -> FloatArray:
-    """(S,) variance of the boards' parameters."""
-    hessian, count = fit.normal.reduced_shared(), len(fit.world.parameters)
-    inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
-    return np.asarray(noise**2 * np.diagonal(inverse[-count:]))
 
 
 def _offset_spread(fit: Adjustment[Any], noise: float) -> float | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import project_jacobian
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.photo_spread import PhotoSpread
 
 GRID = (13, 9)  # columns and rows over the photo
 _STEP = 1e-3  # of a difference that stands for a derivative, radians
@@ -184,21 +187,7 @@ def field_grid(
     return x, y, np.where((angle_from_axis(rays) >= blind)[..., None], rays, np.nan)
 
 
-class Sigma(Protocol):
-    """What tells how far a camera's pixels may be off."""
-
-    @property
-    def noise_px(self) -> float:
-        """Standard deviation of a corner's coordinate, pixels."""
-
-    def sigma_px(self, rays: FloatArray) -> FloatArray:
-        """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-
-    def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
-        """Variance (F,) of weighted sums of pixels, weights (F, 2N), of unit rays (N, 3)."""
-
-
-def _focal_sigma_px(uncertainty: Sigma) -> FloatArray:
+def _focal_sigma_px(uncertainty: Uncertainty | PhotoSpread) -> FloatArray:
     """One standard deviation of the focal lengths on the axis: (2,) pixels per radian."""
     variance = []
     for k in range(2):
@@ -211,7 +200,9 @@ def _focal_sigma_px(uncertainty: Sigma) -> FloatArray:
     return np.sqrt(variance)
 
 
-def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -> FloatArray:
+def _centre_sigma_px(
+    uncertainty: Uncertainty | PhotoSpread, radial: FloatArray, rays: FloatArray
+) -> FloatArray:
     """One standard deviation of the centre of symmetry: (2,) pixels.
 
     How the centre of the nearest radial lens, free to turn, moves with the pixels of the field.
@@ -230,7 +221,7 @@ def _centre_sigma_px(uncertainty: Sigma, radial: FloatArray, rays: FloatArray) -
 
 
 def uncertainty_grid(
-    uncertainty: Sigma, camera: CubicCamera, blind: float = 0.0
+    uncertainty: Uncertainty | PhotoSpread, camera: CubicCamera, blind: float = 0.0
 ) -> UncertaintyGrid:
     """Uncertainty on a grid over the photo, for the fit's record.
 
