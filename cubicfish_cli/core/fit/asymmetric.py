@@ -16,8 +16,6 @@ from cubicfish_cli.core.geometry import decentring, decentring_slope
 from cubicfish_cli.core.lenses.radial import project_jacobian
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-_BENDS = 5
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StillRays:
@@ -76,7 +74,7 @@ class BentFit:
 
     @cached_property
     def _free(self) -> IntArray:
-        return np.array([*range(4 + self.terms), *range(8, 8 + (_BENDS if self.spread else 0))])
+        return np.array([*range(4 + self.terms), *range(8, 13 if self.spread else 8)])
 
     @property
     def parameters(self) -> FloatArray:
@@ -90,28 +88,72 @@ class BentFit:
         return replace(self, values=values)
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         return self.project_jacobian(points)[0]
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
-        onto = _Onto.sensor(self.values, flat.T)
         changes = np.concatenate([flat_by_point, flat_by_values[:, :, 4:]], axis=2)
-        moved = onto.moved(changes.transpose(1, 2, 0))
-        by_point, by_profile = moved[:, :3], moved[:, 3:]
-        return onto.pixel, by_point.transpose(2, 0, 1), self._by_free(onto.by_values(by_profile))
+        pixel, moved, by_values = self._on_sensor(flat.T, changes.transpose(1, 2, 0))
+        by_values[:, 4:8] = moved[:, 3:]
+        return pixel, moved[:, :3].transpose(2, 0, 1), self._by_free(by_values)
 
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
 
         What :meth:`project_jacobian` says of them, at a fraction of the cost.
         """
-        radius = rays.theta + rays.odd @ self.values[4:8]
-        onto = _Onto.sensor(self.values, rays.direction.T * radius)
-        outwards = onto.moved(rays.direction.T[:, None])
-        return onto.pixel, self._by_free(onto.by_values(outwards * rays.odd.T))
+        radius, outwards = rays.theta + rays.odd @ self.values[4:8], rays.direction.T
+        pixel, moved, by_values = self._on_sensor(outwards * radius, outwards[:, None])
+        by_values[:, 4:8] = moved * rays.odd.T
+        return pixel, self._by_free(by_values)
+
+    def _on_sensor(
+        self, flat: FloatArray, change: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """From the image of the radial lens of focal length 1 to pixels.
+
+        Args:
+            flat: (2, N) a and b of points in the radial lens's image.
+            change: (2, C, N) how they move.
+
+        Returns:
+            Pixels (N, 2), how they move (2, C, N), and their derivatives by all values (2, 13, N),
+            those by the profile left out.
+
+        """
+        p1, p2, t1, t2, skew = self.values[8:]
+        (a, b), (da, db) = flat, change
+        more_a, more_b = decentring(a, b, p1, p2)
+        decentred = np.empty_like(flat)
+        decentred[0] = a + more_a + skew * b
+        decentred[1] = b + more_b
+        depth = 1 + t1 * decentred[0] + t2 * decentred[1]
+        # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
+        depth[~(depth > 0)] = np.nan
+        tilted, focal = decentred / depth, self.values[:2, None, None]
+        pixel = (self.values[:2] * tilted.T) + self.values[2:4]
+        pixel[~np.isfinite(pixel)] = np.inf
+
+        def through_tilt(change: FloatArray) -> FloatArray:
+            away = t1 * change[0] + t2 * change[1]
+            return np.asarray((change - tilted[:, None] * away) * (focal / depth))
+
+        along_a, along_b, across = decentring_slope(a, b, p1, p2)
+        moved = np.empty_like(change)
+        moved[0] = (1 + along_a) * da + (across + skew) * db
+        moved[1] = across * da + (1 + along_b) * db
+        by_values = np.zeros((2, len(self.values), len(a)))
+        by_values[[0, 1], [0, 1]] = tilted
+        by_values[0, 2] = by_values[1, 3] = 1
+        bends = np.zeros((2, 3, len(a)))
+        bends[0, 0] = bends[1, 1] = 2 * a * b
+        bends[1, 0], bends[0, 1], bends[0, 2] = a * a + 3 * b * b, 3 * a * a + b * b, b
+        by_values[:, [8, 9, 12]] = through_tilt(bends)
+        by_values[:, 10:12] = -focal * tilted[:, None] * tilted
+        return pixel, through_tilt(moved), by_values
 
     def _by_free(self, by_values: FloatArray) -> FloatArray:
         """(N, 2, K) of derivatives by all values (2, 13, N)."""
@@ -128,70 +170,3 @@ class BentFit:
             aim[2:4], spread[2:4] = self.anchor, self.anchor_px
         pull = (self.noise_px / spread)[self._free]
         return gram(np.diag(pull), pull * (self.values - aim)[self._free])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Onto:
-    """From the image of the radial lens of focal length 1 to pixels, by a lens's ``values``.
-
-    Attributes:
-        values: (13,) as :class:`BentFit` has them.
-        flat: (2, N) a and b in the radial lens's image.
-        tilted: (2, N) decentred, skewed and tilted.
-        depth: (N,) what the tilt divides by.
-        pixel: (N, 2).
-
-    """
-
-    values: FloatArray
-    flat: FloatArray
-    tilted: FloatArray
-    depth: FloatArray
-    pixel: FloatArray
-
-    @classmethod
-    def sensor(cls, values: FloatArray, flat: FloatArray) -> _Onto:
-        """Where points (2, N) of the radial lens's image meet the sensor."""
-        p1, p2, t1, t2, skew = values[8:]
-        a, b = flat
-        more_a, more_b = decentring(a, b, p1, p2)
-        moved = np.empty_like(flat)
-        moved[0] = a + more_a + skew * b
-        moved[1] = b + more_b
-        depth = 1 + t1 * moved[0] + t2 * moved[1]
-        # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
-        depth[~(depth > 0)] = np.nan
-        tilted = moved / depth
-        pixel = (values[:2] * tilted.T) + values[2:4]
-        pixel[~np.isfinite(pixel)] = np.inf
-        return cls(values=values, flat=flat, tilted=tilted, depth=depth, pixel=pixel)
-
-    def moved(self, change: FloatArray) -> FloatArray:
-        """How pixels move (2, C, N) when points of the radial lens's image do (2, C, N)."""
-        p1, p2, _, _, skew = self.values[8:]
-        (a, b), (da, db) = self.flat, change
-        along_a, along_b, across = decentring_slope(a, b, p1, p2)
-        decentred = np.empty_like(change)
-        decentred[0] = (1 + along_a) * da + (across + skew) * db
-        decentred[1] = across * da + (1 + along_b) * db
-        return self._tilted(decentred)
-
-    def _tilted(self, change: FloatArray) -> FloatArray:
-        """How pixels move (2, C, N) when points before the tilt do (2, C, N)."""
-        focal, (t1, t2) = self.values[:2, None, None], self.values[10:12]
-        away = t1 * change[0] + t2 * change[1]
-        return np.asarray((change - self.tilted[:, None] * away) * (focal / self.depth))
-
-    def by_values(self, by_profile: FloatArray) -> FloatArray:
-        """(2, 13, N) derivatives of pixels; those by the profile (2, 4, N) are known."""
-        (a, b), (u, v) = self.flat, self.tilted
-        by_values = np.zeros((2, 8 + _BENDS, len(a)))
-        by_values[0, 0], by_values[1, 1] = u, v
-        by_values[0, 2] = by_values[1, 3] = 1
-        by_values[:, 4:8] = by_profile
-        bends = np.zeros((2, 3, len(a)))
-        bends[0, 0] = bends[1, 1] = 2 * a * b
-        bends[1, 0], bends[0, 1], bends[0, 2] = a * a + 3 * b * b, 3 * a * a + b * b, b
-        by_values[:, [8, 9, 12]] = self._tilted(bends)
-        by_values[:, 10:12] = -self.values[:2, None, None] * self.tilted[:, None] * self.tilted
-        return by_values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -72,19 +72,19 @@ def named_as_refined(camera: CubicCamera, pairs: Observations) -> Observations:
     target = pairs.target
     if target is None or all(board.shape is None for board in target.boards):
         return pairs
-    return best_named(pairs, target, partial(_squared, camera))
 
+    def squared(named: Observations) -> FloatArray:
+        """(N,) squared errors, their photos' poses fitted; 0 outside the camera's field."""
+        squared = np.full(len(named.image), np.inf)
+        placed, own, photos = fit_poses(camera.radial, named)
+        if placed is not None:
+            _, residual, index = pose_only_residual(camera, own, placed.poses)
+            rows = np.flatnonzero(np.isin(named.image, photos))
+            squared[rows] = 0
+            squared[rows[index]] = np.sum(residual**2, axis=1)
+        return squared
 
-def _squared(camera: CubicCamera, pairs: Observations) -> FloatArray:
-    """(N,) squared errors of corners, their photos' poses fitted; 0 outside the camera's field."""
-    squared = np.full(len(pairs.image), np.inf)
-    placed, own, photos = fit_poses(camera.radial, pairs)
-    if placed is not None:
-        _, residual, index = pose_only_residual(camera, own, placed.poses)
-        rows = np.flatnonzero(np.isin(pairs.image, photos))
-        squared[rows] = 0
-        squared[rows[index]] = np.sum(residual**2, axis=1)
-    return squared
+    return best_named(pairs, target, squared)
 
 
 @one_blas_thread()

@@ -65,7 +65,7 @@ class FixedLens:
         return self
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         if isinstance(self.camera, CubicCamera):
             pixel, d_point = self.camera.near_pixel_and_slope(points)
         elif isinstance(self.camera, RadialCamera):
@@ -75,7 +75,7 @@ class FixedLens:
         return pixel, d_point, np.zeros((len(points), 2, 0))
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         return self.project_jacobian(points)[0]
 
     def prior(self) -> FloatArray:
@@ -244,7 +244,7 @@ class CubicFit:
         return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
         pixel, d_point, d_parameters = self.far_jacobian(moved)
         by_depth = d_point[:, :, 2:]
@@ -269,7 +269,7 @@ class CubicFit:
         )
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         return self.far(from_pupil(points, self.travel))
 
     def far(self, points: FloatArray) -> FloatArray:
@@ -278,7 +278,7 @@ class CubicFit:
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         return self._prior
 
     @cached_property

@@ -118,7 +118,7 @@ def refine_object(
         nominal: the target as drawn, with the pairs of ``fit``.
         level: ``shape`` or ``points``.
         groups: photos that are left out together to choose how P is held; see
-            :func:`~cubicfish_cli.core.fit.prior_choice.choose_prior`.
+            :func:`~cubicfish_cli.core.fit.cubic_fit.choose_prior`.
 
     The fit is good to compare and to go on from; :func:`to_the_bottom` goes the rest of the way.
 

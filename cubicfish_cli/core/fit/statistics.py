@@ -98,12 +98,9 @@ def noise_px(residual: FloatArray) -> float:
 def noise_by_photo(image: IntArray, residual: FloatArray, photos: int) -> FloatArray:
     """(M,) :func:`noise_px` of each photo's residuals (N, 2); ``image`` (N,) is non-decreasing."""
     length = np.hypot(residual[:, 0], residual[:, 1])
-    ordered = length[np.lexsort((length, image))]
-    first, stop = np.searchsorted(image, [np.arange(photos), np.arange(1, photos + 1)])
-    noise, seen = np.zeros(photos), first < stop
-    middle = np.array([first + stop - 1, first + stop])[:, seen] // 2
-    noise[seen] = ordered[middle].mean(axis=0) / _MEDIAN_OF_RAYLEIGH
-    return noise
+    of_photos = np.split(length, np.searchsorted(image, np.arange(1, photos)))
+    noise = np.array([np.median(own) if len(own) else 0.0 for own in of_photos])
+    return noise / _MEDIAN_OF_RAYLEIGH
 
 
 def tail_px(residual: FloatArray) -> float:

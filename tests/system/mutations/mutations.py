@@ -146,8 +146,8 @@ MUTATIONS = tuple(
         ),
         (
             "core/fit/asymmetric.py",
-            "= -self.values[:2, None, None] * self.tilted[:, None]",
-            "= self.values[:2, None, None] * self.tilted[:, None]",
+            "= -focal * tilted[:, None]",
+            "= focal * tilted[:, None]",
             "core/lenses/test_cameras",
         ),
         (
