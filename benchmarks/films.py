@@ -34,12 +34,12 @@ import numpy as np
 from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.films.source import decode, opened
 from cubicfish_cli.app.photos import Photo, find_photos
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.subset import select_photos

@@ -31,8 +31,8 @@ from asymmetric_lens import AsymmetricLens
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.target import Target

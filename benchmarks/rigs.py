@@ -25,10 +25,10 @@ from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

@@ -7,14 +7,15 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.alignment import aligned_to_pixels
+from cubicfish_cli.core.fit.alignment import ProjectingLens, turned_onto
 from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
-from cubicfish_cli.core.lenses.sphere import ray_at
+from cubicfish_cli.core.lenses.sphere import all_around, ray_at
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import Brief
 
@@ -23,6 +24,10 @@ _PIXELS = 40_000
 _ALIGNING_PIXELS = 2_500
 _FEW_PIXELS = 400
 _RING_DEG = 10.0
+# A ray and the one whose pixel is nearest in the other lens say how the frames are turned; the
+# farthest of such pairs come from outside the other's field and are left out in the next round.
+_START_ROUNDS = 4
+_START_SHARE = 0.8
 
 
 class ComparedCamera(Protocol):
@@ -120,7 +125,8 @@ def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
         rays = first.unproject(pixel)
     seen = np.flatnonzero(np.isfinite(rays[:, 0]))
     some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
-    _, rotation = aligned_to_pixels(_Rescaled(second, scale), rays[some], pixel[some])
+    scaled, near = _Rescaled(second, scale), (rays[some], pixel[some])
+    _, rotation = turned_onto(scaled, *near, _frames_turn(scaled, *near))
     miss = _Rescaled(second, scale).project(rays[seen] @ rotation.T) - pixel[seen]
     common = np.isfinite(miss[:, 0])
     if not common.any():
@@ -137,6 +143,52 @@ def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
         common_share=float(common.mean()),
         rings=rings(angle_from_axis(rays[seen][common]), miss[common]),
     )
+
+
+def aligned_difference(
+    first: ProjectingLens, second: ProjectingLens, rays: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Pixel differences of two lenses under the rotation that makes them smallest.
+
+    A calibration determines the camera frame only as well as its corners do, and the poses make
+    up for the rest: two calibrations of one lens may differ by a small rotation and still be the
+    same camera. The rotation may also be large, such as between frames with other axes.
+
+    Args:
+        first: one lens.
+        second: the other.
+        rays: (N, 3) unit rays in the second lens's frame; best spread over its whole field.
+
+    Returns:
+        Differences first(R d) − second(d), (N, 2) pixels, NaN where either lens
+        has no pixel; and R (3, 3).
+
+    """
+    wanted = second.project(rays)
+    return turned_onto(first, rays, wanted, _frames_turn(first, rays, wanted))
+
+
+def _frames_turn(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotation:
+    """Turn each ray onto that ray whose pixel in ``first`` is nearest to its own (Wahba 1965)."""
+    # Rays of the whole sphere: the first lens may look along any axis of its frame.
+    probes = all_around(max(4 * len(rays), 4000))
+    seen = first.project(probes)
+    good = np.isfinite(seen).all(axis=1)
+    pairs = np.isfinite(wanted).all(axis=1)
+    if good.sum() < 3 or pairs.sum() < 3:
+        return Rotation.identity()
+    distance, nearest = KDTree(seen[good]).query(wanted[pairs])
+    matched = probes[good][nearest]
+    own = rays[pairs]
+    near = distance <= np.quantile(distance, _START_SHARE)
+    rotation = Rotation.identity()
+    for _ in range(_START_ROUNDS):
+        if near.sum() < 3:
+            break
+        rotation, _ = Rotation.align_vectors(matched[near], own[near])
+        off = np.linalg.norm(rotation.apply(own) - matched, axis=1)
+        near = off <= np.quantile(off, _START_SHARE)
+    return rotation
 
 
 def _near_axis(camera: ComparedCamera) -> FloatArray:

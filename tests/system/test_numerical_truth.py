@@ -15,7 +15,7 @@ from asymmetric_lens import AsymmetricLens
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.evaluate import evaluate

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.difference_picture import round_up
 from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.app.pages.figures import (
@@ -31,7 +32,6 @@ from cubicfish_cli.app.pages.figures import (
     some,
     thinned,
 )
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera

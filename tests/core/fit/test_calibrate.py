@@ -8,9 +8,9 @@ import synthetic
 from scipy.spatial.transform import Rotation
 from synthetic_lenses import synthetic_lens
 
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit import cubic_fit
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.evaluate import evaluate

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from lenses import cubic_camera, random_rays
 
-from cubicfish_cli.core.fit.alignment import aligned_difference, in_references_frame
+from cubicfish_cli.app.comparison import aligned_difference
+from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.lenses.lift import lift_rotation
 from cubicfish_cli.core.lenses.sphere import cone_rays

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import synthetic
 
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.fit import refinement
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.statistics import photo_weights, weighed
 from cubicfish_cli.core.lenses.sphere import cone_rays

@@ -8,7 +8,7 @@ import synthetic
 from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
-from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, RunnerUp, fit_cubic
 from cubicfish_cli.core.fit.photo_spread import PhotoSpread, photo_spread, variance_of_few
 from cubicfish_cli.core.fit.radial_reference import fit_radial

@@ -7,7 +7,7 @@ import pytest
 import synthetic
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
-from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic

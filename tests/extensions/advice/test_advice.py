@@ -14,6 +14,7 @@ from synthetic import (
     synthetic_correspondences,
 )
 
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.sufficiency.enough import find_gaps, side_of, summary, why_not_enough
 from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.app.viewpoints.views import Distances, sample_views, view_from
@@ -22,7 +23,6 @@ from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, UncertaintyGrid, summed
 from cubicfish_cli.core.assess.verdict import COVERAGE, verdict
 from cubicfish_cli.core.codes import Code
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.subset import select

@@ -10,9 +10,9 @@ from saved_maps import every_pixel
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import stitch
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CameraFileError, ViewError
-from cubicfish_cli.core.fit.alignment import aligned_difference
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays

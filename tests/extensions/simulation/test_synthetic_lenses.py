@@ -6,7 +6,7 @@ from lenses import random_rays
 from scipy.optimize import least_squares
 from synthetic_lenses import SYNTHETIC_LENSES, MirrorProfile, RaysAtDistance, synthetic_lens
 
-from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.core.fit.asymmetric import BentFit
 from cubicfish_cli.core.lenses.sphere import cone_rays
 

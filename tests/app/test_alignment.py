@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, radial_camera, random_rays
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.core.fit.alignment import aligned_difference
+from cubicfish_cli.app.comparison import aligned_difference
 
 CAMERA = radial_camera(95.0)
 RAYS = random_rays(94, 1500, seed=3)
