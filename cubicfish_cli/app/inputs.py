@@ -17,8 +17,7 @@ from cubicfish_cli.app.asked import (
 )
 from cubicfish_cli.app.films.recordings import is_recording
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.photos import find_photos, photo_size
-from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.app.photos import VIDEO_SUFFIXES, find_photos, photo_size
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import (
     CorrespondenceError,

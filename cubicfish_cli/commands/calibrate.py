@@ -33,7 +33,6 @@ from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
-    count,
     fitted_rows,
     hold_gate,
     mark_of,
@@ -61,6 +60,7 @@ from cubicfish_cli.app.terminal.terminal import (
     result,
     say,
 )
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
@@ -474,8 +474,8 @@ def _print_figures(calibration: Calibration) -> None:
 
     fit = calibration.fit
     result(
-        f"{counted(calibration.pairs.images)}, {count(fit.corners, 'corner')} used, "
-        f"{count(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped)}\n"
+        f"{counted(calibration.pairs.images)}, {plural(fit.corners, 'corner')} used, "
+        f"{plural(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped)}\n"
     )
     more = [("  radial reference", fit.companion_rms_px, "a Kannala–Brandt lens, same corners")]
     if not fit.held_out_folds:
@@ -506,7 +506,7 @@ def _print_object(calibration: Calibration) -> None:
         + f" (held-out error px: {tried})" * bool(tried)
     )
     if calibration.renamed:
-        photos = count(len(calibration.renamed), "photo")
+        photos = plural(len(calibration.renamed), "photo")
         result(f"corners counted from the other end in {photos}, as the board's shape tells")
     result()
 
@@ -517,7 +517,7 @@ def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
     rows = fitted_rows(fit.per_image, (), camera.image_size, corners_by_board(pairs), {})
     print_photo_table(rows, pairs.boards, fit)
     result(
-        f"\n{count(fit.images, 'photo')}, {count(fit.corners, 'corner')} used, "
+        f"\n{plural(fit.images, 'photo')}, {plural(fit.corners, 'corner')} used, "
         f"{fit.dropped} dropped\n"
     )
     unknown = math.isnan(fit.held_out_rms_px)

@@ -13,7 +13,6 @@ from cubicfish_cli.app.terminal.figures import (
     GOOD,
     PhotoRow,
     corners_by_board,
-    count,
     lost_word,
     mark_of,
     print_photo_table,
@@ -21,6 +20,7 @@ from cubicfish_cli.app.terminal.figures import (
 from cubicfish_cli.app.terminal.options import as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How, say_found
 from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.app.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
@@ -146,7 +146,7 @@ def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
         say(f"{mark_of(finding)}: {finding.line}")
     if not printed:
         corners = detection.corners
-        found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+        found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
         print_photo_table(_rows(detection), corners.boards)
         result(f"\nwrote {given.table}: {found}")
 
@@ -163,7 +163,7 @@ def _rows(detection: Detection) -> list[PhotoRow]:
         if not photo.exact:
             said.append("not sure which corners")
         if not photo.lost and photo.notes:
-            said.append(f"{count(len(photo.notes), 'remark')}")
+            said.append(f"{plural(len(photo.notes), 'remark')}")
         rows.append(
             PhotoRow(
                 name=photo.name,

@@ -20,7 +20,6 @@ from cubicfish_cli.app.asked import (
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
-    count,
     fitted_rows,
     hold_gate,
     print_errors,
@@ -33,6 +32,7 @@ from cubicfish_cli.app.terminal.figures import (
 from cubicfish_cli.app.terminal.options import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How, say_found, say_left_out
 from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.app.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
@@ -164,7 +164,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     evaluation = made.evaluation
     if evaluation.outside:
         say(
-            f"{count(evaluation.outside, 'corner')} not counted: beyond the "
+            f"{plural(evaluation.outside, 'corner')} not counted: beyond the "
             f"{made.camera.max_angle_deg:.0f}° where the camera may be trusted."
         )
     if made.inputs.detection is not None:
@@ -193,8 +193,8 @@ def _print(made: EvaluatedFiles) -> None:
     by_board = corners_by_board(known.pairs)
     rows = fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
     print_photo_table(rows, pairs.boards, known.errors)
-    photos = count(len(known.pairs.images), "photo")
-    result(f"\n{photos}, {count(known.errors.corners, 'corner')}\n")
+    photos = plural(len(known.pairs.images), "photo")
+    result(f"\n{photos}, {plural(known.errors.corners, 'corner')}\n")
     print_errors(known.errors, [])
     sigma = made.uncertainty
     if sigma is not None:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count, print_verdict, px
+from cubicfish_cli.app.terminal.figures import print_verdict, px
 from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result
+from cubicfish_cli.app.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.camera_facts import CameraFacts
@@ -97,7 +98,7 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
         left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""
         rows.append(("error", f"{px(fit.rms_px)} px RMS{left_out}"))
     if facts.pictures is not None and fit.corners:
-        rows.append(("from", f"{facts.pictures}, {count(fit.corners, 'corner')}"))
+        rows.append(("from", f"{facts.pictures}, {plural(fit.corners, 'corner')}"))
     if facts.target is not None:
         rows.append(("target", facts.target))
     if facts.date is not None:

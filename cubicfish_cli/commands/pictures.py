@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import Run, path_or_none
-from cubicfish_cli.app.photos import SUFFIXES, photo_size, shown
-from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, photo_size, shown
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
 from cubicfish_cli.app.undistortion.images import check_suffix
 from cubicfish_cli.app.undistortion.map_formats import part_name, view_files

@@ -14,7 +14,6 @@ from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none
 from cubicfish_cli.app.extensions import extension_commands
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.main import LazyGroup
 from cubicfish_cli.app.terminal.options import (
     as_command,
@@ -25,6 +24,7 @@ from cubicfish_cli.app.terminal.options import (
 )
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.files import refuse_existing, write_files
 
@@ -280,8 +280,8 @@ def _print(checked: TargetCheck) -> None:
         list(map(_row, target.boards)),
     )  # fmt: skip
     result(f"\nlengths in {target.units}; the print includes the outer squares\n")
-    planes = count(facts.planes, "plane")
-    result(f"{'Target':<{_LABEL}}{count(facts.corners, 'corner')} on {planes}")
+    planes = plural(facts.planes, "plane")
+    result(f"{'Target':<{_LABEL}}{plural(facts.corners, 'corner')} on {planes}")
     before = ""
     for label, text in checked.advice:
         result(f"{'' if label == before else label:<{_LABEL}}{text}")

@@ -14,10 +14,10 @@ import click
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, named_photos, paths_of
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say, tell
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.view_options import (
     say_what_is_unseen,
     view_options,
@@ -255,8 +255,7 @@ def _named_sources(
         OutputError: two videos have one name.
 
     """
-    from cubicfish_cli.app.photos import expanded
-    from cubicfish_cli.app.picture_headers import VIDEO_SUFFIXES
+    from cubicfish_cli.app.photos import VIDEO_SUFFIXES, expanded
 
     names = [os.fspath(one) for one in paths_of(photos)]
     paths = [path for name in names for path in expanded(name)]
@@ -347,7 +346,7 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
         if number == 1:
             raise failures[0][1]
         raise PhotoError(
-            f"{len(failures):,} of {count(number, made.kind)} could not be undistorted: see "
+            f"{len(failures):,} of {plural(number, made.kind)} could not be undistorted: see "
             f"{'the JSON' if how.as_json else 'above'}"
         )
 
@@ -370,7 +369,7 @@ def named_sources(sources: StrPath | Sequence[StrPath]) -> StrPath | list[StrPat
 def _print(made: UndistortedFiles) -> None:
     """Print what was written, and what it shows."""
     if made.skipped:
-        say(f"skipped {count(len(made.skipped), made.kind)} whose result exists")
+        say(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
     if made.view is not None:
         result(f"wrote {_wrote(made, made.view)}")
         say_what_is_unseen(made.seen)
@@ -383,7 +382,7 @@ def _print(made: UndistortedFiles) -> None:
 
 def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
     """The picture or how many there are, where they are, and what they show."""
-    what = count(len(made.files), "video" if made.kind == "video" else "picture")
+    what = plural(len(made.files), "video" if made.kind == "video" else "picture")
     alone = len(made.files) == len(made.written) + len(made.failures) == 1
     there = made.files[0] if alone else f"{what} to {made.files[0].parent}"
     return f"{there}: {view.describe()}"

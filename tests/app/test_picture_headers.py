@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cubicfish_cli.app import photos
-from cubicfish_cli.app.picture_headers import (
+from cubicfish_cli.app.photos import (
     as_stored,
     is_picture,
     is_whole,

@@ -12,7 +12,7 @@ import yaml
 from running import SAMPLE, Run
 from synthetic import box_of_four
 
-from cubicfish_cli.app.terminal import streams, terminal
+from cubicfish_cli.app.terminal import terminal
 from cubicfish_cli.core.target import Target
 from tests.commands.test_main import heavy_modules_after
 
@@ -85,8 +85,7 @@ def test_words_fill_the_lines_of_a_terminal_and_are_broken_once(
 ) -> None:
     plain = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nTarget")[2]
     assert max(map(len, plain.splitlines())) > 150  # elsewhere a line stays a line
-    for module in (streams, terminal):
-        monkeypatch.setattr(module, "columns_of", lambda stream: columns)
+    monkeypatch.setattr(terminal, "columns_of", lambda stream: columns)
     text = run("target", "check", SAMPLE / "target.yaml").stdout.partition("\nTarget")[2]
     assert text.split() == plain.split()
     lines = text.splitlines()[1:]

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from running import SAMPLE, Run
 from terminals import Screen, on_terminal, unstyled, visible, widest
 
-from cubicfish_cli.app.terminal import streams
 from cubicfish_cli.app.terminal.figures import PhotoRow, fitted_rows, print_photo_table
-from cubicfish_cli.app.terminal.streams import safe, wrapped
 from cubicfish_cli.app.terminal.terminal import (
     print_json,
     print_table,
     result,
+    safe,
+    wrapped,
 )
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
 
@@ -288,7 +288,7 @@ def test_json_is_json_in_any_encoding(capsysbinary: pytest.CaptureFixture[bytes]
 
     for encoding in ("utf-8", "ascii", "latin-1"):
         raw = io.BytesIO()
-        stream = io.TextIOWrapper(raw, encoding=encoding, errors=streams.ERRORS)
+        stream = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace")
         monkeypatch.setattr(sys, "stdout", stream)
         print_json({"file": "é二\udcff²"})
         stream.flush()

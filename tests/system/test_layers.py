@@ -22,7 +22,7 @@ NOT_YET: dict[str, set[str]] = {
 # Parts that do not even load numpy, so that `--help` answers at once.
 LIGHT = {
     "__init__", "core/errors", "core/wording", "core/files", "core/reading", "core/plain_yaml",
-    "core/frame_names", "app/picture_headers", "app/extensions",
+    "core/frame_names", "app/extensions",
 }  # fmt: skip
 
 ROOT = Path(__file__).parents[2]

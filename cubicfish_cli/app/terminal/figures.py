@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.app.terminal.options import verbosity
-from cubicfish_cli.app.terminal.streams import columns_of
-from cubicfish_cli.app.terminal.terminal import print_table, result, tell
+from cubicfish_cli.app.terminal.terminal import columns_of, print_table, result, tell
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
@@ -36,11 +35,6 @@ EXIT_GATE = 3
 def px(value: float | None) -> str:
     """Pixels to three decimals; a dash for what is not known."""
     return "-" if value is None or math.isnan(value) else f"{value:.3f}"
-
-
-def count(number: int, what: str) -> str:
-    """``1 photo``, ``2 photos``."""
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def print_figure(name: str, value: str, unit: str = "px", meaning: str = "") -> None:

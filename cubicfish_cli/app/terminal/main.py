@@ -22,8 +22,7 @@ from cubicfish_cli import __version__
 from cubicfish_cli.app.extensions import extension_commands, load_place
 from cubicfish_cli.app.terminal.options import DEBUG_KEY, common_options, examples
 from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, asked
-from cubicfish_cli.app.terminal.streams import safe
-from cubicfish_cli.app.terminal.terminal import Failure, say_interrupted, tell
+from cubicfish_cli.app.terminal.terminal import Failure, safe, say_interrupted, tell
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.wording import did_you_mean
 

@@ -19,10 +19,17 @@ from typing import TYPE_CHECKING, Any, Self
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import command_line, option, record, verbosity
-from cubicfish_cli.app.terminal.streams import ERRORS, as_shown, can_redraw, safe
-from cubicfish_cli.app.terminal.terminal import detail, print_json, say
+from cubicfish_cli.app.terminal.terminal import (
+    ERRORS,
+    as_shown,
+    can_redraw,
+    detail,
+    print_json,
+    safe,
+    say,
+)
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -158,8 +165,8 @@ class _Cluster:
 
             self._listener.end()
             self._there = there = self._stack.enter_context(connect(self._address))
-            threads = count(there.threads, "thread")
-            say(f"Using {count(there.workers, 'worker')} with {threads} at {self._address}.")
+            threads = plural(there.threads, "thread")
+            say(f"Using {plural(there.workers, 'worker')} with {threads} at {self._address}.")
         return self._there.each(work, items)
 
 

@@ -59,7 +59,7 @@ def settle() -> None:
     # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
     # loaded: the one of cubicfish_cli.app.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
-    from cubicfish_cli.app.terminal.streams import settle_streams
+    from cubicfish_cli.app.terminal.terminal import settle_streams
 
     settle_streams()
 

@@ -20,8 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.photos import Picture, quiet_stderr, shown
-from cubicfish_cli.app.picture_headers import jpeg_segments
+from cubicfish_cli.app.photos import Picture, jpeg_segments, quiet_stderr, shown
 from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.core.files import refuse_existing, write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera

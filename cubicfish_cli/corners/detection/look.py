@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app import photos, picture_headers
+from cubicfish_cli.app import photos
 from cubicfish_cli.app.executors.pool import Work, settled
 from cubicfish_cli.app.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.core.codes import Code, Severity
@@ -101,7 +101,7 @@ class GridCache:
 def _searcher() -> str:
     """The package's version and a hash of the source that reads pictures and finds grids."""
     digest = hashlib.sha256(__version__.encode())
-    reading = [Path(str(module.__file__)) for module in (photos, mosaic, picture_headers)]
+    reading = [Path(str(module.__file__)) for module in (photos, mosaic)]
     for path in [*reading, *sorted(Path(str(detection.__file__)).parent.glob("*.py"))]:
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import FloatRange, IntRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
@@ -180,7 +180,7 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
 def _print(advice: Advice) -> None:
     from cubicfish_cli.core.assess.camera_facts import COVERED
 
-    result(f"{count(advice.photos, 'photo')}, {count(len(advice.pixel), 'corner')}")
+    result(f"{plural(advice.photos, 'photo')}, {plural(len(advice.pixel), 'corner')}")
     if advice.now is not None:
         goal = "" if advice.enough else f" (goal: {advice.goal_px:g} px)"
         result(f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning}{goal}")
@@ -206,7 +206,7 @@ def _how_many(advice: Advice) -> str:
     from cubicfish_cli.extensions.advice.proposals import MOST_PHOTOS
 
     if advice.photos_needed is not None:
-        more = count(advice.photos_needed, "more photo")
+        more = plural(advice.photos_needed, "more photo")
         return f"About {more} such as proposed here should do.\n"
     if advice.proposals:
         return (
@@ -223,7 +223,7 @@ def _print_gaps(advice: Advice) -> None:
         for part in parts[:_MOST_PARTS]:
             result(f"  {part.words}")
         if len(parts) > _MOST_PARTS:
-            result(f"  and {count(len(parts) - _MOST_PARTS, 'smaller part')}")
+            result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()
 
 

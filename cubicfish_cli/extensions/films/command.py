@@ -12,10 +12,10 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, result
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import PhotoError
 
 if TYPE_CHECKING:
@@ -212,8 +212,8 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
 def _print(chosen: ChosenFrames, given: FramesOptions) -> None:
     target = given.target
     result(
-        f"{count(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked for "
-        f"in {chosen.looked_at}"
+        f"{plural(len(chosen.photos), 'frame')} of {chosen.frames:,} chosen; boards were looked "
+        f"for in {chosen.looked_at}"
     )
     result(chosen.ended)
     result(f"wrote {given.folder}: frames, {chosen.table.name} and {chosen.sheet.name}")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of, target_in
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.wording import listed
 
 if TYPE_CHECKING:
@@ -132,9 +132,9 @@ def command(made: ImportedCornerFiles, given: CornersOptions, how: How) -> None:
     if how.print(made):
         return
     corners = made.corners
-    found = f"{count(len(corners.pixel), 'corner')} in {count(len(corners.images), 'photo')}"
+    found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
     result(f"wrote {made.file}: {found}")
     if made.left_out:
-        say(f"{count(made.left_out, 'corner')} left out, as the files say they were not found.")
+        say(f"{plural(made.left_out, 'corner')} left out, as the files say they were not found.")
     if made.empty:
-        say(f"{count(len(made.empty), 'photo')} without corners: {listed(made.empty, 'photos')}")
+        say(f"{plural(len(made.empty), 'photo')} without corners: {listed(made.empty, 'photos')}")

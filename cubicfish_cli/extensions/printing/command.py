@@ -16,10 +16,10 @@ from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result, say
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
@@ -243,7 +243,7 @@ def _print_written(made: PrintedFiles) -> None:
     print_table(("board", "type", "corners", "square mm", "print mm"), rows)
     result("\n" + "\n".join(f"wrote {path}" for path in outputs.values()))
     say(
-        f"\n{count(len(pages), 'page')} on {made.paper.name}: print at 100 %, without 'fit to "
+        f"\n{plural(len(pages), 'page')} on {made.paper.name}: print at 100 %, without 'fit to "
         "page', and check the printed rulers with a real one."
     )
     if "target" in outputs:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count, hold_gate
+from cubicfish_cli.app.terminal.figures import hold_gate
 from cubicfish_cli.app.terminal.options import record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_json, say
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.evaluate import say_unplaced
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.extensions.rigs.options import as_rig_command
@@ -98,7 +99,7 @@ def command(evaluation: RigEvaluation, given: RigEvaluateOptions, how: How) -> N
     """
     for one in evaluation.cameras:
         if one.outside_field:
-            corners = count(one.outside_field, "corner")
+            corners = plural(one.outside_field, "corner")
             say(f"camera {one.name}: {corners} not counted: beyond its field.")
         say_unplaced(one.unplaced, f"camera {one.name}: ")
     if how.as_json:

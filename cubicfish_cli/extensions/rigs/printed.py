@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.terminal.figures import count, print_errors, print_verdict, px
+from cubicfish_cli.app.terminal.figures import print_errors, print_verdict, px
 from cubicfish_cli.app.terminal.terminal import print_table, result
+from cubicfish_cli.app.words.phrases import plural
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.evaluate import RigEvaluation
@@ -18,8 +19,8 @@ def print_rig(rig: Rig) -> None:
     """Print where the cameras stand, how well it fits, and what the rig is worth."""
     fit, out = rig.fit, rig.fit.held_out_rms_px
     result(
-        f"{count(len(rig.cameras), 'camera')}, {count(fit.shots, 'shot')}, "
-        f"{count(fit.corners, 'corner')} used\n"
+        f"{plural(len(rig.cameras), 'camera')}, {plural(fit.shots, 'shot')}, "
+        f"{plural(fit.corners, 'corner')} used\n"
     )
     meaning = "" if math.isnan(out) else "shots judged by rigs that never saw them"
     print_errors(fit, [("held-out RMS", out, meaning)])
@@ -57,7 +58,7 @@ def print_pairs(pairs: Sequence[CameraPair]) -> None:
 
 def print_evaluation(evaluation: RigEvaluation) -> None:
     """Print how well a rig explains other shots."""
-    shots, corners = count(len(evaluation.per_shot), "shot"), count(evaluation.corners, "corner")
+    shots, corners = plural(len(evaluation.per_shot), "shot"), plural(evaluation.corners, "corner")
     result(f"{shots}, {corners}\n")
     meaning = "the same corners with each photo's own pose: what is more is the rig's"
     print_errors(evaluation, [("each alone", evaluation.alone_rms_px, meaning)])

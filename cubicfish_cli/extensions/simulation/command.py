@@ -12,7 +12,6 @@ import click
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.figures import count
 from cubicfish_cli.app.terminal.options import (
     FloatRange,
     IntRange,
@@ -23,6 +22,7 @@ from cubicfish_cli.app.terminal.options import (
 )
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, print_wrote, result
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.simulation.options import FORMATS, LOOKS, LookOptions
@@ -262,7 +262,7 @@ def command(made: SimulatedFiles, given: SimulateOptions, how: How) -> None:
     """
     if how.print(made):
         return
-    photos, corners = count(len(made.photos), "photo"), count(made.corners, "corner")
+    photos, corners = plural(len(made.photos), "photo"), plural(made.corners, "corner")
     result(f"wrote {photos} with {corners} to {given.folder}")
     print_wrote(made.truth.values())
     print_next(f"cubicfish calibrate {given.folder} --target {given.target}")
