@@ -6,7 +6,6 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
@@ -337,12 +336,12 @@ def _contents(
     ``map`` is None where it would take gigabytes.
     """
     from cubicfish_cli.core.fit.calibration import Calibration
-    from cubicfish_cli.core.io.observations_csv import save_corners
+    from cubicfish_cli.core.io.observations_csv import corners_text
     from cubicfish_cli.core.target import target_text
 
     contents: dict[str, Content | None] = {"drawn": drawn, "camera": fitted.text()}
     if corners is not None:
-        contents["corners"] = partial(save_corners, corners=corners, overwrite=False)
+        contents["corners"] = corners_text(corners)
     if isinstance(fitted, Calibration):
         contents["map"] = _map(fitted.camera)
         if fitted.refined != "off" and fitted.target is not None:
@@ -353,11 +352,11 @@ def _contents(
 def _map(camera: CubicCamera) -> Content | None:
     from cubicfish_cli.app.photos import MAX_PIXELS
     from cubicfish_cli.core.views.choose import build_view
-    from cubicfish_cli.core.views.maps import build_map, save_map
+    from cubicfish_cli.core.views.maps import build_map, write_npz
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None
-    return lambda path: save_map(path, build_map(camera, build_view(camera)), overwrite=False)
+    return lambda path: write_npz(path, build_map(camera, build_view(camera)))
 
 
 def _output(

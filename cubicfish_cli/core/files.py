@@ -344,13 +344,18 @@ def write_files(
         with whole_files(
             list(files), overwrite=overwrite, obsolete=obsolete, folder=folder
         ) as temporaries:
-            for temporary, content in zip(temporaries, files.values(), strict=True):
-                if isinstance(content, str):
-                    temporary.write_text(content, encoding="utf-8", newline="\n")
-                elif isinstance(content, bytes):
-                    temporary.write_bytes(content)
-                else:
-                    content(temporary)
+            for temporary, (path, content) in zip(temporaries, files.items(), strict=True):
+                try:
+                    if isinstance(content, str):
+                        temporary.write_text(content, encoding="utf-8", newline="\n")
+                    elif isinstance(content, bytes):
+                        temporary.write_bytes(content)
+                    else:
+                        content(temporary)
+                except CubicfishError:  # some are OSErrors too
+                    raise
+                except OSError as error:
+                    raise _unwritable(path, error) from error
     return list(files)
 
 

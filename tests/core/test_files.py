@@ -387,3 +387,13 @@ def test_what_a_killed_process_left_goes_with_the_next_and_nothing_else(tmp_path
         assert set(names(tmp_path)) == {*others, living, "b.txt"}
         alive.communicate("")
     assert (tmp_path / "lives.txt").read_text() == "half"
+
+
+def test_the_file_that_a_disk_has_no_room_for_is_named(tmp_path: Path) -> None:
+    def fill(path: Path) -> None:
+        raise OSError(28, "No space left on device")  # a write has no name to give
+
+    given = {tmp_path / "a.txt": "a", tmp_path / "b.npz": fill, tmp_path / "c.txt": "c"}
+    with pytest.raises(OutputError, match=r"b\.npz cannot be written \(No space left on device\)"):
+        write_files(given, overwrite=False)
+    assert names(tmp_path) == []

@@ -7,6 +7,7 @@ and nothing is lost by it, ten-bit video stays so, and half as many samples are 
 
 from __future__ import annotations
 
+import errno
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 DEFAULT_CRF = 18
 # What a kind of file takes, where it is not H.264.
 _CODECS = {".webm": "libvpx-vp9"}
+# What is wrong with the disk and not with the video.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # Frames between one thread and the next: enough to even out their pace.
 _QUEUE = 4
@@ -279,6 +282,8 @@ class _Writer:
             raise
         except (self._av.FFmpegError, ValueError) as problem:
             path, what = self._destination, getattr(problem, "strerror", None) or problem
+            if getattr(problem, "errno", None) in _NO_ROOM:
+                raise OSError(problem.errno, what) from problem  # type: ignore[union-attr]
             raise OutputError(
                 f"{shown(path)}: a {path.suffix} file cannot be written with codec {self.codec} "
                 f"and this audio ({what}): name a .mkv, which takes all"

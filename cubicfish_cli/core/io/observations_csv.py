@@ -99,14 +99,20 @@ def load_corners(
 
 
 def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = False) -> None:
-    """Write ``corners.csv``, pixels (N, 2) a corner per line; numbers read back exactly.
-
-    Where all names are certain, as nearly always, it is a file of version 1, which every reader
-    understands; else of version 2, with the column ``certain``.
+    """Write ``corners.csv``, as :func:`corners_text` has it.
 
     Raises:
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
+    """
+    write_text(Path(path), corners_text(corners), overwrite=overwrite)
+
+
+def corners_text(corners: Observations) -> str:
+    """The text of corners.csv, pixels (N, 2) a corner per line; numbers read back exactly.
+
+    Where all names are certain, as nearly always, it is a file of version 1, which every reader
+    understands; else of version 2, with the column ``certain``.
     """
     columns = [
         _names(corners.images, corners.image),
@@ -125,8 +131,7 @@ def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = F
         columns.append(corners.weight.tolist())
     width, height = corners.image_size
     first = f"# cubicfish corners {version}, image_size {width}x{height}\n"
-    text = csv_text(chain([header], zip(*columns, strict=True)))
-    write_text(Path(path), first + text, overwrite=overwrite)
+    return first + csv_text(chain([header], zip(*columns, strict=True)))
 
 
 def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = None) -> Observations:

@@ -216,6 +216,21 @@ def test_what_a_file_cannot_hold_is_said_and_leaves_nothing(tmp_path, name, says
     assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
 
 
+def test_a_disk_without_room_is_not_blamed_on_the_codec(tmp_path):
+    resource = pytest.importorskip("resource")
+    write_video(tmp_path / "in.mp4")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, before[1]))
+    try:
+        with pytest.raises(OutputError) as refused:
+            run(tmp_path / "in.mp4", tmp_path / "out.mp4")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    said = str(refused.value)
+    assert said.startswith(f"{tmp_path / 'out.mp4'} cannot be written (File too large)")
+    assert "codec" not in said
+
+
 def test_odd_sides_are_refused_with_even_ones(tmp_path):
     source = tmp_path / "in.mp4"
     write_video(source)
