@@ -89,7 +89,8 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
 
 def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
     """(what, in words) of all that is known."""
-    fit, rows = facts.fit, [("size", "{} x {} px".format(*facts.image_size)), *facts.lens]
+    fit, origin = facts.fit, facts.origin
+    rows = [("size", "{} x {} px".format(*facts.camera.image_size)), *facts.lens]
     if facts.max_angle_deg is not None:
         reach = f"; corners reach {fit.covered_deg:.1f}°" if fit.covered_deg > 0 else ""
         rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))
@@ -99,11 +100,11 @@ def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
         rows.append(("error", f"{px(fit.rms_px)} px RMS{left_out}"))
     if facts.pictures is not None and fit.corners:
         rows.append(("from", f"{facts.pictures}, {plural(fit.corners, 'corner')}"))
-    if facts.target is not None:
-        rows.append(("target", facts.target))
-    if facts.date is not None:
-        by = f", by cubicfish {facts.version}" if facts.version else ""
-        rows.append(("date", facts.date + by))
-    if facts.command is not None:
-        rows.append(("command", facts.command))
+    if origin.target is not None:
+        rows.append(("target", origin.target.file))
+    if origin.date is not None:
+        by = f", by cubicfish {origin.version}" if origin.version else ""
+        rows.append(("date", origin.date + by))
+    if origin.command is not None:
+        rows.append(("command", origin.command))
     return rows

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.fit_record import FitRecord, origin_of
+from cubicfish_cli.core.assess.fit_record import FitRecord, Origin
 from cubicfish_cli.core.assess.records import plain_record
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.frame_names import counted
@@ -51,48 +51,57 @@ class FieldSeen:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFacts:
     """A camera in figures; what is not known, or not of this kind of camera, is None.
 
     Attributes:
-        title: what its owner calls it; empty without a name.
-        image_size: (width, height), pixels.
-        focal_px: (x, y) pixels per radian on the axis.
-        principal_point: (x, y) pixel of the axis.
-        field: the field that a photo shows.
-        max_angle_deg: as far from the axis the camera may be trusted.
+        camera: the camera.
         fit: how well it fits.
-        verdict: what the fit is worth; None for a camera of which no fit is on record.
-        date: when it was made, ISO 8601.
-        version: of the program that made it.
-        command: that made it.
-        target: the calibration target's file.
+        origin: where it comes from.
 
     """
 
-    title: str
-    image_size: tuple[int, int]
-    focal_px: tuple[float, float] | None
-    principal_point: tuple[float, float] | None
-    field: FieldSeen | None
-    max_angle_deg: float | None
+    camera: CubicCamera | PointCamera
     fit: FitRecord
-    verdict: Verdict | None
-    date: str | None
-    version: str | None
-    command: str | None
-    target: str | None
+    origin: Origin
 
     @property
-    def focal_sigma_px(self) -> tuple[float, ...] | None:
-        """One standard deviation of ``focal_px``, from the corners' noise."""
-        return _two(self.fit.uncertainty.focal_px)
+    def title(self) -> str:
+        """What its owner calls it; empty without a name."""
+        return self.origin.title or ""
 
     @property
-    def principal_point_sigma_px(self) -> tuple[float, ...] | None:
-        """One standard deviation of ``principal_point``, likewise."""
-        return _two(self.fit.uncertainty.principal_point_px)
+    def max_angle_deg(self) -> float | None:
+        """As far from the axis the camera may be trusted."""
+        return self.camera.max_angle_deg if isinstance(self.camera, CubicCamera) else None
+
+    @cached_property
+    def field(self) -> FieldSeen | None:
+        """The field that a photo shows."""
+        return field_seen(self.camera) if isinstance(self.camera, CubicCamera) else None
+
+    @cached_property
+    def axis(self) -> tuple[list[float], list[float]] | None:
+        """Focal lengths, pixels per radian on the axis, and the pixel of the axis, x and y each."""
+        if not isinstance(self.camera, CubicCamera):
+            return None
+        pixel, slope = self.camera.project_jacobian(np.array([0.0, 0.0, 1.0]))
+        return [float(slope[0, 0]), float(slope[1, 1])], pixel.tolist()
+
+    @property
+    def _axis_sigma(self) -> list[tuple[float, ...] | None]:
+        """One standard deviation of both, from the corners' noise."""
+        sigma = self.fit.uncertainty
+        both = sigma.focal_px, sigma.principal_point_px
+        return [own if len(own) == 2 and all(map(math.isfinite, own)) else None for own in both]
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """What the fit is worth; None for a camera of which no fit is on record."""
+        if not math.isfinite(self.fit.rms_px):
+            return None
+        return verdict(self.fit, self.camera.image_size, self.camera.outline())
 
     @property
     def pictures(self) -> str | None:
@@ -106,14 +115,12 @@ class CameraFacts:
     def lens(self) -> list[tuple[str, str]]:
         """What the lens is, as far as it is known: a name and figures in words each."""
         rows = []
-        for name, value, sigma, unit in (
-            ("focal length", self.focal_px, self.focal_sigma_px, "px per radian"),
-            ("principal point", self.principal_point, self.principal_point_sigma_px, "px"),
+        units = (("focal length", "px per radian"), ("principal point", "px"))
+        for (name, unit), value, sigma in zip(
+            units, self.axis or (), self._axis_sigma, strict=False
         ):
-            if value is not None:
-                spread = ["", ""] if sigma is None else [f" ± {one:.2f}" for one in sigma]
-                words = f"x {value[0]:.2f}{spread[0]}, y {value[1]:.2f}{spread[1]} {unit}"
-                rows.append((name, words))
+            x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
+            rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
         if self.field is not None:
             rows.append(("field of view", self.field.words))
         if self.fit.pupil is not None:
@@ -145,7 +152,7 @@ class CameraFacts:
     @property
     def figures(self) -> str:
         """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
-        parts = ["{}x{} px".format(*self.image_size)]
+        parts = ["{}x{} px".format(*self.camera.image_size)]
         if self.field is not None:
             parts.append(
                 f"sees {self.field.horizontal:.0f}° x {self.field.vertical:.0f}° "
@@ -153,10 +160,10 @@ class CameraFacts:
             )
             if self.max_angle_deg is not None and self.field.beyond(self.max_angle_deg):
                 parts.append(f"calibrated to {self.max_angle_deg:.0f}° from the axis")
-        if self.focal_px is not None and self.principal_point is not None:
+        if self.axis is not None:
+            focal, (x, y) = self.axis
             parts.append(
-                f"focal length {sum(self.focal_px) / 2:.1f} px, principal point "
-                "({:.1f}, {:.1f})".format(*self.principal_point)
+                f"focal length {sum(focal) / 2:.1f} px, principal point ({x:.1f}, {y:.1f})"
             )
         if math.isfinite(self.fit.held_out_rms_px):
             parts.append(f"held-out error {self.fit.held_out_rms_px:.3f} px")
@@ -168,14 +175,16 @@ class CameraFacts:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        fit, seen = self.fit, self.field
+        fit, seen, origin = self.fit, self.field, self.origin
+        focal, centre = self.axis or (None, None)
+        focal_sigma, centre_sigma = map(plain_record, self._axis_sigma)
         return {
             "title": self.title or None,
-            "image_size": list(self.image_size),
-            "focal_px": self.focal_px and list(self.focal_px),
-            "principal_point": self.principal_point and list(self.principal_point),
-            "focal_sigma_px": plain_record(self.focal_sigma_px),
-            "principal_point_sigma_px": plain_record(self.principal_point_sigma_px),
+            "image_size": list(self.camera.image_size),
+            "focal_px": focal,
+            "principal_point": centre,
+            "focal_sigma_px": focal_sigma,
+            "principal_point_sigma_px": centre_sigma,
             "max_angle_deg": self.max_angle_deg,
             "covered_deg": plain_record(fit.covered_deg),
             "pupil": plain_record(fit.pupil),
@@ -183,52 +192,16 @@ class CameraFacts:
             "held_out_rms_px": plain_record(fit.held_out_rms_px),
             "images": fit.images or None,
             "corners": fit.corners or None,
-            "date": self.date,
-            "version": self.version,
-            "command": self.command,
-            "target": self.target,
+            "date": origin.date,
+            "version": origin.version,
+            "command": origin.command,
+            "target": origin.target and origin.target.file,
             "summary": self.line,
             "horizontal_deg": seen and seen.horizontal,
             "vertical_deg": seen and seen.vertical,
             "diagonal_deg": seen and seen.diagonal,
             "verdict": self.verdict and self.verdict.as_record(),
         }
-
-
-def camera_facts(
-    camera: CubicCamera | PointCamera, fit: FitRecord, made_by: Mapping[str, Any]
-) -> CameraFacts:
-    """What a camera is.
-
-    Args:
-        camera: the camera.
-        fit: how well it fits.
-        made_by: how it was made, plain data; what is missing there, or no text, is not known.
-
-    """
-    focal = axis = seen = None
-    if isinstance(camera, CubicCamera):
-        pixel, slope = camera.project_jacobian(np.array([0.0, 0.0, 1.0]))
-        focal = (float(slope[0, 0]), float(slope[1, 1]))
-        axis = (float(pixel[0]), float(pixel[1]))
-        seen = field_seen(camera)
-    origin = origin_of(made_by)
-    return CameraFacts(
-        title=origin.title or "",
-        image_size=camera.image_size,
-        focal_px=focal,
-        principal_point=axis,
-        field=seen,
-        max_angle_deg=camera.max_angle_deg if isinstance(camera, CubicCamera) else None,
-        fit=fit,
-        verdict=verdict(fit, camera.image_size, camera.outline())
-        if math.isfinite(fit.rms_px)
-        else None,
-        date=origin.date,
-        version=origin.version,
-        command=origin.command,
-        target=None if origin.target is None else origin.target.file,
-    )
 
 
 def field_seen(camera: CubicCamera) -> FieldSeen:
@@ -252,7 +225,3 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
             reach(left, top) + reach(right, bottom), reach(left, bottom) + reach(right, top)
         ),
     )
-
-
-def _two(values: tuple[float, ...]) -> tuple[float, ...] | None:
-    return values if len(values) == 2 and all(map(math.isfinite, values)) else None

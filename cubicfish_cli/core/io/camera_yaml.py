@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli import __version__
-from cubicfish_cli.core.assess.camera_facts import CameraFacts, camera_facts
-from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record
+from cubicfish_cli.core.assess.camera_facts import CameraFacts
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record, origin_of
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.core.files import write_text
@@ -86,7 +86,7 @@ class CameraRecord:
     @cached_property
     def facts(self) -> CameraFacts:
         """The camera in the figures that people ask for first."""
-        return camera_facts(self.camera, self.fit, self.made_by)
+        return CameraFacts(camera=self.camera, fit=self.fit, origin=origin_of(self.made_by))
 
     def text(self, made_by: Mapping[str, Any] | None = None) -> str:
         """The text of its camera.yaml.
@@ -100,7 +100,7 @@ class CameraRecord:
 
         """
         origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
-        facts = camera_facts(self.camera, self.fit, origin) if made_by else self.facts
+        facts = replace(self.facts, origin=origin_of(origin)) if made_by else self.facts
         return camera_text(self.camera, fit=self.fit, made_by=origin, comment=facts.line)
 
     def save(
