@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.asked import Run, path_or_none
 from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, photo_size, shown
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
-from cubicfish_cli.app.undistortion.images import check_suffix
-from cubicfish_cli.app.undistortion.map_formats import part_name, view_files
+from cubicfish_cli.app.undistortion.images import check_suffix, part_name
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
@@ -206,6 +205,8 @@ def write_pictures(
                 "these photos have a mask and a virtual camera each, since their sizes or planes "
                 "differ: do them one at a time"
             )
+        from cubicfish_cli.app.undistortion.map_formats import view_files
+
         maps = views.maps(*next(iter(sizes.items())))
         mask, virtual_camera = path_or_none(asked.mask), path_or_none(asked.virtual_camera)
         files = view_files(maps, mask=mask, beside=virtual_camera)

@@ -166,11 +166,13 @@ def write_many(
 
     """
     work = partial(_problem_of, write)
-    if executor is None:
+    if executor is not None:
+        answers = _by_executor(partial(work, overwrite=True), jobs, executor, overwrite=overwrite)
+    elif workers == 1 or len(jobs) == 1:
+        answers = ((number, work(job, overwrite=overwrite)) for number, job in enumerate(jobs))
+    else:
         slots = BoundedSemaphore(workers)
         answers = _by_threads(partial(work, overwrite=overwrite, slots=slots), jobs, workers)
-    else:
-        answers = _by_executor(partial(work, overwrite=True), jobs, executor, overwrite=overwrite)
     problems: dict[int, CubicfishError | None] = {}
     progress(0, len(jobs))
     with closing(answers):
@@ -240,9 +242,6 @@ def _by_threads(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
     """Do the work here; OpenCV's own threads gain only where nothing else works beside it."""
-    if workers == 1 or len(jobs) == 1:
-        yield from enumerate(map(work, jobs))
-        return
     with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
         try:
             numbers = {threads.submit(work, job): number for number, job in enumerate(jobs)}

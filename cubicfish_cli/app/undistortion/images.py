@@ -184,6 +184,11 @@ def naming(source: Path) -> Iterator[None]:
         raise type(problem)(str(problem), about=shown(source), apart=True) from problem
 
 
+def part_name(path: Path, part: str) -> Path:
+    """``flat.png`` and ``front`` -> ``flat_front.png``; as it is for a view of one part."""
+    return path.with_name(f"{path.stem}_{part}{path.suffix}") if part else path
+
+
 def check_outputs(paths: Sequence[Path], *, overwrite: bool) -> None:
     """Raise :class:`OutputError` when pictures cannot be written under these names."""
     for path in paths:

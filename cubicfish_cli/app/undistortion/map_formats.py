@@ -18,13 +18,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.undistortion.images import encode_picture
+from cubicfish_cli.app.undistortion.images import encode_picture, part_name
 from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, write_npz
-from cubicfish_cli.core.views.plane import PlaneView
-from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, View
+from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, PlaneView, View
 
 Floats = npt.NDArray[np.float32]
 Shorts = npt.NDArray[np.uint16]
@@ -170,11 +169,6 @@ _PAIRS: Mapping[str, Callable[[UndistortMap], tuple[Shorts, Shorts]]] = {
 
 
 FORMAT_VERSION = 1
-
-
-def part_name(path: Path, part: str) -> Path:
-    """``flat.png`` and ``front`` -> ``flat_front.png``; as it is for a view of one part."""
-    return path.with_name(f"{path.stem}_{part}{path.suffix}") if part else path
 
 
 def view_files(

@@ -17,8 +17,7 @@ import numpy.typing as npt
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import EXPONENTS, lift, lift_rotation
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.plane import PlaneView
-from cubicfish_cli.core.views.view import CentralView, View
+from cubicfish_cli.core.views.view import CentralView, PlaneView, View
 
 _MONOMIALS = [(i, j, k, column) for column, (i, j, k) in enumerate(EXPONENTS.tolist())]
 _SLACK = 1e-9

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +25,7 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.views.cubic_grid import grid_of
-from cubicfish_cli.core.views.plane import PlaneView, seen_near
-from cubicfish_cli.core.views.view import MAX_SIDE, PointProjector, View
+from cubicfish_cli.core.views.view import MAX_SIDE, PlaneView, PointProjector, View
 from cubicfish_cli.core.wording import Brief
 
 FORMAT = "cubicfish undistort_map 1"
@@ -95,14 +94,19 @@ def build_map(camera: PointProjector, view: View, rows: range | None = None) -> 
     rows = range(view.size[1]) if rows is None else rows
     map_x, map_y = np.empty((2, len(rows), width), np.float32)
     valid = np.empty((len(rows), width), bool)
-    put = _filler(camera, view)
+    grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
+    project = seen_near(camera) if isinstance(view, PlaneView) else camera.project
     step = rows_per_block(view)
 
     def fill(top: int) -> None:
         block = slice(top, min(rows.stop, top + step))
         own = slice(block.start - rows.start, block.stop - rows.start)
         x, y = map_x[own], map_y[own]
-        put(block, x, y)
+        if grid is not None:
+            grid.fill(block, x, y)
+        else:
+            pixel = np.stack(np.meshgrid(np.arange(width), np.r_[block]), axis=-1)
+            x[...], y[...] = np.moveaxis(project(view.rays(pixel)), -1, 0)
         # Comparisons with NaN are false. Beyond the outer pixels' centres cv2.remap would
         # blend with the black around the photo.
         if (
@@ -122,15 +126,16 @@ def build_map(camera: PointProjector, view: View, rows: range | None = None) -> 
         map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
     )
     if isinstance(camera, WholePhoto):
-        return _trusted_apart(made, build_map(camera.camera, view, rows))
+        own = build_map(camera.camera, view, rows)
+        np.copyto(map_x, own.map_x, where=own.valid)
+        np.copyto(map_y, own.map_y, where=own.valid)
+        return replace(made, valid=own.valid)
     return made
 
 
-def _trusted_apart(whole: UndistortMap, own: UndistortMap) -> UndistortMap:
-    """A map of all that photos show, whose valid pixels are those of another one alone."""
-    for values, trusted in ((whole.map_x, own.map_x), (whole.map_y, own.map_y)):
-        np.copyto(values, trusted, where=own.valid)
-    return replace(whole, valid=own.valid)
+def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
+    """What takes points to pixels where how near they are counts."""
+    return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
 
 
 def rows_per_block(view: View) -> int:
@@ -177,25 +182,6 @@ class WholePhoto:
             beyond[angle_from_axis(rays) > np.deg2rad(self.max_angle_deg)] = np.nan
         own = self.camera.project(rays)
         return np.where(np.isfinite(own), own, beyond)
-
-
-def _filler(
-    camera: PointProjector, view: View
-) -> Callable[[slice, npt.NDArray[np.float32], npt.NDArray[np.float32]], None]:
-    """What puts the photo's pixels for rows of the view into two of (h, W), NaN for none."""
-    grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
-    if grid is not None:
-        return grid.fill
-
-    project = seen_near(camera) if isinstance(view, PlaneView) else camera.project
-
-    def plain(rows: slice, map_x: npt.NDArray[np.float32], map_y: npt.NDArray[np.float32]) -> None:
-        columns = np.arange(view.size[0])
-        index = np.arange(rows.start, rows.stop)
-        pixel = np.stack(np.broadcast_arrays(columns, index[:, None]), axis=-1)
-        map_x[...], map_y[...] = np.moveaxis(project(view.rays(pixel)), -1, 0)
-
-    return plain
 
 
 def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:

@@ -6,27 +6,20 @@ the photo was taken, as long as the plane's place in the camera's frame is known
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.angles import unit_rays
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.view import PointProjector, View
+from cubicfish_cli.core.views.maps import seen_near
+from cubicfish_cli.core.views.view import PlaneView, PointProjector
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.boards.board import Board
     from cubicfish_cli.core.target import Target
-
-Vector = tuple[float, float, float]
 
 _SQUARE_TOLERANCE = 1e-6
 _LIMIT = 1e9
@@ -35,53 +28,6 @@ _LOOKS = 15
 _STEP = 1e-3
 # Without a scale from the user the picture is no larger than this.
 _MOST_DEFAULT_SIDE = 8192
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlaneView(View):
-    """A plane, seen squarely from its front.
-
-    Attributes:
-        origin: the point of the plane, in the camera's frame, that pixel (0, 0) shows.
-        x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
-        pixels_per_unit: scale of the picture, pixels per unit of length.
-
-    """
-
-    kind: str = "plane"
-    origin: Vector
-    x_axis: Vector
-    y_axis: Vector
-    pixels_per_unit: float
-
-    @property
-    def camera_from_pixel(self) -> FloatArray:
-        """(3, 3) that takes (column, row, 1) to the point of the plane, camera frame."""
-        scale = 1 / self.pixels_per_unit
-        axes = np.array([self.x_axis, self.y_axis]) * scale
-        return np.column_stack([axes[0], axes[1], self.origin])
-
-    def rays(self, pixel: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) -> points of the plane in the camera's frame (..., 3)."""
-        pixel = np.asarray(pixel, float)
-        matrix = self.camera_from_pixel
-        return pixel @ matrix[:, :2].T + matrix[:, 2]
-
-    def pixels(self, rays: npt.ArrayLike) -> FloatArray:
-        """Rays in the camera's frame (..., 3) -> pixels where they meet the plane (..., 2)."""
-        homogeneous = unit_rays(rays) @ np.linalg.inv(self.camera_from_pixel).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pixel = homogeneous[..., :2] / homogeneous[..., 2:]
-            return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)
-
-    def describe(self, unit: str = "unit") -> str:
-        """The scale."""
-        return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
-
-
-def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
-    """What takes points to pixels where how near they are counts."""
-    return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
 
 
 def build_plane(

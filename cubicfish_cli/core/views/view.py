@@ -37,6 +37,7 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.options import FACES, WIDEST
 
 Rotation = tuple[float, float, float]
+Vector = tuple[float, float, float]
 
 MAX_SIDE = 32_766
 """cv2.remap counts pixels in 16 bits."""
@@ -331,6 +332,48 @@ class CentralView(View):
 
 
 _ENDLESS = ("perspective", "stereographic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneView(View):
+    """A plane, seen squarely from its front.
+
+    Attributes:
+        origin: the point of the plane, in the camera's frame, that pixel (0, 0) shows.
+        x_axis, y_axis: unit vectors in the camera's frame, of growing column and row.
+        pixels_per_unit: scale of the picture, pixels per unit of length.
+
+    """
+
+    kind: str = "plane"
+    origin: Vector
+    x_axis: Vector
+    y_axis: Vector
+    pixels_per_unit: float
+
+    @property
+    def camera_from_pixel(self) -> FloatArray:
+        """(3, 3) that takes (column, row, 1) to the point of the plane, camera frame."""
+        scale = 1 / self.pixels_per_unit
+        axes = np.array([self.x_axis, self.y_axis]) * scale
+        return np.column_stack([axes[0], axes[1], self.origin])
+
+    def rays(self, pixel: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) -> points of the plane in the camera's frame (..., 3)."""
+        pixel = np.asarray(pixel, float)
+        matrix = self.camera_from_pixel
+        return pixel @ matrix[:, :2].T + matrix[:, 2]
+
+    def pixels(self, rays: npt.ArrayLike) -> FloatArray:
+        """Rays in the camera's frame (..., 3) -> pixels where they meet the plane (..., 2)."""
+        homogeneous = unit_rays(rays) @ np.linalg.inv(self.camera_from_pixel).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixel = homogeneous[..., :2] / homogeneous[..., 2:]
+            return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)
+
+    def describe(self, unit: str = "unit") -> str:
+        """The scale."""
+        return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
 
 
 def rotation_from_angles(

@@ -14,7 +14,7 @@ from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.lift import lift, lift_rotation
 from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.plane import PlaneView
+from cubicfish_cli.core.views.view import PlaneView
 
 TARGET = synthetic.corner_of_three()
 

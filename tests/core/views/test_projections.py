@@ -16,8 +16,7 @@ from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.options import FACES, WIDEST, ViewOptions
-from cubicfish_cli.core.views.plane import PlaneView
-from cubicfish_cli.core.views.view import CentralView, face_views, rotation_from_angles
+from cubicfish_cli.core.views.view import CentralView, PlaneView, face_views, rotation_from_angles
 
 S = math.sqrt(0.5)
 TURNED = rotation_from_angles(yaw_deg=50, pitch_deg=-20, roll_deg=70)

@@ -163,7 +163,7 @@ def test_everything_is_there(page: Page) -> None:
     for words in (
         "Usable with care", "What to do:", "Where the corners are", "How certain the camera is",
         "Errors as arrows", "Errors over the picture", "Errors by angle from the axis",
-        "How errors are spread", "The lens: radius by angle", "Before and after: corner_09.jpg",
+        "The lens: radius by angle", "Before and after: corner_09.jpg",
         "Where the photos were taken from", "floor 54, left 56, right 35", "stereographic",
         "Nothing: every photo", "calibrate photos --target target.yaml", "cubicfish 1.2.3",
         "ab" * 32, "cd" * 32, "sqrt(mean(dx² + dy²)) over all corners used",
