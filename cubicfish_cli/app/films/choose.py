@@ -239,18 +239,12 @@ def choose_shots(
 
     def apart(one: int, other: int) -> float:
         pairs = zip(pictures[one], pictures[other], sizes, strict=True)
-        return max(_views_apart(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
+        return max(_apart(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
 
     gains = gains_of(quality) or Coverage(pictures, sizes, quality)
     # What moved no farther than a picture that counts as still is that picture again.
     copy = min(still / float(np.hypot(*size)) for still, size in zip(still_px, sizes, strict=True))
     return _greedy(usable, why, spoilt, gains, apart, copy, most)
-
-
-def _views_apart(one: Seen, other: Seen, size: tuple[int, int]) -> float:
-    """How far apart two views are, as a share of the diagonal; inf where that cannot be said."""
-    apart = _apart(one, other) if one.corners and other.corners else None
-    return np.inf if apart is None else apart / float(np.hypot(*size))
 
 
 def _shown_at_once(
@@ -398,13 +392,16 @@ def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
     return (right + down)[area > 0] / 2, area[area > 0]
 
 
-def _apart(one: Seen, other: Seen) -> float | None:
-    """How far apart what both show is, pixels; None where they show nothing in common."""
-    if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):
-        apart = outermost(one.pixel) - outermost(other.pixel)
-        return float(np.median(np.linalg.norm(apart, axis=1)))
-    _, at, also_at = np.intersect1d(one.names, other.names, return_indices=True)
+def _apart(one: Seen, other: Seen, size: tuple[int, int]) -> float:
+    """How far apart what both show is, as a share of the diagonal; inf for nothing in common."""
     fewer = min(one.corners, other.corners)
-    if len(at) < min(_FEWEST_COMMON, fewer) or 2 * len(at) < fewer:
-        return None
-    return float(np.median(np.linalg.norm(one.pixel[at] - other.pixel[also_at], axis=1)))
+    if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):
+        if not fewer:
+            return np.inf
+        apart = outermost(one.pixel) - outermost(other.pixel)
+    else:
+        _, at, also_at = np.intersect1d(one.names, other.names, return_indices=True)
+        if not len(at) or len(at) < min(_FEWEST_COMMON, fewer) or 2 * len(at) < fewer:
+            return np.inf
+        apart = one.pixel[at] - other.pixel[also_at]
+    return float(np.median(np.linalg.norm(apart, axis=1))) / float(np.hypot(*size))

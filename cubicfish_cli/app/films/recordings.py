@@ -6,6 +6,7 @@ come as PyAV has them, so that what reads films reads these too.
 
 from __future__ import annotations
 
+import mmap
 import re
 import struct
 import zlib
@@ -33,10 +34,8 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 _PLAIN, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NANOSECOND = Fraction(1, 10**9)
-# Of MCAP files: how they begin and end, and the records DataEnd and Footer (mcap.dev/spec).
-_MAGIC = b"\x89MCAP0\r\n"
+# Of MCAP files: the records DataEnd and Footer, with 8 bytes behind (mcap.dev/spec).
 _DATA_END, _FOOTER = struct.Struct("<BQI"), struct.Struct("<BQQQI")
-_BLOCK = 1 << 20
 # Encoding -> bytes per number, numbers per pixel, and how OpenCV makes grey or BGR of it.
 _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     "mono8": (1, 1, None),
@@ -244,27 +243,21 @@ def _check_mcap(path: Path) -> None:
         ValueError: bytes of the file are others than they were.
 
     """
-
-    def checksum(begin: int, end: int) -> int:
-        file.seek(begin)
-        value, left = 0, end - begin
-        while left > 0 and (block := file.read(min(left, _BLOCK))):
-            value, left = zlib.crc32(block, value), left - len(block)
-        return value
-
-    with path.open("rb") as file:
-        footer = file.seek(0, 2) - _FOOTER.size - len(_MAGIC)
-        if footer < len(_MAGIC) + _DATA_END.size:
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        footer = len(data) - _FOOTER.size - 8
+        if footer < _DATA_END.size:
             return  # rosbags says what is wrong with it
-        file.seek(footer)
-        _, _, summary, _, of_summary = _FOOTER.unpack(file.read(_FOOTER.size))
-        end = file.seek(min(summary or footer, footer) - _DATA_END.size)
-        kind, _, of_data = _DATA_END.unpack(file.read(_DATA_END.size))
-        # Some writers leave out the magic bytes before the data.
-        if kind == 0x0F and of_data and of_data not in (checksum(0, end), checksum(8, end)):
-            raise ValueError("its data differ from their checksum")
-        if summary and of_summary and checksum(summary, footer + _FOOTER.size - 4) != of_summary:
-            raise ValueError("its summary differs from its checksum")
+        _, _, summary, _, of_summary = _FOOTER.unpack_from(data, footer)
+        end = min(summary or footer, footer) - _DATA_END.size
+        kind, _, of_data = _DATA_END.unpack_from(data, max(end, 0))
+        with memoryview(data) as view:
+            # Some writers leave out the magic bytes before the data.
+            known = kind == 0x0F and of_data
+            if known and of_data not in (zlib.crc32(view[:end]), zlib.crc32(view[8:end])):
+                raise ValueError("its data differ from their checksum")
+            known = summary and of_summary
+            if known and of_summary != zlib.crc32(view[summary : footer + _FOOTER.size - 4]):
+                raise ValueError("its summary differs from its checksum")
 
 
 def _damage() -> tuple[type[Exception], ...]:

@@ -74,15 +74,8 @@ class ChosenFrames:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish frames --json`` prints."""
-        return {
-            "photos": self.photos,
-            "file": self.table,
-            "sheet": self.sheet,
-            "frames": self.frames,
-            "looked_at": self.looked_at,
-            "ended": self.ended,
-            "films": self.films,
-        }
+        record = vars(self).copy()
+        return record | {"file": record.pop("table")}
 
 
 def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:

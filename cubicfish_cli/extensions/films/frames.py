@@ -7,13 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.films.choose import Scale, Seen
 from cubicfish_cli.app.films.frame_search import Search, why_ended
-from cubicfish_cli.app.films.measure import motion, small_picture
 from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
 from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.listener import Listener
@@ -29,14 +25,11 @@ _KEPT, _KEPT_SECONDS, _MOST_KEPT = 1.5, 2.0, 5.0
 _RATE = 30.0  # frames per second of films that do not say
 # One frame of so many is kept where a film does not say how many it has.
 _EVERY = 15
-# A frame is compared with so many before it.
-_COMPARED = 8
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
 # anything.
 _ROUND = 24
 _MOST_NAMED = 4
 
-REPEATED = "not looked at: nearly the same picture as another"
 _ENOUGH = "not looked at: others of all times had no more to add"
 
 
@@ -117,7 +110,8 @@ def chosen_of(
 
     """
     frames, size = _candidates(measured), measured[0].film.size
-    why = passed_over(frames, size, run.listener)
+    scale = Scale.of([frame.seen for frame in frames], still_px(size))
+    why = [scale.spoilt(frame.seen) for frame in frames]
     search = Search(
         photos=[frame.photo for frame in frames],
         seen=[frame.seen for frame in frames],
@@ -132,7 +126,7 @@ def chosen_of(
     try:
         search.look(
             [at for at, word in enumerate(why) if word is None],
-            [at for at, word in enumerate(why) if word not in (None, REPEATED)],
+            [at for at, word in enumerate(why) if word is not None],
         )
         if not search.choice.order:
             raise DetectionError(
@@ -162,33 +156,6 @@ def _candidates(measured: Sequence[Measured]) -> list[Candidate]:
             photo = Photo(name=f"{name}.png", path=film.kept[index])
             every.append(Candidate(film=number, index=index, photo=photo, seen=seen))
     return every
-
-
-def passed_over(
-    frames: Sequence[Candidate], size: tuple[int, int], listener: Listener
-) -> list[str | None]:
-    """Why each frame is not looked at: blurred, moving or a copy; None where it is."""
-    progress, still = listener.counting("Comparing frames"), still_px(size)
-    scale = Scale.of([frame.seen for frame in frames], still)
-    why: list[str | None] = []
-    good: list[tuple[int, npt.NDArray[np.float32]]] = []
-    for at, frame in enumerate(frames):
-        progress(at, len(frames))
-        why.append(scale.spoilt(frame.seen))
-        if why[at] is not None:
-            continue
-        good = [other for other in good if other[0] >= at - _COMPARED]
-        small = small_picture(frame.photo.read_grey())
-        same = [other for other, before in good if motion(before, small, size[0]) < still]
-        quality = scale.quality(frame.seen)
-        worse = [other for other in same if scale.quality(frames[other].seen) < quality]
-        if len(worse) < len(same):
-            why[at] = REPEATED
-            continue
-        for other in worse:
-            why[other] = REPEATED
-        good = [other for other in good if other[0] not in worse] + [(at, small)]
-    return why
 
 
 def listed(films: Sequence[Measured]) -> str:

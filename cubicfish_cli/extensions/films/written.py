@@ -13,9 +13,6 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from cubicfish_cli.app.photos import data_uri, read_picture, thumbnail
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import whole_files, write_text
@@ -37,9 +34,8 @@ style-src 'unsafe-inline'">
 body {{ font: 13px/1.4 system-ui, sans-serif; margin: 1em; }}
 h1 {{ font-size: 20px; margin: 0 0 .3em; }} p {{ margin: 0 0 1.2em; max-width: 60em; }}
 main {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(240px, 1fr)); gap: 1em; }}
-figure {{ margin: 0; }} img, svg {{ width: 100%; display: block; background: #000; }}
+figure {{ margin: 0; }} img {{ width: 100%; display: block; }}
 figcaption {{ overflow-wrap: anywhere; margin-top: .3em; }}
-path {{ stroke: #4fc3f7; stroke-linecap: round; }}
 </style></head><body><h1>{title}</h1><p>{about}</p><main>
 {figures}
 </main></body></html>
@@ -106,19 +102,15 @@ def _photos_of_table(path: Path) -> list[str]:
 def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
     """The contact sheet: chosen frames, small and side by side, in one page."""
     films, taken = chosen.measured, chosen.taken
-    corners = np.concatenate([frame.seen.pixel for frame in taken])
-    drawn = _map(corners, films[0].film.size)
-    figures = [_figure(drawn, "All corners", "of the chosen frames, seen at a glance")]
+    figures = []
     for frame, path in zip(taken, pictures, strict=True):
         seen, film = frame.seen, films[frame.film]
         picture = data_uri(thumbnail(read_picture(path), _LONGEST), _QUALITY)
+        head = f"{film.film.label} " * (len(films) > 1) + f"{film.time[frame.index]:.3f} s"
         figures.append(
-            _figure(
-                f'<img alt="" src="{picture}">',
-                f"{film.film.label} " * (len(films) > 1) + f"{film.time[frame.index]:.3f} s",
-                f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion "
-                f"{seen.motion:.1f} px, gain {frame.gain:.2f}",
-            )
+            f'<figure><img alt="" src="{picture}"><figcaption><b>{escape(head)}</b><br>'
+            f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion {seen.motion:.1f} px, "
+            f"gain {frame.gain:.2f}</figcaption></figure>"
         )
     title = f"{plural(len(taken), 'frame')} of {listed(films)}"
     about = (
@@ -127,16 +119,3 @@ def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
         "says of every frame why it was not chosen."
     )
     return _PAGE.format(title=escape(title), about=escape(about), figures="\n".join(figures))
-
-
-def _figure(image: str, head: str, words: str) -> str:
-    caption = f"<figcaption><b>{escape(head)}</b><br>{escape(words)}</figcaption>"
-    return f"<figure>{image}{caption}</figure>"
-
-
-def _map(corners: npt.NDArray[np.float64], size: Sequence[int]) -> str:
-    """Where corners (N, 2) are in the picture, as a drawing."""
-    dots = "".join(f"M{x:.0f} {y:.0f}h0" for x, y in corners)
-    width = max(1, round(size[0] / 120))
-    box = f"0 0 {size[0]} {size[1]}"
-    return f'<svg viewBox="{box}" role="img"><path stroke-width="{width}" d="{dots}"/></svg>'

@@ -1,4 +1,4 @@
-"""Which frames are looked at, and how bright their pixels are."""
+"""How many frames are kept, and how bright their pixels are."""
 
 from pathlib import Path
 
@@ -8,28 +8,11 @@ import pytest
 pytest.importorskip("av")
 
 import av
-from filming import SIZE, photos
+from filming import SIZE
 
-from cubicfish_cli.app.films.choose import Seen
-from cubicfish_cli.app.films.scan import brightness, write_frame
+from cubicfish_cli.app.films.scan import brightness
 from cubicfish_cli.app.films.source import Film
-from cubicfish_cli.app.listener import SILENT
-from cubicfish_cli.app.photos import Photo
-from cubicfish_cli.extensions.films.frames import REPEATED, Candidate, kept_of, passed_over
-
-
-@pytest.mark.slow
-def test_near_copies_are_told_before_corners_are_looked_for(tmp_path: Path) -> None:
-    one, other = photos(3)[:2]
-    pictures = [one, one, np.roll(one, (9, 9), (0, 1)), other, one, other]
-    sharp = [0.5, 0.6, 0.6, 0.6, 0.2, 0.5]
-    frames = []
-    for number, (picture, value) in enumerate(zip(pictures, sharp, strict=True)):
-        photo = Photo(name=str(number), path=tmp_path / f"{number}.png")
-        write_frame(photo.path, av.VideoFrame.from_ndarray(picture, format="gray"))
-        seen = Seen(sharpness=value)
-        frames.append(Candidate(film=0, index=number, photo=photo, seen=seen))
-    assert passed_over(frames, SIZE, SILENT) == [REPEATED, None, None, None, "blurred", REPEATED]
+from cubicfish_cli.extensions.films.frames import kept_of
 
 
 @pytest.mark.parametrize(
