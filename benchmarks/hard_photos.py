@@ -252,7 +252,7 @@ def taken(case, lens, rays, pose, seed, readable=None) -> Shot:
         background=case.background,
         margin=case.margin,
         edges_only=True,
-        ray_starts=lens.starts,
+        ray_starts=lens.ray_starts,
     ).astype(float)
     seen = project_corners(target, lens, pose, SIZE, margin=case.margin)
     hidden = np.zeros(clean.shape, bool)

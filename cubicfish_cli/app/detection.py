@@ -6,7 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -20,6 +20,7 @@ from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.listener import SILENT, Event, Listener
+from cubicfish_cli.app.look import GridCache, Look, look_at, refused
 from cubicfish_cli.app.photos import MAX_PIXELS, Photo, Picture, find_photos
 from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.app.words.phrases import plural
@@ -28,21 +29,23 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, OutputError, PhotoError
 from cubicfish_cli.core.files import refuse_outside
 from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection.grids import FoundGrids
-from cubicfish_cli.corners.detection.look import GridCache, Look, look_at, refused
 from cubicfish_cli.corners.detection.markers import MarkedCorners
 from cubicfish_cli.corners.identification.identified import (
     FEWEST_CORNERS,
     Detection,
-    GridReport,
     PhotoReport,
     drawing_fits,
     marked_corners,
     remark_of,
 )
 from cubicfish_cli.corners.identification.name_grids import name_grids
-from cubicfish_cli.corners.identification.second_pass import second_pass
+from cubicfish_cli.corners.identification.second_pass import (
+    Prediction,
+    predicted_corners,
+    with_added,
+)
 
 Image = npt.NDArray[Any]
 
@@ -108,6 +111,55 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
     if added:
         run.listener.tell(Event.LOOKED_AGAIN, corners=added)
     return detection
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Again:
+    """A photo to be looked at again.
+
+    Attributes:
+        photo: where it is.
+        expected: where it should show corners.
+
+    """
+
+    photo: Photo
+    expected: Prediction
+
+    @property
+    def name(self) -> str:
+        """The photo's."""
+        return self.photo.name
+
+
+def second_pass(
+    photos: Sequence[Photo], detection: Detection, target: Target, work: Work
+) -> Detection:
+    """Add the corners that a camera fitted to the first look predicts and the photos show.
+
+    Args:
+        photos: the photos that ``detection`` is of, in its order.
+        detection: the first look.
+        target: the calibration target.
+        work: who looks at the photos.
+
+    Returns:
+        The detection with the added corners; the same one where no camera can be fitted.
+
+    """
+    expected = predicted_corners(detection, target)
+    seen = {photo.name: photo for photo in _reachable(photos, work)}
+    again = [_Again(photo=seen[name], expected=one) for name, one in expected.items()]
+    return with_added(detection, work.done(_look_again, again)) if again else detection
+
+
+def _look_again(one: _Again) -> Observations:
+    return one.expected.seen_in(one.photo.read_grey())
+
+
+def _reachable(photos: Sequence[Photo], work: Work) -> Sequence[Photo]:
+    """The photos by paths that hold wherever the work is done."""
+    return photos if work.executor is None else [photo.absolute() for photo in photos]
 
 
 def first_look(
@@ -208,8 +260,7 @@ def detect_corners(
 
     """
     look = partial(look_at, target=target, cache=cache)
-    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
-    found = work.done(look, seen)
+    found = work.done(look, _reachable(photos, work))
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))
@@ -217,18 +268,39 @@ def detect_corners(
     found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     looks = [found[index] for index in usable]
+    grids = [look.grids for look in looks if look.grids is not None]
     names = [photos[index].name for index in usable]
     identified = None
     if target.has_markers:
-        corners = marked_corners([_marked(look) for look in looks], target, size, names)
-        parts = [_by_markers(look, name, target) for look, name in zip(looks, names, strict=True)]
+        marked = [look.marked for look in looks if look.marked is not None]
+        corners = marked_corners(marked, target, size, names)
+        parts = [
+            PhotoReport(
+                name=name,
+                refusal=look.refusal,
+                remarks=_twice_in_view(own, name, target),
+                found=replace(shown, grids=()),
+            )
+            for look, own, shown, name in zip(looks, marked, grids, names, strict=True)
+        ]
     else:
-        identified = name_grids([_grids(look).grids for look in looks], target, size, names)
+        identified = name_grids([one.grids for one in grids], target, size, names)
         corners = identified.corners
         fits = drawing_fits(identified.grids, target)
         parts = [
-            _by_geometry(look, *of, fits=fits)
-            for look, *of in zip(looks, names, identified.grids, identified.exact, strict=True)
+            PhotoReport(
+                name=name,
+                refusal=look.refusal,
+                remarks=tuple(
+                    remark for grid in own if (remark := remark_of(name, grid, odd=fits))
+                ),
+                exact=bool(exact),
+                found=look.grids,
+                grids=own,
+            )
+            for look, name, own, exact in zip(
+                looks, names, identified.grids, identified.exact, strict=True
+            )
         ]
     reports = [
         PhotoReport(name=photo.name, refusal=look.refusal)
@@ -251,7 +323,7 @@ def detect_corners(
         ],
     }
     findings = find_faults(
-        MarkerEvidence(**about, corners=corners, grids=list(map(_grids, looks)))
+        MarkerEvidence(**about, corners=corners, grids=grids)
         if identified is None
         else GridEvidence(**about, identified=identified)
     )
@@ -304,41 +376,9 @@ def _brightness(photo: Photo) -> Picture | None:
         return None
 
 
-def _grids(look: Look) -> FoundGrids:
-    if look.grids is None:
-        raise ValueError("a photo of no use has no grids")
-    return look.grids
-
-
-def _by_geometry(
-    look: Look, name: str, grids: tuple[GridReport, ...], exact: bool, *, fits: bool
-) -> PhotoReport:
-    remarks = (remark_of(name, grid, odd=fits) for grid in grids)
-    return PhotoReport(
-        name=name,
-        refusal=look.refusal,
-        remarks=tuple(remark for remark in remarks if remark is not None),
-        exact=bool(exact),
-        found=look.grids,
-        grids=grids,
-    )
-
-
-def _marked(look: Look) -> MarkedCorners:
-    if look.marked is None:
-        raise ValueError("a photo of a target with markers was not searched for them")
-    return look.marked
-
-
-def _by_markers(look: Look, name: str, target: Target) -> PhotoReport:
+def _twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:
     twice = partial(Finding, code=Code.TWICE_IN_VIEW, severity=Severity.CARE, images=(name,))
-    boards = [target.boards[board].name for board in _marked(look).contradictory]
-    return PhotoReport(
-        name=name,
-        refusal=look.refusal,
-        remarks=tuple(twice(boards=(board,)) for board in boards),
-        found=replace(_grids(look), grids=()),
-    )
+    return tuple(twice(boards=(target.boards[one].name,)) for one in marked.contradictory)
 
 
 def _refused(finding: Finding) -> DetectionError:

@@ -198,9 +198,7 @@ def test_boards_that_look_alike_are_left_out_where_they_are_alone(
 
 
 def test_a_photo_whose_grids_are_left_out_is_not_called_empty() -> None:
-    grid = GridReport(
-        verdict=Decided.TWIN, place=None, corners=35, size=(7, 5), ratio=1.0, rms_px=0.1
-    )
+    grid = GridReport(verdict=Decided.TWIN, place=None, corners=35, size=(7, 5), rms_px=0.1)
     empty = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(64, 48))
     lost = [
         PhotoReport(name="a.png", grids=(grid,), remarks=(Finding(code=Code.TOO_LARGE),)),

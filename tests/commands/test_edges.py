@@ -12,10 +12,10 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
+from cubicfish_cli.app.look import GridCache
 from cubicfish_cli.app.terminal.options import FOLDER
 from cubicfish_cli.commands import pictures
 from cubicfish_cli.corners.detection.grids import FoundGrids
-from cubicfish_cli.corners.detection.look import GridCache
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
@@ -186,7 +186,7 @@ def test_a_pipe_in_the_cache_is_not_waited_for(tmp_path: Path) -> None:
     key = cache.key(b"photo")
     os.mkfifo(tmp_path / f"{key}.npz")
     program = (
-        "from pathlib import Path; from cubicfish_cli.corners.detection.look import GridCache; "
+        "from pathlib import Path; from cubicfish_cli.app.look import GridCache; "
         f"print(GridCache(folder=Path({str(tmp_path)!r})).load({key!r}))"
     )
     done = subprocess.run(

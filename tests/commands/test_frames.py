@@ -146,7 +146,7 @@ def test_of_a_run_that_was_interrupted_nothing_is_left(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(frame_search, "glance", stop)
+        patch.setattr(frame_search, "_glimpse", stop)
         run("frames", short, "-o", tmp_path / "p", "-j", 1, code=130)
     assert not list((tmp_path / "p").iterdir())
     killed = tmp_path / "p" / ".unfinished" / "short" / "7.png"
@@ -264,7 +264,7 @@ def test_what_cannot_be_used_is_one_line(
         ([tmp_path / "none.mp4"], "does not exist"),
         ([tmp_path / "none*.mp4"], "matches no film"),
         ([short, small], "small.mp4 has 320x240 pixels and "),
-        ([empty], "no frame can be chosen of empty.mp4: no board was found in 1 frame "),
+        ([empty], "no frame can be chosen of empty.mp4: no board was found in 5 frames "),
         (["-t", target, empty], "no frame can be chosen of empty.mp4: 1 photo, no checkerboard"),
     ):
         error = run("frames", *films, "-o", tmp_path / "p", "-j", 1, code=1).stderr

@@ -27,7 +27,7 @@ def pixels(left: float) -> np.ndarray:
 
 
 def fate(verdict: Decided, place: Place | None) -> GridReport:
-    return GridReport(verdict=verdict, place=place, corners=25, size=(5, 5), ratio=9.0, rms_px=0.1)
+    return GridReport(verdict=verdict, place=place, corners=25, size=(5, 5), rms_px=0.1)
 
 
 @pytest.fixture

@@ -16,11 +16,9 @@ from multiprocessing import resource_tracker
 from typing import Protocol, TypeVar
 
 import cv2
-import numpy as np
 
 from cubicfish_cli.app.photos import one_opencv_thread
 from cubicfish_cli.core.errors import ClusterError, CubicfishError, DetectionError
-from cubicfish_cli.core.types import FloatArray
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -61,18 +59,10 @@ Photo = TypeVar("Photo", bound=_Named)
 
 # Fewer photos than this are not worth starting other processes for.
 _ITEMS_FOR_POOL = 4
-# Positions are rounded to this many digits of a pixel, far below any noise: their last bits
-# depend on how memory happens to be aligned, and no result may depend on the processes used.
-_DIGITS = 5
 # Signals that ask for the end of a run, where there are such.
 _REQUESTS = {
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 }
-
-
-def settled(pixel: FloatArray) -> FloatArray:
-    """Pixels without the digits that differ from one process to another."""
-    return np.asarray(np.round(pixel, _DIGITS))
 
 
 def workers_for(jobs: int | None, items: int) -> int:

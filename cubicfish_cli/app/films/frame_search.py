@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from cubicfish_cli.app.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.app.films.measure import sharpness
 from cubicfish_cli.app.films.scan import still_px
 from cubicfish_cli.app.listener import Event
+from cubicfish_cli.app.look import GridCache, look_at
 from cubicfish_cli.app.photos import Photo, photo_size
 from cubicfish_cli.app.sufficiency.worth import Worth
 from cubicfish_cli.core.codes import Code, Severity
@@ -32,8 +34,12 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.detection.grids import FoundGrids
-from cubicfish_cli.corners.detection.look import GridCache, nameless_grids
-from cubicfish_cli.corners.identification.glance import glance, named_at_a_glance
+from cubicfish_cli.corners.identification.glance import (
+    Glimpse,
+    glance_at_grids,
+    glance_at_markers,
+    named_at_a_glance,
+)
 
 # Where fewer than these of the pictures show the target, what is good is not told by them.
 _FEW, _FEW_SHARE = 3, 0.5
@@ -95,7 +101,16 @@ def found_in(
         detection = first_look(photos, targets, work, cache)
         return replace(_of_corners(detection.corners), findings=detection.findings)
     kept = None if cache is None else GridCache(folder=cache)
-    return _of_grids([photo.name for photo in photos], nameless_grids(photos, work, kept))
+    found = work.done(partial(look_at, target=None, cache=kept), photos)
+    return _of_grids([photo.name for photo in photos], [one.grids for one in found])
+
+
+def _glimpse(photo: Photo, *, marked: Target | None) -> Glimpse | None:
+    try:
+        grey = photo.read_grey()
+    except PhotoError:
+        return None
+    return glance_at_grids(grey) if marked is None else glance_at_markers(grey, marked)
 
 
 def _of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
@@ -194,7 +209,8 @@ class Search:
         photos = [self.photos[at] for at in numbers]
         names = [photo.name for photo in photos]
         work = replace(self.run, jobs=self.glances).work(f"Glancing at {self.what}")
-        seen = glance(photos, self.targets[0] if self.targets else None, work)
+        marked = [one for one in self.targets or () if one.has_markers][:1]
+        seen = work.done(partial(_glimpse, marked=marked[0] if marked else None), photos)
         if not self.targets:
             return _of_grids(names, [one if isinstance(one, FoundGrids) else None for one in seen])
         corners, identified = named_at_a_glance(seen, self.targets, self.size, names)

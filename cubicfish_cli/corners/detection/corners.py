@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Float32Array, Rows
 from cubicfish_cli.corners.detection.nearby import nearest
 from cubicfish_cli.corners.detection.pyramid import Pyramid, bilinear
@@ -52,19 +52,19 @@ _MOST_RINGED, _MOST_FITTED = 3 * MOST_CORNERS, 2 * MOST_CORNERS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rings(Rows):
-    """Result of :func:`check_rings`, one row per point.
+class XCorners(Rows):
+    """Points that look like X-corners, each on its own.
 
     Attributes:
-        ok: (N,) whether the second ring passed, and agrees with the smallest if that passed.
+        pixel: (N, 2) sub-pixel position at full size.
         angle: (N, 4) directions of the four edges ("arms"), radians, clockwise on screen
             (x right, y down), starting with one whose clockwise side is bright.
-        radius: (N,) the largest ring of an unbroken run of good ones, pixels.
-        contrast: (N,) brightest minus darkest value on that ring.
+        radius: (N,) the largest ring of an unbroken run of good ones, pixels at full size.
+        contrast: (N,) brightest minus darkest value on that ring, grey levels.
 
     """
 
-    ok: BoolArray
+    pixel: FloatArray
     angle: FloatArray
     radius: FloatArray
     contrast: FloatArray
@@ -89,16 +89,27 @@ def glance(image: Float32Array, pixel: FloatArray) -> FloatArray:
     return contrast
 
 
-def check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) -> Rings:
-    """Test rings of growing radius around (N, 2) pixels of a lightly smoothed image."""
-    blocks = [
-        _check_rings(image, pixel[start : start + _BLOCK], least_contrast)
-        for start in range(0, max(len(pixel), 1), _BLOCK)
-    ]
-    return Rings.joined(blocks)
+def check_rings(
+    image: Float32Array, pixel: FloatArray, least_contrast: float
+) -> tuple[XCorners, IntArray]:
+    """Test rings of growing radius around (N, 2) pixels of a lightly smoothed image.
+
+    Returns:
+        Where the second ring passed, and agrees with the smallest if that passed, what the rings
+        show; and which of the points these are.
+
+    """
+    blocks = []
+    for start in range(0, max(len(pixel), 1), _BLOCK):
+        shown, ok = _check_rings(image, pixel[start : start + _BLOCK], least_contrast)
+        blocks.append((shown.select(ok), start + np.flatnonzero(ok)))
+    shown_in, rows = zip(*blocks, strict=True)
+    return XCorners.joined(shown_in), np.concatenate(rows)
 
 
-def _check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) -> Rings:
+def _check_rings(
+    image: Float32Array, pixel: FloatArray, least_contrast: float
+) -> tuple[XCorners, BoolArray]:
     count = len(pixel)
     ok = np.zeros(count, bool)
     angle = np.zeros((count, 4))
@@ -129,7 +140,7 @@ def _check_rings(image: Float32Array, pixel: FloatArray, least_contrast: float) 
         if k == 1:
             ok[:] = False
             ok[rows] = True
-    return Rings(ok=ok, angle=angle % _TURN, radius=radius, contrast=contrast)
+    return XCorners(pixel=pixel, angle=angle % _TURN, radius=radius, contrast=contrast), ok
 
 
 def _samples(image: Float32Array, pixel: FloatArray, radius: float, count: int) -> Float32Array:
@@ -254,24 +265,6 @@ def _find_in_rows(
     return np.stack([x + dx, y + dy, response[y, x]], axis=-1)[near].astype(float)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class XCorners(Rows):
-    """Points that look like X-corners, each on its own.
-
-    Attributes:
-        pixel: (N, 2) sub-pixel position at full size.
-        angle: (N, 4) directions of the arms, see :class:`~.corners.Rings`.
-        radius: (N,) how far the pattern reaches, pixels at full size.
-        contrast: (N,) bright minus dark, grey levels.
-
-    """
-
-    pixel: FloatArray
-    angle: FloatArray
-    radius: FloatArray
-    contrast: FloatArray
-
-
 def find_corners(pyramid: Pyramid) -> XCorners:
     """Search all levels of the pyramid from fine to coarse; a finer find hides a coarser one."""
     parts: list[XCorners] = []
@@ -307,19 +300,13 @@ def _at_scale(
     likely = glance(image, pixel[free])
     candidates = np.flatnonzero(likely)
     chosen = free[candidates[_first(likely[candidates], _MOST_RINGED)]]
-    rings = check_rings(image, pixel[chosen], _NOISE_CONTRAST * noise)
-    good = np.flatnonzero(rings.ok)
-    good = good[_first((rings.contrast * np.sqrt(rings.radius))[good], _MOST_FITTED)]
-    half = np.full(len(good), max(2.0, 1.6 * scale))
-    found, ok = fit_saddles(image, pixel[chosen][good], half)
-    good, found = good[ok], found[ok]
-    rings, response = rings.select(good), response[chosen][good]
+    rings, ok = check_rings(image, pixel[chosen], _NOISE_CONTRAST * noise)
+    best = _first(rings.contrast * np.sqrt(rings.radius), _MOST_FITTED)
+    rings, response = rings.select(best), response[chosen][ok[best]]
+    found, near = fit_saddles(image, rings.pixel, np.full(len(best), max(2.0, 1.6 * scale)))
+    rings, response = replace(rings, pixel=found).select(near), response[near]
     reach = np.clip(0.6 * rings.radius, 2, 5)
-    keep = _strongest(found, response * np.sqrt(rings.radius), reach)
-    rings = rings.select(keep)
-    return XCorners(
-        pixel=found[keep], angle=rings.angle, radius=rings.radius, contrast=rings.contrast
-    )
+    return rings.select(_strongest(rings.pixel, response * np.sqrt(rings.radius), reach))
 
 
 def _first(score: FloatArray, most: int) -> npt.NDArray[np.intp]:

@@ -31,7 +31,12 @@ from cubicfish_cli.corners.detection.pyramid import (
     enlarged,
     reduced,
 )
-from cubicfish_cli.corners.detection.refine import refine_at_full_size, refine_pixels, whole_corners
+from cubicfish_cli.corners.detection.refine import (
+    measures,
+    refine_at_full_size,
+    refine_pixels,
+    whole_corners,
+)
 
 # A photo of more pixels is searched at half its size, or a quarter...
 MOST_PIXELS = 16_000_000
@@ -168,20 +173,10 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     pixel = lattice.at(cells)
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
-    contrast = found.contrast(sign)
-    lattice.put(cells, found.pixel, contrast)
-    measures = np.stack([contrast, found.blur.max(1), found.spread], axis=-1)
-    contrast_around, blur_around, spread_around = _median_around(measures, lattice, cells).T
-    good = whole_corners(
-        found,
-        sign,
-        fit.side,
-        np.hypot(*(found.pixel - pixel).T),
-        contrast_around,
-        blur_around,
-        spread_around,
-        pyramid.noise,
-    )
+    lattice.put(cells, found.pixel, found.contrast(sign))
+    around = _median_around(measures(found, sign), lattice, cells)
+    moved = np.hypot(*(found.pixel - pixel).T)
+    good = whole_corners(found, sign, fit.side, moved, around, pyramid.noise)
     lattice.drop(cells[~good])
     clean(lattice)
     kept = lattice.known[cells[:, 0], cells[:, 1]]

@@ -16,6 +16,10 @@ from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 Float32Array = npt.NDArray[np.float32]
 
+# Positions are rounded to this many digits of a pixel, far below any noise: their last bits
+# depend on how memory happens to be aligned, and no result may depend on the processes used.
+_DIGITS = 5
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
@@ -110,3 +114,8 @@ def grid_in_mirror(grid: Grid, width: int) -> Grid:
 
 def _pixels_in_mirror(pixel: FloatArray, width: int) -> FloatArray:
     return np.stack([width - 1 - pixel[:, 0], pixel[:, 1]], axis=-1)
+
+
+def settled(pixel: FloatArray) -> FloatArray:
+    """Pixels without the digits that differ from one process to another."""
+    return np.asarray(np.round(pixel, _DIGITS))

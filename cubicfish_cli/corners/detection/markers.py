@@ -22,13 +22,13 @@ from cubicfish_cli.corners.detection.grids import (
     negative_grids,
     negative_photo,
 )
-from cubicfish_cli.corners.detection.markers_detect import Family, SeenMarkers, families
+from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight
 from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
 from cubicfish_cli.corners.detection.markers_measure import with_sides_seen
 from cubicfish_cli.corners.detection.markers_pieces import (
     Piece,
     agrees,
-    blurred,
+    extend,
     piece_of,
     placed,
     settle,
@@ -39,7 +39,7 @@ from cubicfish_cli.corners.detection.markers_read import (
     read_alone,
     read_together,
 )
-from cubicfish_cli.corners.detection.pyramid import CLOSE, Pyramid, build_pyramid, enlarged, reduced
+from cubicfish_cli.corners.detection.pyramid import CLOSE, build_pyramid, enlarged, reduced
 
 # Where nothing else vouches for markers, so many must agree.
 _AGREEING = 2
@@ -55,7 +55,6 @@ class MarkedCorners:
         board: (N,) index into the target's boards.
         column, row: (N,) place on the board.
         pixel: (N, 2) sub-pixel x, y.
-        how: (N,) what named each, see :class:`How`.
         grid_board: (G,) for each grid that was given, the board that it is part of, or -1 when
             no marker names it.
         contradictory: indices of boards that were left out because markers put them in two
@@ -67,7 +66,6 @@ class MarkedCorners:
     column: IntArray
     row: IntArray
     pixel: FloatArray
-    how: IntArray
     grid_board: IntArray
     contradictory: tuple[int, ...]
 
@@ -146,7 +144,7 @@ def _both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
     """The corners of boards of both kinds in one photo."""
     joined = {
         name: np.concatenate([getattr(one, name), getattr(other, name)])
-        for name in ("board", "column", "row", "pixel", "how")
+        for name in ("board", "column", "row", "pixel")
     }
     return MarkedCorners(
         **joined,
@@ -157,36 +155,30 @@ def _both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
 
 def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
     """The same for dark markers in a photo that is not mirrored."""
-    all_families = families(target)
-    pyramid = build_pyramid(image)
-    alone = read_alone(pyramid, all_families)
-    found = _named(pyramid, target, all_families, alone, grids)
+    sight = Sight.of(image, target)
+    alone = read_alone(sight.pyramid, sight.families)
+    found = _named(sight, alone, grids)
     measured = with_sides_seen(target, alone)
     if measured is None:
         return found
-    return max(found, _named(pyramid, measured, all_families, alone, grids), key=len)
+    return max(found, _named(replace(sight, target=measured), alone, grids), key=len)
 
 
-def _named(
-    pyramid: Pyramid,
-    target: Target,
-    all_families: list[Family],
-    alone: SeenMarkers,
-    grids: FoundGrids,
-) -> MarkedCorners:
+def _named(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners:
     """What markers that were read alone, and those in the squares of grids, name."""
-    markers = all_read(pyramid, target, all_families, grids, alone)
+    boards = sight.target.boards
+    markers = all_read(sight, grids, alone)
     free = cKDTree(np.concatenate([grids.refused, *(grid.pixel for grid in grids.grids)]))
     pieces: list[Piece] = []
-    refuted = np.zeros(len(target.boards), np.intp)
-    for index in np.unique(markers.board):
-        own = markers.of(int(index))
-        label = places_told(own, target, int(index))
+    refuted = np.zeros(len(boards), np.intp)
+    for index in np.unique(markers.board).tolist():
+        own = markers.of(index)
+        label = places_told(own, boards[index])
         for place in np.unique(label):
-            piece = piece_of(pyramid, target, int(index), own, label == place, grids.grids, free)
+            piece = piece_of(sight, index, own, label == place, grids.grids, free)
             if piece is None:
                 continue
-            if agrees(pyramid, target, all_families, piece):
+            if agrees(sight, piece):
                 pieces.append(piece)
             elif piece.markers > 1:
                 refuted[index] += piece.markers
@@ -194,10 +186,13 @@ def _named(
     named = {number for piece in kept for number in piece.grids}
     out = contradictory | set(np.flatnonzero(refuted).tolist())
     for number in sorted(set(range(len(grids.grids))) - named):
-        one = read_together(pyramid, target, all_families, grids.grids[number])
+        one = read_together(sight, grids.grids[number])
         if one is None or one.board in out:
             continue
-        piece = blurred(pyramid, target, one, number, grids.grids, free)
+        lattice = BoardLattice(board=boards[one.board])
+        lattice.put(one.cells, grids.grids[number].pixel)
+        piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
+        extend(sight.pyramid, piece, grids.grids, free)
         settled, against = settle([*kept, piece])
         kept = kept if against else settled
     refuted[[piece.board for piece in kept]] = 0
@@ -230,20 +225,19 @@ def _find_closely(
 
 def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
     """As :func:`_find`, of outlines alone."""
-    all_families = families(target)
-    pyramid = build_pyramid(image)
-    markers = read_alone(pyramid, all_families)
+    sight = Sight.of(image, target)
+    markers = read_alone(sight.pyramid, sight.families)
     pieces = []
     for index in np.unique(markers.board).tolist():
         own = markers.of(index)
-        label = places_told(own, target, index)
+        label = places_told(own, target.boards[index])
         agreeing = {
             place: len(np.unique(own.cell[label == place], axis=0)) for place in label.tolist()
         }
         place = max(agreeing, key=lambda one: agreeing[one])
         if agreeing[place] < _AGREEING:
             continue
-        lattice = placed(pyramid, target, index, own, label == place, cKDTree(np.zeros((0, 2))))
+        lattice = placed(sight, index, own, label == place, cKDTree(np.zeros((0, 2))))
         pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
     return _marked(pieces, len(grids.grids), ())
 
@@ -253,21 +247,15 @@ def _marked(pieces: list[Piece], grids: int, contradictory: tuple[int, ...]) -> 
     grid_board = np.full(grids, -1, np.intp)
     for piece in pieces:
         grid_board[list(piece.grids)] = piece.board
-    parts = [(piece, piece.lattice.cells()) for piece in pieces]
-    cells = np.concatenate([np.zeros((0, 2), np.intp), *(cells for _, cells in parts)])
+    own = [piece.lattice.cells() for piece in pieces]
+    pixel = [piece.lattice.at(cells) for piece, cells in zip(pieces, own, strict=True)]
+    cells = np.concatenate([np.zeros((0, 2), np.intp), *own])
+    board = np.array([piece.board for piece in pieces], np.intp)
     return MarkedCorners(
-        board=np.repeat(
-            np.array([piece.board for piece, _ in parts], np.intp),
-            [len(cells) for _, cells in parts],
-        ),
+        board=np.repeat(board, [len(one) for one in own]),
         column=cells[:, 0],
         row=cells[:, 1],
-        pixel=np.concatenate(
-            [np.zeros((0, 2)), *(piece.lattice.at(cells) for piece, cells in parts)]
-        ),
-        how=np.concatenate(
-            [np.zeros(0, np.intp), *(piece.how[cells[:, 0], cells[:, 1]] for piece, cells in parts)]
-        ),
+        pixel=np.concatenate([np.zeros((0, 2)), *pixel]),
         grid_board=grid_board,
         contradictory=contradictory,
     )

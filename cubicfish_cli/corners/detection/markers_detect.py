@@ -12,7 +12,7 @@ from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES,
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Rows
-from cubicfish_cli.corners.detection.pyramid import Pyramid
+from cubicfish_cli.corners.detection.pyramid import Pyramid, build_pyramid
 
 # Width of the black frame in modules: Kalibr prints tags with 2, most others with 1.
 # A marker whose modules are smaller than this cannot be read at that size.
@@ -76,6 +76,27 @@ class Family:
     corrected: int
     board: IntArray
     cell: IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """A photo in which the markers of a target are looked for.
+
+    Attributes:
+        pyramid: the photo.
+        target: the calibration target.
+        families: its markers.
+
+    """
+
+    pyramid: Pyramid
+    target: Target
+    families: list[Family]
+
+    @classmethod
+    def of(cls, image: npt.NDArray[np.generic], target: Target) -> Sight:
+        """A grey photo (H, W), and all families of the target's markers."""
+        return cls(pyramid=build_pyramid(image), target=target, families=families(target))
 
 
 def families(target: Target) -> list[Family]:

@@ -122,6 +122,14 @@ class BoardLattice(CornerMap):
         leverage = np.asarray(inverse[:, 0, 0] * _WEIGHT_BESIDE, float)
         return LocalFit.of_terms(solution, mean, leverage, known, self.closest)
 
+    def whole_squares(self, corner: IntArray) -> tuple[BoolArray, FloatArray]:
+        """Which of squares of cells (N, 4, 2) have all of their corners, and pixels of these."""
+        whole = np.asarray(self.inside(corner).all(axis=1))
+        pixel = self.at(corner[whole].reshape(-1, 2)).reshape(-1, 4, 2)
+        known = ~np.isnan(pixel[..., 0]).any(axis=1)
+        whole[whole] = known
+        return whole, pixel[known]
+
     def inside_squares(self, corner: IntArray, place: FloatArray) -> FloatArray:
         """Pixels (N, K, 2) of places (K, 2) in the squares (tags) between known corners.
 

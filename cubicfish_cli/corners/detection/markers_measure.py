@@ -12,7 +12,7 @@ from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import FoundGrids
-from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, every_family, families
+from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight, every_family
 from cubicfish_cli.corners.detection.markers_read import (
     VOUCH_CELLS,
     all_read,
@@ -73,17 +73,15 @@ def agreeing_markers(
         (N,) for each drawing.
 
     """
-    widest = drawings[0]
-    all_families = families(widest)
-    seen = all_read(build_pyramid(image), widest, all_families, grids).of(index)
-    ids = _ids_by_cell(widest.boards[index])[tuple(seen.cell.T)]
+    seen = _all_read(image, drawings[0], grids).of(index)
+    ids = _ids_by_cell(drawings[0].boards[index])[tuple(seen.cell.T)]
     counts = []
     for one in drawings:
         table = one.boards[index].marker_cells()
         row = ids - table[0, 0]
         known = row < len(table)
         own = replace(seen.select(known), cell=table[row[known], 1:])
-        label = places_told(own, one, index) if len(own) else np.zeros(0, np.intp)
+        label = places_told(own, one.boards[index]) if len(own) else np.zeros(0, np.intp)
         agreeing = [len(np.unique(own.cell[label == place], axis=0)) for place in np.unique(label)]
         counts.append(max(agreeing, default=0))
     return np.array(counts, np.intp)
@@ -111,13 +109,19 @@ def tags_apart(
         (N,) distances of their middles, in their sides.
 
     """
-    seen = all_read(build_pyramid(image), target, families(target), grids).of(index)
+    seen = _all_read(image, target, grids).of(index)
     cell, first = np.unique(seen.cell, axis=0, return_index=True)
     middle, step = middles_and_axes(seen.pixel[first])
     row, following = np.nonzero((cell[None] - cell[:, None] == (1, 0)).all(axis=-1))
     side = np.linalg.norm(step[..., 0], axis=1)
     distance = np.linalg.norm(middle[following] - middle[row], axis=1)
     return np.asarray(distance / (0.5 * (side[row] + side[following])), float)
+
+
+def _all_read(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> SeenMarkers:
+    """Markers that are read alone and in grids' squares."""
+    sight = Sight.of(image, target)
+    return all_read(sight, grids, read_alone(sight.pyramid, sight.families))
 
 
 def _ids_by_cell(board: Board) -> IntArray:

@@ -7,16 +7,14 @@ it and grows along the board. Its markers are read again through its corners.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.detection.markers_detect import Family, SeenMarkers
+from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight
 from cubicfish_cli.corners.detection.markers_lattice import (
     BoardLattice,
     clean,
@@ -25,7 +23,6 @@ from cubicfish_cli.corners.detection.markers_lattice import (
     verify,
 )
 from cubicfish_cli.corners.detection.markers_read import (
-    NamedGrid,
     cell_corners,
     marker_ratio,
     module_places,
@@ -53,35 +50,18 @@ _BLURRED = 0.25
 _SAME_CORNER = 0.3  # of the distance to the next corner
 
 
-class How(IntEnum):
-    """What named a corner."""
-
-    MARKER = 0
-    """It belongs to a marker that was read, or to a grid whose markers were read together."""
-    GRID = 1
-    """A found grid, named by corners that it shares with markers, has it."""
-    GROWN = 2
-    """It is where its board continues."""
-
-
 @dataclass(kw_only=True, eq=False)
 class Piece:
     """A board, or a part of it, at one place in the photo."""
 
     board: int
     lattice: BoardLattice
-    how: IntArray = field(init=False)  # (columns, rows)
     markers: int  # how many agree
     grids: set[int] = field(default_factory=set)
 
-    def __post_init__(self) -> None:
-        """Take what is known for what markers name, the rest for what will have grown."""
-        self.how = np.where(self.lattice.known, int(How.MARKER), int(How.GROWN))
-
 
 def piece_of(
-    pyramid: Pyramid,
-    target: Target,
+    sight: Sight,
     index: int,
     markers: SeenMarkers,
     chosen: BoolArray,
@@ -89,38 +69,33 @@ def piece_of(
     free: cKDTree,
 ) -> Piece | None:
     """The board as the chosen markers place it, grown as far as it can be seen."""
-    lattice = placed(pyramid, target, index, markers, chosen, free)
-    verify(pyramid, lattice)
+    lattice = placed(sight, index, markers, chosen, free)
+    verify(sight.pyramid, lattice)
     agreeing = len(np.unique(markers.cell[chosen], axis=0))
     if lattice.known.sum() < (_ALONE if agreeing == 1 else 4):
         return None
     piece = Piece(board=index, lattice=lattice, markers=agreeing)
-    _extend(pyramid, piece, grids, free)
+    extend(sight.pyramid, piece, grids, free)
     return piece if lattice.known.sum() >= 4 else None
 
 
 def placed(
-    pyramid: Pyramid,
-    target: Target,
-    index: int,
-    markers: SeenMarkers,
-    chosen: BoolArray,
-    free: cKDTree,
+    sight: Sight, index: int, markers: SeenMarkers, chosen: BoolArray, free: cKDTree
 ) -> BoardLattice:
     """The corners around the chosen markers, each where a saddle is seen nearby."""
-    board = target.boards[index]
+    board = sight.target.boards[index]
     lattice = BoardLattice(board=board)
-    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen], target, index)
+    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen])
     lattice.put(cells, pixel)
     cells = lattice.cells()
     fit = lattice.fit(cells)
-    pixel, found = snap_named(pyramid, lattice, lattice.at(cells), fit, free)
+    pixel, found = snap_named(sight.pyramid, lattice, lattice.at(cells), fit, free)
     lattice.put(cells, np.where((found & fit.sound)[:, None], pixel, np.nan))
     clean(lattice)
     return lattice
 
 
-def _extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
+def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTree) -> None:
     """Add what else of the board can be seen, and drop what is no corner."""
     lattice = piece.lattice
     for _ in range(2):
@@ -131,27 +106,9 @@ def _extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTr
         clean(lattice)
 
 
-def blurred(
-    pyramid: Pyramid,
-    target: Target,
-    one: NamedGrid,
-    number: int,
-    grids: tuple[Grid, ...],
-    free: cKDTree,
-) -> Piece:
-    """The board of a grid that is named by all of its markers together."""
-    lattice = BoardLattice(board=target.boards[one.board])
-    lattice.put(one.cells, grids[number].pixel)
-    piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
-    _extend(pyramid, piece, grids, free)
-    return piece
-
-
-def _seeds(
-    board: Board, cell: IntArray, outline: FloatArray, target: Target, index: int
-) -> tuple[IntArray, FloatArray]:
+def _seeds(board: Board, cell: IntArray, outline: FloatArray) -> tuple[IntArray, FloatArray]:
     """Where markers put the corners around them: cells (K, 2), pixels (K, 2)."""
-    square = squares(outline, marker_ratio(target, index))
+    square = squares(outline, marker_ratio(board))
     corner = cell_corners(board, cell).reshape(-1, 2)
     pixel = square.reshape(-1, 2)
     inside = ((corner >= 0) & (corner < (board.columns, board.rows))).all(axis=1)
@@ -174,7 +131,6 @@ def _absorb(piece: Piece, grids: tuple[Grid, ...]) -> None:
         piece.grids.add(number)
         fresh = ~lattice.known[names[:, 0], names[:, 1]]
         lattice.put(names[fresh], grid.pixel[fresh])
-        piece.how[names[fresh, 0], names[fresh, 1]] = How.GRID
 
 
 def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
@@ -199,26 +155,21 @@ def _name_grid(lattice: BoardLattice, grid: Grid) -> IntArray | None:
     return named if fits else None
 
 
-def agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: Piece) -> bool:
+def agrees(sight: Sight, piece: Piece) -> bool:
     """Whether the markers that can be read through the piece's corners are the board's own."""
-    board = target.boards[piece.board]
+    board, lattice = sight.target.boards[piece.board], piece.lattice
     corner = cell_corners(board, board.marker_cells()[:, 1:])
-    whole = np.asarray(piece.lattice.inside(corner).all(axis=1))
-    whole[whole] = ~np.isnan(piece.lattice.at(corner[whole].reshape(-1, 2))[:, 0]).reshape(
-        -1, 4
-    ).any(axis=1)
+    whole, pixel = lattice.whole_squares(corner)
     if not whole.any():
         return False
-    corner = corner[whole]
-    ratio = marker_ratio(target, piece.board)
-    side_px = ratio * shortest_side(piece.lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2))
+    corner, ratio = corner[whole], marker_ratio(board)
+    side_px = ratio * shortest_side(pixel)
     own, other = np.zeros(len(corner), bool), np.zeros(len(corner), bool)
-    for family in all_families:
+    families = [one for one in sight.families if (one.board == piece.board).any()]
+    for family in families:
         row = np.nonzero(family.board == piece.board)[0]
-        if not len(row):
-            continue
-        points = piece.lattice.inside_squares(corner, module_places(family, ratio))
-        white, clear = read_modules(pyramid, points, side_px, family)
+        points = lattice.inside_squares(corner, module_places(family, ratio))
+        white, clear = read_modules(sight.pyramid, points, side_px, family)
         wrong = wrong_modules(white, family)[:, 0]
         wrong = wrong[np.arange(len(wrong)), row[whole]]
         own |= clear & (wrong <= family.corrected)
@@ -229,11 +180,7 @@ def agrees(pyramid: Pyramid, target: Target, all_families: list[Family], piece: 
     if own.sum() >= least and agreeing >= _OWN_FOR_ANOTHER * (other & ~own).sum():
         return True
     # Modules of a pixel or two are misread one by one where all together leave no doubt.
-    return any(
-        surely_alike(pyramid, target, family, piece.board, piece.lattice)
-        for family in all_families
-        if (family.board == piece.board).any()
-    )
+    return any(surely_alike(sight.pyramid, family, piece.board, lattice) for family in families)
 
 
 def settle(pieces: list[Piece]) -> tuple[list[Piece], set[int]]:
@@ -302,6 +249,5 @@ def _names_differ(one: Piece, other: Piece) -> bool:
 def _merge(into: Piece, piece: Piece) -> None:
     cells = np.argwhere(piece.lattice.known & ~into.lattice.known)
     into.lattice.put(cells, piece.lattice.at(cells))
-    into.how[cells[:, 0], cells[:, 1]] = piece.how[cells[:, 0], cells[:, 1]]
     into.markers += piece.markers
     into.grids |= piece.grids

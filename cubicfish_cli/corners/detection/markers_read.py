@@ -17,13 +17,13 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from cubicfish_cli.core.boards.board import AROUND_SQUARE, Board
-from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
 from cubicfish_cli.corners.detection.markers_detect import (
     NO_MARKERS,
     Family,
     SeenMarkers,
+    Sight,
     find_outlines,
     straightened,
 )
@@ -153,9 +153,7 @@ def wrong_modules(white: BoolArray, family: Family) -> IntArray:
     return np.rint(codes.shape[1] - same).astype(np.intp)
 
 
-def read_grid(
-    pyramid: Pyramid, target: Target, all_families: list[Family], grid: Grid
-) -> SeenMarkers:
+def read_grid(sight: Sight, grid: Grid) -> SeenMarkers:
     """Markers in the squares of a found grid whose four corners are known."""
     size = grid.cells.max(axis=0) + 2
     pixel = np.full((*size, 2), np.nan)
@@ -164,11 +162,11 @@ def read_grid(
     whole = ~np.isnan(square).any(axis=(2, 3))
     bright = np.indices(whole.shape).sum(axis=0) % 2 == (0 if grid.parity > 0 else 1)
     found = []
-    for family in all_families:
+    for family in sight.families:
         chosen = square[whole & (~bright if family.joined else bright)]
-        for ratio in _ratios(target, family):
-            allowed = [marker_ratio(target, int(board)) == ratio for board in family.board]
-            found.append(_read(pyramid, chosen, family, ratio, np.array(allowed)))
+        every = np.array([marker_ratio(sight.target.boards[board]) for board in family.board])
+        for ratio in np.unique(every).tolist():
+            found.append(_read(sight.pyramid, chosen, family, ratio, every == ratio))
     return SeenMarkers.joined([NO_MARKERS, *found])
 
 
@@ -186,17 +184,11 @@ def quarter_turns(grid: Grid) -> Iterator[tuple[IntArray, IntArray]]:
         yield grid.cells @ np.linalg.matrix_power(_QUARTER, turn), sign
 
 
-def _ratios(target: Target, family: Family) -> list[float]:
-    """Side of a marker in squares, each that boards of the family have."""
-    return sorted({marker_ratio(target, int(board)) for board in np.unique(family.board)})
-
-
-def marker_ratio(target: Target, board: int) -> float:
+def marker_ratio(board: Board) -> float:
     """Side of a board's markers in squares (tags: 1)."""
-    one = target.boards[board]
-    if one.markers is None or one.per_cell == 2:
+    if board.markers is None or board.per_cell == 2:
         return 1.0
-    return one.markers.side / one.square
+    return board.markers.side / board.square
 
 
 def read_outlines(pyramid: Pyramid, all_families: list[Family], outline: FloatArray) -> SeenMarkers:
@@ -248,25 +240,24 @@ class NamedGrid:
     markers: int
 
 
-def read_together(
-    pyramid: Pyramid, target: Target, all_families: list[Family], grid: Grid
-) -> NamedGrid | None:
+def read_together(sight: Sight, grid: Grid) -> NamedGrid | None:
     """Find where on which board with markers in its bright squares a grid lies.
 
     None where no place stands out, or the grid shows fewer than four markers.
     """
     found: list[tuple[float, float, NamedGrid]] = []
-    for family in all_families:
+    for family in sight.families:
         if family.joined:
             continue
         for board in np.unique(family.board).tolist():
-            places = _places(BoardLattice(board=target.boards[board]), grid)
+            drawn = sight.target.boards[board]
+            places = _places(BoardLattice(board=drawn), grid)
             if len(places) > _MOST_PLACES:
                 continue
             for cells in places:
-                lattice = BoardLattice(board=target.boards[board])
+                lattice = BoardLattice(board=drawn)
                 lattice.put(cells, grid.pixel)
-                likeness, share, markers = _likeness(pyramid, target, family, board, lattice)
+                likeness, share, markers = _likeness(sight.pyramid, family, board, lattice)
                 one = NamedGrid(board=board, cells=cells, markers=markers)
                 found.append((likeness, share, one))
     found.sort(key=lambda one: -one[0])
@@ -292,16 +283,14 @@ def _places(lattice: BoardLattice, grid: Grid) -> list[IntArray]:
     return places
 
 
-def surely_alike(
-    pyramid: Pyramid, target: Target, family: Family, index: int, lattice: BoardLattice
-) -> bool:
+def surely_alike(pyramid: Pyramid, family: Family, index: int, lattice: BoardLattice) -> bool:
     """Tell whether a board's markers, taken together, are surely those between its corners."""
-    likeness, share, _ = _likeness(pyramid, target, family, index, lattice)
+    likeness, share, _ = _likeness(pyramid, family, index, lattice)
     return likeness >= _CERTAIN and share >= _SHARE
 
 
 def _likeness(
-    pyramid: Pyramid, target: Target, family: Family, index: int, lattice: BoardLattice
+    pyramid: Pyramid, family: Family, index: int, lattice: BoardLattice
 ) -> tuple[float, float, int]:
     """How much a board's squares look like the markers that belong there.
 
@@ -309,15 +298,12 @@ def _likeness(
     more like themselves than the mean of others, and how many there are.
     """
     own = np.nonzero(family.board == index)[0]
-    corner = cell_corners(target.boards[index], family.cell[own])
-    whole = np.asarray(lattice.inside(corner).all(axis=1))
+    corner = cell_corners(lattice.board, family.cell[own])
+    whole, pixel = lattice.whole_squares(corner)
     corner, own = corner[whole], own[whole]
-    pixel = lattice.at(corner.reshape(-1, 2)).reshape(-1, 4, 2)
-    seen = ~np.isnan(pixel).any(axis=(1, 2))
-    corner, own, pixel = corner[seen], own[seen], pixel[seen]
     if len(own) < _FEWEST:
         return 0.0, 0.0, len(own)
-    ratio = marker_ratio(target, index)
+    ratio = marker_ratio(lattice.board)
     points = lattice.inside_squares(corner, module_places(family, ratio))
     level = module_levels(pyramid, points, ratio * shortest_side(pixel), family)
     alike = _correlation(level, family)
@@ -360,17 +346,9 @@ def middles_and_axes(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
     return outline.mean(axis=1), 0.5 * np.stack([b + c - a - d, c + d - a - b], axis=-1)
 
 
-def all_read(
-    pyramid: Pyramid,
-    target: Target,
-    all_families: list[Family],
-    grids: FoundGrids,
-    alone: SeenMarkers | None = None,
-) -> SeenMarkers:
-    """Markers that are read by their own outlines, as ``alone`` if given, or in grids' squares."""
-    alone = read_alone(pyramid, all_families) if alone is None else alone
-    in_grids = (read_grid(pyramid, target, all_families, grid) for grid in grids.grids)
-    return SeenMarkers.joined([alone, *in_grids])
+def all_read(sight: Sight, grids: FoundGrids, alone: SeenMarkers) -> SeenMarkers:
+    """Markers that were read alone, by their own outlines, and those in grids' squares."""
+    return SeenMarkers.joined([alone, *(read_grid(sight, grid) for grid in grids.grids)])
 
 
 def read_alone(pyramid: Pyramid, all_families: list[Family]) -> SeenMarkers:
@@ -381,10 +359,10 @@ def read_alone(pyramid: Pyramid, all_families: list[Family]) -> SeenMarkers:
     return read_outlines(pyramid, all_families, find_outlines(grey, all_families))
 
 
-def places_told(markers: SeenMarkers, target: Target, board: int) -> IntArray:
+def places_told(markers: SeenMarkers, board: Board) -> IntArray:
     """Which markers of a board agree about where it is: (N,) the same number for those."""
-    pitch = 1 + target.boards[board].spacing if target.boards[board].kind == "aprilgrid" else 1.0
-    square = squares(markers.pixel, marker_ratio(target, board))
+    pitch = 1 + board.spacing if board.kind == "aprilgrid" else 1.0
+    square = squares(markers.pixel, marker_ratio(board))
     middle, step = middles_and_axes(square)
     apart = markers.cell[None] - markers.cell[:, None]
     step = 0.5 * pitch * (step[None] + step[:, None])

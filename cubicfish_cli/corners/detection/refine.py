@@ -54,13 +54,16 @@ def whole_corners(
     sign: IntArray,
     side: FloatArray,
     moved: FloatArray,
-    contrast_around: FloatArray,
-    blur_around: FloatArray,
-    spread_around: FloatArray,
+    around: FloatArray,
     noise: float,
     most_turn: float = MOST_TURN,
 ) -> BoolArray:
-    """Tell which of N corners pass every test; ``most_turn`` is in radians."""
+    """Tell which of N corners pass every test.
+
+    ``around`` are medians (N, 3) of their neighbours' :func:`measures`; ``most_turn`` is in
+    radians.
+    """
+    contrast_around, blur_around, spread_around = around.T
     bright, dark = found.bright(sign), found.dark(sign)
     contrast = found.contrast(sign)
     good = found.ok & (bright.min(1) - dark.max(1) > _SEPARATION * contrast)
@@ -73,6 +76,11 @@ def whole_corners(
     most_spread = np.hypot(_SPREAD * spread_around, harmless)
     good &= found.spread < np.minimum(_MOST_SPREAD * side, most_spread)
     return good
+
+
+def measures(found: Crossings, sign: IntArray) -> FloatArray:
+    """(N, 3) contrast, blur and spread, in which a corner is like those around it."""
+    return np.stack([found.contrast(sign), found.blur.max(1), found.spread], axis=-1)
 
 
 def refine_pixels(
@@ -243,9 +251,7 @@ def refine_corners(
         seen,
         side[rows],
         np.hypot(*(found.pixel - pixel[rows]).T),
-        np.median(found.contrast(seen)[index], axis=1),
-        np.median(found.blur.max(1)[index], axis=1),
-        np.median(found.spread[index], axis=1),
+        np.median(measures(found, seen)[index], axis=1),
         pyramid.noise,
         MOST_TURN if clean is None else MOST_TURN_MARKED,
     )

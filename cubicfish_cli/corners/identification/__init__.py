@@ -1,6 +1,6 @@
 """Grids -> named corners: which grid is which board of the target, and which corner is (0, 0).
 
-`app/detection.py` is the recipe. `corners/detection/look.py` reads one photo and finds its nameless
+`app/detection.py` is the recipe. `app/look.py` reads one photo and finds its nameless
 grids, or why there are none, and remembers what was found in it (`GridCache`). A photo in which
 nothing is found is searched at twice its size, for smaller squares and markers, and so is what lies
 around a part of a board of small squares (`closer.py`); the photo itself then says where their

@@ -1,4 +1,4 @@
-"""Many photos -> named corners at a glance: enough to tell which of them to look at closely.
+"""Pictures -> named corners at a glance: enough to tell which of them to look at closely.
 
 The first steps of the finder alone, on reduced photos: corners are good to a few tenths of a pixel,
 and those that only growth finds are missing, as are boards with small squares. Nothing is said of
@@ -10,14 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.photos import Photo
-from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.accept import is_beyond_chance, is_large_enough
@@ -76,22 +72,6 @@ def _zoom(image: npt.NDArray[np.generic], most: int) -> int:
     return max(1, math.ceil(math.sqrt(image.size / most)))
 
 
-def glance(photos: Sequence[Photo], target: Target | None, work: Work) -> list[Glimpse | None]:
-    """What each photo shows: corners named by markers, or grids of checkerboards.
-
-    Args:
-        photos: the photos.
-        target: the calibration target; None looks for any checkerboard.
-        work: who does it.
-
-    Returns:
-        None for each that cannot be read.
-
-    """
-    look = partial(_look, marked=target if target is not None and target.has_markers else None)
-    return work.done(look, photos)
-
-
 def named_at_a_glance(
     found: Sequence[Glimpse | None],
     targets: Sequence[Target],
@@ -101,7 +81,8 @@ def named_at_a_glance(
     """Named corners of what was seen, of the target that explains most.
 
     Args:
-        found: of each picture, by :func:`glance` with the first of the targets.
+        found: of each picture what markers of the first of the targets name, or its grids; None
+            where it cannot be read.
         targets: what the target may be; of those with markers only one.
         size: (width, height) of the pictures; what is not of this size is passed over.
         names: of the pictures; those that show nothing are named in the result all the same.
@@ -120,11 +101,3 @@ def named_at_a_glance(
     named = [name_grids(grids, target, size, names) for target in targets]
     best = max(named, key=lambda one: len(one.corners.pixel))
     return best.corners, best
-
-
-def _look(photo: Photo, *, marked: Target | None) -> Glimpse | None:
-    try:
-        grey = photo.read_grey()
-    except PhotoError:
-        return None
-    return glance_at_grids(grey) if marked is None else glance_at_markers(grey, marked)

@@ -17,7 +17,6 @@ import numpy as np
 
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray
@@ -94,8 +93,7 @@ class GridReport:
         corners: how many corners it has.
         size: columns and rows of its bounding box; where it was left out, without lines of one or
             two corners at its rim.
-        ratio: how many times worse the best other name fits; inf without a rival.
-        rms_px: how well it fits its name under the lens of :class:`Identified`; NaN when unknown.
+        rms_px: how well it fits its name under the lens of the scene; NaN when unknown.
 
     """
 
@@ -103,7 +101,6 @@ class GridReport:
     place: Place | None
     corners: int
     size: tuple[int, int]
-    ratio: float
     rms_px: float
 
     @property
@@ -120,7 +117,6 @@ class Identified:
         corners: the named corners; photos without any are listed in ``images`` all the same.
         found: for each photo, its grids, without the strays that were cut off.
         grids: for each photo, what became of each of its grids.
-        lens: the radial lens that the names were checked with, None when none could be fitted.
         exact: (M,) whether the photo's corners are surely these corners of the target. False
             where a board seen in part may be a few squares further along its plane: as good
             for a lens, but not for measuring the target.
@@ -133,7 +129,6 @@ class Identified:
     corners: Observations
     found: tuple[tuple[Grid, ...], ...]
     grids: tuple[tuple[GridReport, ...], ...]
-    lens: RadialCamera | None
     exact: BoolArray
     other_colours: bool = False
     scene: Scene | None = None

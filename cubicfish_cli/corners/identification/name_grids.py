@@ -232,7 +232,6 @@ def _identified(
         corners=corners.with_target(scene.target).in_order(),
         found=tuple(tuple(scene.grids[index] for index in sorted(own)) for own in scene.photos),
         grids=tuple(reports),
-        lens=scene.camera,
         exact=exact,
         other_colours=scene.other_colours,
         scene=scene,
@@ -256,7 +255,6 @@ def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
         place=place,
         corners=len(grid),
         size=(int(width), int(height)) if place is not None else solid_size(grid),
-        ratio=float(decision.ratio[n]),
         rms_px=float(decision.rms_px[n]),
     )
 

@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.executors.pool import Work, settled
-from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.calibrate import calibrate
@@ -23,6 +21,7 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.corners.detection.grids import settled
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
@@ -38,11 +37,10 @@ _STEP = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Prediction:
+class Prediction:
     """Where a photo should show the target's corners.
 
     Attributes:
-        photo: the photo.
         corners: names and pixels (N, 2) of the corners.
         step: (N, 2, 2) columns dp/d column and dp/d row.
         bend: (N, 2, 3) second derivatives by column², column·row, row².
@@ -52,7 +50,6 @@ class _Prediction:
 
     """
 
-    photo: Photo
     corners: Observations
     step: FloatArray
     bend: FloatArray
@@ -60,59 +57,48 @@ class _Prediction:
     known: BoolArray
     limit_px: float
 
-    @property
-    def name(self) -> str:
-        """The photo's."""
-        return self.photo.name
+    def seen_in(self, grey: npt.NDArray[np.generic]) -> Observations:
+        """The unknown corners that the photo (H, W) shows."""
+        predicted = self.corners.pixel
+        # Known corners take part: a corner is judged by those around it.
+        pixel, ok = refine_corners(build_pyramid(grey), predicted, self.step, self.sign, self.bend)
+        side = np.hypot(self.step[:, 0], self.step[:, 1]).min(axis=1)
+        moved = np.hypot(*(pixel - predicted).T)
+        ok &= moved < np.minimum(self.limit_px, _FARTHEST_SHARE * side)
+        return replace(self.corners, pixel=settled(pixel)).select(ok & ~self.known)
 
 
-def second_pass(
-    photos: Sequence[Photo],
-    detection: Detection,
-    target: Target,
-    work: Work,
-) -> Detection:
-    """Add the corners that a camera fitted to the first pass predicts and the photos show.
+def predicted_corners(detection: Detection, target: Target) -> dict[str, Prediction]:
+    """Where photos should show corners, by a camera fitted to the first pass.
 
     Photos in which a board was placed by convention only are left as they are.
 
     Args:
-        photos: the photos that ``detection`` is of, in its order.
         detection: the first pass.
         target: the calibration target.
-        work: who looks at the photos.
 
     Returns:
-        The detection with the added corners; the same one where no camera can be fitted.
+        Of each photo by name; none where no camera can be fitted.
 
     """
     # Corners of tags come with their tags, all that there are.
     if not any(board.has_squares for board in target.boards):
-        return detection
+        return {}
     try:
-        fit = calibrate(
-            detection.corners,
-            target=target,
-            refine_target="off",
-            hold_out=False,
-        )
+        fit = calibrate(detection.corners, target=target, refine_target="off", hold_out=False)
     except FitError:
-        return detection
-    seen = photos if work.executor is None else [photo.absolute() for photo in photos]
-    by_name = {photo.name: photo for photo in seen}
+        return {}
     exact = {report.name for report in detection.photos if report.exact}
-    predictions = [
-        _predicted(by_name[name], number, fit, detection, target)
+    return {
+        name: _predicted(name, number, fit, detection, target)
         for number, name in enumerate(fit.pairs.images)
         if name in exact
-    ]
-    found = work.done(_look, predictions)
-    return _with_added(detection, found)
+    }
 
 
 def _predicted(
-    photo: Photo, number: int, fit: Calibration, detection: Detection, target: Target
-) -> _Prediction:
+    name: str, number: int, fit: Calibration, detection: Detection, target: Target
+) -> Prediction:
     corners = detection.corners
     rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]
     parts = [
@@ -125,7 +111,7 @@ def _predicted(
     )
     predicted = Observations(
         image_size=corners.image_size,
-        images=(photo.name,),
+        images=(name,),
         boards=corners.boards,
         image=np.zeros(len(board), np.intp),
         board=board,
@@ -133,13 +119,12 @@ def _predicted(
         row=row,
         pixel=pixel,
     ).with_target(target)
-    return _Prediction(
-        photo=photo,
+    return Prediction(
         corners=predicted,
         step=step,
         bend=bend,
         sign=-sign if detection.other_colours else sign,
-        known=np.isin(_places(predicted), _places(corners.of(photo.name))),
+        known=np.isin(_places(predicted), _places(corners.of(name))),
         limit_px=gross_px(fit.residual),
     )
 
@@ -183,34 +168,13 @@ def _of_board(
     use = (slant > _FLATTEST) & np.isfinite(step).all(axis=(1, 2)) & np.isfinite(bend).all((1, 2))
     use &= (middle > 0).all(axis=1) & (middle < (width - 1, height - 1)).all(axis=1)
     # The square down-right of corner (0, 0) has the colour of the one up-left of it.
-    bright = (board.first_square == "light") ^ ((column + row) % 2 == 1)
-    sign = np.where(bright, 1, -1)
-    return (
-        np.full(int(use.sum()), index),
-        column[use],
-        row[use],
-        middle[use],
-        step[use],
-        bend[use],
-        sign[use],
-    )
+    sign = np.where((board.first_square == "light") ^ ((column + row) % 2 == 1), 1, -1)
+    every = (np.full(len(column), index), column, row, middle, step, bend, sign)
+    return tuple(one[use] for one in every)
 
 
-def _look(prediction: _Prediction) -> Observations:
-    """The unknown corners that the photo shows."""
-    pyramid, predicted = build_pyramid(prediction.photo.read_grey()), prediction.corners.pixel
-    # Known corners take part: a corner is judged by those around it.
-    pixel, ok = refine_corners(
-        pyramid, predicted, prediction.step, prediction.sign, prediction.bend
-    )
-    side = np.hypot(prediction.step[:, 0], prediction.step[:, 1]).min(axis=1)
-    moved = np.hypot(*(pixel - predicted).T)
-    ok &= moved < np.minimum(prediction.limit_px, _FARTHEST_SHARE * side)
-    shown = replace(prediction.corners, pixel=settled(pixel))
-    return shown.select(ok & ~prediction.known)
-
-
-def _with_added(detection: Detection, found: Sequence[Observations]) -> Detection:
+def with_added(detection: Detection, found: Sequence[Observations]) -> Detection:
+    """A first pass with the corners that its photos show beside it."""
     corners = detection.corners
     added = {new.images[0]: len(new.image) for new in found}
     numbers = (corners.images.index(name) for name in added)

@@ -28,7 +28,6 @@ def report(size, verdict, corners=None):
         place=place,
         corners=corners or size[0] * size[1],
         size=size,
-        ratio=np.inf,
         rms_px=0.1,
     )
 
@@ -39,9 +38,7 @@ def identified(*photos):
         image_size=IMAGE_SIZE, images=(), boards=(), image=none, board=none, column=none,
         row=none, pixel=np.zeros((0, 2)), weight=np.zeros(0),
     )  # fmt: skip
-    return Identified(
-        corners=corners, found=(), grids=photos, lens=None, exact=np.ones(len(photos), bool)
-    )
+    return Identified(corners=corners, found=(), grids=photos, exact=np.ones(len(photos), bool))
 
 
 @pytest.mark.parametrize("size", [(6, 4), (4, 6), (8, 7), (12, 10)])

@@ -4,13 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
+from cubicfish_cli.app import look
+from cubicfish_cli.app.look import GridCache, look_at
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection import closer, look
+from cubicfish_cli.corners.detection import closer
 from cubicfish_cli.corners.detection.closer import is_part, look_closer
 from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.corners.detection.look import GridCache, look_at
 
 COLUMNS, ROWS = 9, 7
 SIZES = [(ROWS, COLUMNS)]  # the order is not known of a grid

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cubicfish_cli.app import look
+from cubicfish_cli.app import look as cache_module
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
+from cubicfish_cli.app.look import GridCache
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.target import load_target
-from cubicfish_cli.corners.detection import look
-from cubicfish_cli.corners.detection import look as cache_module
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
-from cubicfish_cli.corners.detection.look import GridCache
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 TARGET = load_target(SAMPLE / "target.yaml")

@@ -10,9 +10,8 @@ from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import FoundGrids
 from cubicfish_cli.corners.detection.markers import find_marked_corners
-from cubicfish_cli.corners.detection.markers_detect import families
+from cubicfish_cli.corners.detection.markers_detect import Sight
 from cubicfish_cli.corners.detection.markers_read import read_grid, read_together
-from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from tests.corners.detection.test_markers import (
     LENS,
     POSE,
@@ -45,13 +44,13 @@ def blurred(sharp):
 
 def read(photo, board, grid):
     target = Target(units="mm", boards=(board,))
-    return read_together(build_pyramid(photo), target, families(target), grid)
+    return read_together(Sight.of(photo, target), grid)
 
 
 @pytest.mark.parametrize("turn", range(4))
 def test_a_grid_of_blurred_markers_is_named_however_it_is_turned(blurred, turn):
     target, grid = true_grid(BOARD, turn)
-    assert len(read_grid(build_pyramid(blurred), target, families(target), grid)) == 0
+    assert len(read_grid(Sight.of(blurred, target), grid)) == 0
     named = read(blurred, BOARD, grid)
     seen = project_corners(target, LENS, POSE, SIZE)
     assert named is not None

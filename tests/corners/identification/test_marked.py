@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 import synthetic
 
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.detection import detect_corners, second_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.errors import DetectionError
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.corners.identification.second_pass import second_pass
 from cubicfish_cli.extensions.simulation.simulate import render
 
 LENS = synthetic.lens_of_size(0.75)

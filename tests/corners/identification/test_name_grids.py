@@ -87,8 +87,9 @@ def test_named_corners_are_the_true_ones_in_order():
             getattr(identified.corners, name), getattr(corners, name)[order], err_msg=name
         )
     assert identified.corners.boards == target.board_names
-    assert identified.lens is not None
-    assert identified.lens.fx == pytest.approx(lens(185).fx, rel=0.01)
+    assert identified.scene is not None
+    assert identified.scene.camera is not None
+    assert identified.scene.camera.fx == pytest.approx(lens(185).fx, rel=0.01)
 
 
 def test_one_photo_is_enough():
@@ -322,7 +323,8 @@ def test_nothing_found_is_nothing_named():
     identified = name_grids([(), ()], corner_of_three(), IMAGE_SIZE, ["a", "b"])
     assert identified.grids == ((), ())
     assert len(identified.corners.pixel) == 0
-    assert identified.lens is None
+    assert identified.scene is not None
+    assert identified.scene.camera is None
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ PART += "the board would"
 def report(verdict: Decided, size: tuple[int, int] = (6, 4)) -> GridReport:
     place = Place(board=0, turn=0, column=0, row=0) if verdict is Decided.CONVENTION else None
     return GridReport(
-        verdict=verdict, place=place, corners=size[0] * size[1], size=size, ratio=9.0, rms_px=0.1
+        verdict=verdict, place=place, corners=size[0] * size[1], size=size, rms_px=0.1
     )
 
 

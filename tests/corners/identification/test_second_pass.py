@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from synthetic import as_type
 
+from cubicfish_cli.app.detection import second_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
-from cubicfish_cli.corners.identification.second_pass import second_pass
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 TARGET = load_target(SAMPLE / "target.yaml")

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app import photos
-from cubicfish_cli.app.executors.pool import Work, settled
 from cubicfish_cli.app.photos import Photo, Picture, decode_picture, grey, read_file
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import OutputError, PhotoError
@@ -29,7 +28,7 @@ from cubicfish_cli.corners import detection, mosaic
 from cubicfish_cli.corners.detection.closer import is_part, look_closer
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
 from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
-from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, settled
 from cubicfish_cli.corners.detection.markers import MarkedCorners, find_marked_corners
 
 _OF_GRID = [field.name for field in fields(Grid)]
@@ -76,10 +75,9 @@ class GridCache:
 
     def save(self, key: str, found: FoundGrids) -> None:
         """Write an entry; a cache that cannot be written is no cache, and no error."""
-        grids = found.grids
         parts = {
             f"{name}_{index}": getattr(grid, name)
-            for index, grid in enumerate(grids)
+            for index, grid in enumerate(found.grids)
             for name in _OF_GRID
         }
         try:
@@ -87,7 +85,7 @@ class GridCache:
                 np.savez_compressed(
                     temporary,
                     key=key,
-                    count=len(grids),
+                    count=len(found.grids),
                     refused=found.refused,
                     image_size=np.array(found.image_size),
                     allow_pickle=False,
@@ -101,8 +99,9 @@ class GridCache:
 def _searcher() -> str:
     """The package's version and a hash of the source that reads pictures and finds grids."""
     digest = hashlib.sha256(__version__.encode())
+    finding = sorted(Path(str(detection.__file__)).parent.glob("*.py"))
     reading = [Path(str(module.__file__)) for module in (photos, mosaic)]
-    for path in [*reading, *sorted(Path(str(detection.__file__)).parent.glob("*.py"))]:
+    for path in (Path(__file__), *reading, *finding):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -147,24 +146,6 @@ def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> 
         return Look(grids=None, refusal=why)
 
 
-def nameless_grids(
-    photos: Sequence[Photo], work: Work, cache: GridCache | None = None
-) -> list[FoundGrids | None]:
-    """Find the checkerboards in photos on disk, where nobody says which target they show.
-
-    Args:
-        photos: where the photos are.
-        work: who does it.
-        cache: what was found in photos that were searched before; None searches them all.
-
-    Returns:
-        What was found in each; None for photos that cannot be read.
-
-    """
-    look = partial(look_at, target=None, cache=cache)
-    return [one.grids for one in work.done(look, photos)]
-
-
 def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
     """Why a photo is of no use."""
     return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
@@ -175,19 +156,19 @@ def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache
     def picture() -> Picture:
         return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
 
-    key = cache.key(data) if cache and data else ""  # in memory there are no bytes to know it by
+    if not data:  # in memory there are no bytes to know it by
+        cache = None
+    key = cache.key(data) if cache else ""
 
     def remembered(search: Callable[[], FoundGrids], name: str = "") -> FoundGrids:
-        entry = key + name
-        known = cache.load(entry) if cache and key else None
+        known = cache.load(key + name) if cache else None
         if known is not None:
             return known
         found = search()
-        found = replace(
-            found, grids=tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
-        )
-        if cache and key:
-            cache.save(entry, found)
+        grids = tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
+        found = replace(found, grids=grids)
+        if cache:
+            cache.save(key + name, found)
         return found
 
     grids = remembered(lambda: find_grids(picture()))
@@ -199,9 +180,11 @@ def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache
         closer = remembered(lambda: find_grids(picture(), closely=True), "-close")
         closer_look = _looked(picture, target, closer, closely=True)
         look = look if closer_look.is_empty else closer_look
+    if look.is_empty and target.has_markers and grids.grids:
+        return replace(look, refusal=refused(photo.name, Code.NO_MARKERS))
     if look.is_empty:
-        why = _why_no_markers if target.has_markers else _why_nothing
-        return replace(look, refusal=why(photo, picture(), grids))
+        why = explain_no_grids(picture(), grids)
+        return replace(look, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
     if target.has_markers:
         return look
     sizes = sorted({(board.columns, board.rows) for board in target.boards})
@@ -218,14 +201,3 @@ def _looked(
         return Look(grids=grids)
     marked = find_marked_corners(picture(), target, grids, closely=closely)
     return Look(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
-
-
-def _why_nothing(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
-    why = explain_no_grids(picture, found)
-    return replace(why, severity=Severity.CARE, images=(photo.name,))
-
-
-def _why_no_markers(photo: Photo, picture: Picture, found: FoundGrids) -> Finding:
-    if not found.grids:
-        return _why_nothing(photo, picture, found)
-    return refused(photo.name, Code.NO_MARKERS)
