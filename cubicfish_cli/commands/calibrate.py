@@ -129,28 +129,28 @@ class CalibrateOptions:
         default="calibration",
         folder=True,
     )
-    title: str | None = option("--title TEXT", "What to call this camera, in its file and report.")
+    title: str | None = option("--title TEXT", "What to call this camera in its file and report.")
     refine_target: RefineTarget | None = options.refine_target_option(
-        "Fit the target too: boards' shapes and places, or each corner's own place as well; "
-        "auto goes as far as it lowers the held-out error. [default: auto]",
+        "Fit the target too: the shapes and places of its boards (shape), or also the place of "
+        "each corner (points). auto goes on as long as the held-out error falls. [default: auto]",
         default=None,
     )
     hold_out: bool = option(
         "--hold-out/--no-hold-out",
-        "Measure the error on photos left out of the fit (five more fits; "
-        "--refine-target auto needs it).",
+        "Measure the error on photos that are left out of the fit. This takes five more fits, and "
+        "--refine-target auto needs it.",
         default=True,
     )
     lift: Literal["ray", "point"] = option(
         "--lift",
-        "What the cubics are of: the viewing ray, a camera for everything else here; or the 3D "
-        "point itself, as the paper prints it, which holds only where the corners were.",
+        "What the cubics take: the viewing ray, as most commands need it, or the 3D point itself, "
+        "as the paper has it, which holds only where the corners were.",
         click.Choice(["ray", "point"]),
         "ray",
     )
     most: int | None = option(
         "--most N",
-        "Calibrate from no more than N photos or frames, those that add most. [default: all "
+        "Calibrate from at most N photos or frames, those that add most. [default: all "
         f"photos, and of films {MOST} frames]",
         IntRange(min=1),
     )
@@ -395,11 +395,11 @@ def _output(
 def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     """Calibrate a camera from PHOTOS (files, folders or globs) of the target in target.yaml.
 
-    One flat checkerboard needs no file: --board 9x6 --square 25mm says it all. A corners.csv,
-    from 'cubicfish detect' or any other detector, may stand for the photos. Of films, frames are
-    chosen and kept in the folder, as 'cubicfish frames' does. Everything else is written together
-    at the end, or nothing is. With --overwrite, what an earlier calibration left in the
-    folder goes.
+    One flat checkerboard needs no file: give --board 9x6 --square 25mm instead. A corners.csv, from
+    'cubicfish detect' or any other detector, may take the place of the photos. From films, frames
+    are chosen and kept in the folder, as 'cubicfish frames' does. All other files are written
+    together at the end, or none is. --overwrite also removes what an earlier calibration left in
+    the folder.
     """
     from cubicfish_cli.core.fit.calibration import Calibration
 

@@ -48,8 +48,9 @@ class DetectOptions:
     table: StrPath = options.output_option("Where the corners go.", default="corners.csv")
     draw: StrPath | None = option(
         "--draw FOLDER",
-        "Also write FOLDER/<photo>.png for each photo: its corners in a colour a board, a disc at "
-        "corner (0, 0), arrows along x and y, in red what was left out and why.",
+        "Also write FOLDER/<photo>.png for each photo: the corners of each board in a colour of "
+        "its own, a disc at corner (0, 0), arrows along x and y, and in red what was left out and "
+        "why.",
         options.FOLDER,
     )
 
@@ -138,7 +139,7 @@ def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
 def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
     """Find the corners of the target in PHOTOS (files, folders or globs) and name them.
 
-    The result is a table, one corner per line: image, board, column, row, x, y.
+    The result is a table with one corner on each line: image, board, column, row, x, y.
     """
     detection, printed = made.detection, how.print(made)
     say_found([one for photo in detection.photos for one in photo.findings])

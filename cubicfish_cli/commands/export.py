@@ -25,30 +25,30 @@ _HELP = f"""Write the camera for another tool, and say how near its lens model c
 \b
 {chr(10).join(f"{name:<35}{what}" for name, what in FORMATS.items())}
 
-None of these formats holds a 3x20 matrix: each one's own lens is fitted to the camera over its
-field, in pixels. The RMS, the largest error and the angle up to which they hold are printed,
-and written into the file where it takes comments. They count up to where the calibration's
-corners reach; the last degrees of the field are a guess of the camera's own, and their error is
-stated apart. A camera that was imported has no corners: its whole field counts.
+None of these formats holds a 3x20 matrix: the lens of the format is fitted to the camera over its
+field, in pixels. The RMS and the largest error are printed, with the angle up to which they hold,
+and written into the file if it takes comments. They hold up to where the calibration's corners
+reach. Beyond, the camera itself is a guess, and the error there is stated apart. A camera that was
+imported has no corners: there the whole field counts.
 
 Most programs read OPENCV_FISHEYE, which colmap writes; colmap-rad-tan-thin-prism-fisheye needs
 COLMAP 3.11 or newer.
 
-Symmetric lens models get the frame in which the camera looks most symmetric; the turn from
-camera.yaml's frame is printed, and poses that go into the file are turned along.
+A symmetric lens model is given in the frame in which the camera looks most symmetric. The rotation
+from the frame of camera.yaml is printed, and poses in the file are turned with it.
 """
 
 max_error_option: Any = option(
     "--max-error PX",
-    "Write nothing when the format's lens is farther than this from the camera anywhere up "
-    "to where the calibration's corners reach. Beyond, the error is printed alone.",
+    "Write nothing if the format's lens is farther than this from the camera anywhere up to where "
+    "the calibration's corners reach. Beyond, the error is only printed.",
     FloatRange(min=0, min_open=True),
     0.5,
 )
 max_angle_option: Any = option(
     "--max-angle DEG",
-    "Leave out of the conversion what is farther from the axis, so that the rest is met more "
-    "nearly. [default: the whole field]",
+    "Leave out of the conversion what is farther from the axis than this, so that the lens meets "
+    "the rest more closely. [default: the whole field]",
     FloatRange(min=0, max=180, min_open=True),
 )
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.views.maps import UndistortMap
     from cubicfish_cli.core.views.view import View
 
-_HELP = """Write where each pixel of a view comes from in the photo, and the view's camera too.
+_HELP = """Write where in the photo each pixel of a view comes from, and the camera of the view.
 
 \b
 .npz  map_x and map_y (float32, -1 outside), valid, and the view as JSON text:
@@ -34,7 +34,7 @@ _HELP = """Write where each pixel of a view comes from in the photo, and the vie
 
 photo_size_option: Any = option(
     "--photo-size",
-    "Size of the photos, when it is an exact rescale of the calibrated ones.",
+    "The size of the photos, if they are an exact rescale of the calibrated ones.",
     options.SIZE,
 )
 
@@ -61,7 +61,7 @@ class MapOptions:
     view: View | ViewOptions | None = view_options
     photo_size: tuple[int, int] | None = photo_size_option
     redistort: bool = option(
-        "--redistort", "The way back: from the view to the photo of the camera."
+        "--redistort", "Write the map of the way back, from the view to the camera's photo."
     )
 
 

@@ -67,27 +67,27 @@ class PictureOptions:
     view: View | ViewOptions | PlaneOptions | None = view_options
     interpolation: Interpolation = option(
         "--interpolation",
-        "How pixels are read between pixels.",
+        "How values between pixels are worked out.",
         click.Choice(INTERPOLATIONS),
         "linear",
     )
     quality: int | None = option(
         "--quality 1-100",
-        "Of JPEG and lossy WebP files. [default: the photo's own]",
+        "Quality of JPEG and lossy WebP files. [default: the photo's own]",
         IntRange(1, 100),
     )
     mask: StrPath | None = option(
         "--mask FILE",
-        "Also write where the result may be trusted: 255, and 0 elsewhere.",
+        "Also write a picture that is 255 where the result may be trusted, and 0 elsewhere.",
         options.FILE,
     )
     virtual_camera: StrPath | None = option(
         "--camera FILE",
-        "Also write the virtual camera of the result: for flat.png, flat.view.yaml and "
+        "Also write the virtual camera that took the result: for flat.png, flat.view.yaml and "
         "flat.view.opencv.yaml.",
         options.FILE,
     )
-    skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists.")
+    skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists already.")
 
     def __post_init__(self) -> None:
         if self.interpolation not in INTERPOLATIONS:
@@ -317,12 +317,12 @@ def _write_video(job: Job, views: Views, asked: UndistortOptions, run: Run, **ho
     how=("overwrite", "as_json", "jobs", "scheduler"),
 )
 def command(made: UndistortedFiles, given: UndistortOptions, how: How) -> None:
-    """Render a picture OUT of the photo IN, or a video of a video; flat unless --view says so.
+    """Render the photo IN as the picture OUT, flat unless --view says otherwise; or a video.
 
-    With several photos, a folder or a quoted glob as IN, OUT is a folder and the pictures keep
-    their names; '-' reads the photos' names from stdin. Pixels that the camera does not see are
-    black. Depth, channels, and a JPEG's EXIF record and quality are kept, and so are a video's
-    audio and timestamps.
+    With several photos, a folder or a quoted glob as IN, OUT is a folder, and the pictures keep
+    their names. '-' reads the names of the photos from stdin. Pixels that the camera does not see
+    are black. A picture keeps the depth and the channels of its photo, and the EXIF record and the
+    quality of a JPEG; a video keeps its audio and its timestamps.
     """
     print_pictures(made, how)
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.app.terminal.options import (
-    FILE,
     SIZE,
     FloatRange,
     Parsed,
     bundle,
     option,
+    target_option,
     target_path,
 )
 from cubicfish_cli.app.terminal.terminal import say
@@ -117,33 +117,27 @@ def _view_of(
 
 
 def _view_bundle(*, planes: bool) -> Any:
-    target = option(
-        "-t --target FILE",
-        "The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
-        "needed, ./target.yaml stands for it; for planes.",
-        FILE,
-    )
     return bundle(
         _view_of,
         kind=option(
             "--view KIND",
             f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric "
-            "picture of a board's plane. [default: perspective, in which straight lines are "
-            "straight]",
+            "picture of the plane of a board in --target. [default: perspective, in which straight "
+            "lines are straight]",
             _Kind(planes),
         ),
         size=option("--size", "Size of the result. [default: the photo's]", SIZE),
         field=option(
             "--hfov --fov DEG[xDEG]",
-            "Field of view across the width, in degrees; a second one is down the height, which it "
-            "sets. [default: perspective keeps the photo's scale in its middle, up to 120 along "
-            "the longer side; others take --fit outer]",
+            "Field of view across the width, in degrees; a second angle is the one down the "
+            "height, and sets how high the picture is. [default: perspective keeps the photo's "
+            "scale in its middle, up to 120 along the longer side; others take --fit outer]",
             Parsed("DEG[xDEG]", _field),
         ),
         scale=option(
             "--scale PX",
-            "Pixels per radian in the middle, a flat picture's focal length; of a plane pixels per "
-            "mm, or whatever the target's units are.",
+            "Pixels per radian in the middle, which is a flat picture's focal length; for a plane, "
+            "pixels per mm, or per whatever unit the target is in.",
             FloatRange(1e-9, 1_000_000_000),
         ),
         fit=option(
@@ -155,10 +149,10 @@ def _view_bundle(*, planes: bool) -> Any:
         ),
         rotate=option(
             "--rotate YAW,PITCH,ROLL",
-            "Look right, then up, then turn the view clockwise: degrees.",
+            "Turn the view to the right, then up, then clockwise, in degrees.",
             Parsed("YAW,PITCH,ROLL", _turn),
         ),
-        **({"target": target} if planes else {}),
+        **({"target": target_option} if planes else {}),
     )
 
 

@@ -159,7 +159,7 @@ def test_the_same_option_has_the_same_words_everywhere() -> None:
             if "--model" in param.opts and path[1:2] == ("rig",):
                 continue  # whose model is no camera
             for option in param.opts if isinstance(param, click.Option) else ():
-                said = re.split(r" Its keys: |; for planes", param.help or "")[0].rstrip(".")
+                said = re.split(r" Its keys: ", param.help or "")[0].rstrip(".")
                 words.setdefault(option, set()).add(f"{param.opts} {param.metavar} {said}")
     assert common <= words.keys()
     assert {

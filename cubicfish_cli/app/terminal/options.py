@@ -434,8 +434,8 @@ def verbosity() -> int:
 
 target_option = option(
     "-t --target FILE",
-    "The calibration target: a target.yaml, or one of Kalibr's target files. Where one is "
-    "needed, ./target.yaml stands for it.",
+    "The calibration target: a target.yaml, or a target file of Kalibr's. [default: ./target.yaml, "
+    "if it is there]",
     FILE,
 )
 
@@ -468,8 +468,8 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
 
 report_option = option(
     "--report/--no-report",
-    "Also write report.html, one page about the calibration (takes a second or two; needs "
-    "the extra 'report').",
+    "Also write report.html, a page about the calibration. It takes a second or two, and needs the "
+    "extra 'report'.",
     default=True,
 )
 
@@ -478,8 +478,8 @@ target_options = bundle(
     target=target_option,
     board=option(
         "--board",
-        "In the place of a target.yaml: one flat checkerboard of so many inner corners "
-        "(squares less one), such as 9x6.",
+        "Instead of a target.yaml: one flat checkerboard with so many inner corners (squares less "
+        "one), such as 9x6.",
         COUNTS,
     ),
     square=option("--square LENGTH", "Side of the squares of --board: 30mm, 3cm, 1.25in.", LENGTH),
@@ -622,13 +622,13 @@ jobs_option = option(
 
 no_cache_option = option(
     "--no-cache",
-    "Search every photo anew. Otherwise what was found in a photo is kept in "
-    "~/.cache/cubicfish (or where CUBICFISH_CACHE says) until the photo changes.",
+    "Search every photo anew. Otherwise ~/.cache/cubicfish (or the folder that CUBICFISH_CACHE "
+    "names) keeps what was found in a photo until the photo changes.",
 )
 
 max_rms_option = option(
     "--max-rms PX",
-    "Exit with 3 when the RMS is above this; outputs are written all the same.",
+    "Exit with 3 if the RMS is above this. All outputs are written in any case.",
     FloatRange(min=0, min_open=True),
 )
 
@@ -647,4 +647,4 @@ def _size(text: str) -> tuple[int, int]:
 
 SIZE = Parsed("WIDTHxHEIGHT", _size)
 
-size_option = option("--size", "Size of the photos, for CSV files that do not state it.", SIZE)
+size_option = option("--size", "Size of the photos, for a CSV file that does not state it.", SIZE)

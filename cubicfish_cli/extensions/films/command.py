@@ -44,7 +44,7 @@ class FramesOptions:
         folder=True,
         required=True,
     )
-    most: int = option("--most N", "Choose no more frames than these.", IntRange(min=1), MOST)
+    most: int = option("--most N", "Choose at most N frames.", IntRange(min=1), MOST)
 
 
 @dataclass(frozen=True, kw_only=True)
