@@ -43,7 +43,7 @@ max_error_option: Any = option(
     "Write nothing if the format's lens is farther than this from the camera anywhere up to where "
     "the calibration's corners reach. Beyond, the error is only printed.",
     FloatRange(min=0, min_open=True),
-    0.5,
+    1.0,
 )
 max_angle_option: Any = option(
     "--max-angle DEG",

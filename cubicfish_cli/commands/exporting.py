@@ -70,7 +70,7 @@ class Exported:
 
 
 def export_camera(
-    calibrated: Calibrated, to: str, *, max_error: float = 0.5, max_angle_deg: float | None = None
+    calibrated: Calibrated, to: str, *, max_error: float = 1.0, max_angle_deg: float | None = None
 ) -> Exported:
     """A camera as another tool's lens, as ``cubicfish export`` writes it.
 
@@ -172,7 +172,7 @@ def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | N
     if angle is not None:
         ways.append(f"leave the rim out with --max-angle {angle}")
     if error.max_px < float("inf"):
-        ways.append(f"raise it to {_rounded_up(error.max_px)}")
+        ways.append(f"write it all the same with --max-error {_rounded_up(error.max_px)}")
     others = "mrcal or maps, which hold any lens"
     nearest = _NEAREST.get(name.split("-")[0], name)
     if nearest != name:

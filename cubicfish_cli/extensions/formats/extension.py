@@ -13,8 +13,8 @@ _COLMAP = {
     "colmap-rad-tan-thin-prism-fisheye": "cameras.txt; the nearest of COLMAP's",
 }
 _ANIPOSE = {
-    "anipose": "calibration.toml; FreeMoCap, caliscope; fisheye",
-    "anipose-pinhole": "the same for Pose2Sim, which has no fisheye",
+    "anipose": "calibration.toml; FreeMoCap's",
+    "anipose-pinhole": "calibration.toml; of Pose2Sim",
 }
 _FORMATS = (
     CameraFiles(
@@ -53,7 +53,12 @@ _FORMATS = (
         read="nerfstudio",
         reads="nerfstudio's transforms.json",
     ),
-    CameraFiles(place=f"{_HERE}.gyroflow_json:FORMAT", written={"gyroflow": "lens_profile.json"}),
+    CameraFiles(
+        place=f"{_HERE}.gyroflow_json:FORMAT",
+        written={"gyroflow": "lens_profile.json"},
+        read="gyroflow",
+        reads="Gyroflow's lens profile",
+    ),
     CameraFiles(place=f"{_HERE}.nvidia_json:FORMAT", written={"nvidia": "rig.json; f-theta"}),
     CameraFiles(place=f"{_HERE}.anipose_toml:FORMAT", written=_ANIPOSE),
     CameraFiles(

@@ -75,7 +75,7 @@ def export_rig_files(
     output: StrPath | None = None,
     *,
     pair: tuple[str, str] | None = None,
-    max_error: float = 0.5,
+    max_error: float = 1.0,
     max_angle_deg: float | None = None,
     run: Run = RUN,
 ) -> ExportedFiles:
