@@ -10,8 +10,8 @@ worse than its corners' own noise, or was refused, and grids are named again (`o
 only where many fit nowhere. What belongs to one slip
 stands in one module: mirrors in `mirrored.py`, counts of corners in `corner_count.py`, markers in
 `markers.py`, drawings in `wrong_drawing.py` and `object_faults.py`, two groups of photos with a
-lens each in `two_lenses.py`, photos each by itself in `photo_lenses.py`, photos that were left out
-in `left_out.py`, and what the difference between two lenses is in `other_lens.py`. Every hypothesis
-is judged against what it would explain by chance: `tests/support/wrong_setups.py` holds wrong
-set-ups and right ones. `object_check.py` says what is odd about a target before any photo.
+lens each in `two_lenses.py`, photos each by itself in `photo_lenses.py`, and photos that were left
+out, or have to be, in `left_out.py`. Every hypothesis is judged against what it would explain by
+chance: `tests/support/wrong_setups.py` holds wrong set-ups and right ones. `object_check.py` says
+what is odd about a target before any photo.
 """

@@ -19,7 +19,6 @@ from cubicfish_cli.app.diagnosis import (
     markers,
     mirrored,
     object_faults,
-    other_lens,
     photo_lenses,
     repeats,
     two_lenses,
@@ -159,7 +158,7 @@ HYPOTHESES: tuple[Hypothesis[Any], ...] = (
         FailedFit, _MIRRORED, _TRIALS, lambda e: mirrored.mirrored_object(e.scaled[0]), _unexplained
     ),
     Hypothesis(
-        FailedFit, _LENS, _TRIALS, lambda e: other_lens.failed_lens(e.scaled[0]), _unexplained
+        FailedFit, _LENS, _TRIALS, lambda e: left_out.failed_lens(e.scaled[0]), _unexplained
     ),
 )
 

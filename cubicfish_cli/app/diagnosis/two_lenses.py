@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
 from typing import Literal
@@ -9,7 +10,6 @@ from typing import Literal
 import numpy as np
 from scipy.special import fdtrc
 
-from cubicfish_cli.app.diagnosis.other_lens import LensChange, lens_change
 from cubicfish_cli.app.diagnosis.photo_lenses import (
     BY_CHANCE,
     FEWEST_TOLD_APART,
@@ -23,7 +23,7 @@ from cubicfish_cli.app.diagnosis.photo_lenses import (
     noticed_px,
 )
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, UncertaintyGrid
-from cubicfish_cli.core.codes import Severity
+from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import FitEvidence
@@ -31,28 +31,20 @@ from cubicfish_cli.core.fit.cubic_fit import fit_cubic
 from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import rms_px
+from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
-# Two lenses make a wrong camera where it is off for most photos by so many times what is stated of
-# it, and by more than a camera may be that counts as certain. Then less is enough to be sure of
-# them: that they would be found by chance so often, and that they explain more along the way from
-# one to the other than the best two groups do of photos that differ in one thing, as focus. Of n
-# such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets.
+# Two lenses make a wrong camera where they differ by so many times what is stated of it, and by
+# more than a camera may be that counts as certain. They are sure where they would be found by
+# chance so seldom, the seldomer where the camera of most photos is off by less; where they explain
+# more along the way from one to the other than the best two groups do of photos that differ in one
+# thing, as focus (of n such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets); and
+# where they take this share of the squared error away.
 _BEYOND_STATED = 2.0
 _SURE = 1e-3
+_CLEAR_MARGIN = 0.1
 # A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
 _WORTH_FOLLOWING = 1e-2
-# Two lenses are worth an accusation where they take this share of the squared error away from
-# photos that had no say in them, where they explain so much of how photos differ, and where a
-# person would notice.
-_CLEAR_MARGIN = 0.1
-_MOST = 0.8
-# Half-way from there to what groups explain by chance, where each photo has a lens of its own: two
-# lenses that foretell photos are noted.
-_MUCH = 0.65
-# Photos of one lens foretell another one's squared errors to this share of what is left, or of
-# what two lenses take away. Where the focus is another in every photo, groups of photos do not.
-_FORETOLD, _FORETOLD_OF_GAIN = 0.15, 0.05
 _ROUNDS = 12
 # Two lenses far apart have bent the fit so much that a step to each is far too long, or leads to a
 # scale below zero: a scale's logarithm is changed by no more than this at once.
@@ -65,6 +57,10 @@ _CLEARLY = 1.2
 _FEWEST_IN_GROUP = 2
 # A photo is another group's where that one's lens is nearer by so many variances within groups.
 _CLEARLY_NEARER = 9.0
+# What is smaller than this share of the larger of two differences is taken for none.
+_NONE = 0.25
+# Centres that agree to this share of the longer side are the same.
+_SAME_CENTRE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,11 +73,8 @@ class TwoLenses:
         chance: how often so clear a split would be found among photos through one lens.
         own: (2, 3) scale, shift x, shift y of both groups, pixels.
         share: of all photos' squared error that the two lenses explain, beside one for all.
-        explained: share of how the photos' own lenses differ that two lenses explain, however many
-            corners say so: all of it where there are two, and about half where every photo has one
-            of its own, since photos can always be sorted into two groups.
-        along: the same of how they differ along the way from one lens to the other, less what
-            groups of photos that differ in one thing explain.
+        along: share of how they differ along the way from one lens to the other that the groups
+            explain, less what groups of photos that differ in one thing do.
 
     """
 
@@ -90,26 +83,28 @@ class TwoLenses:
     chance: float
     own: FloatArray
     share: float
-    explained: float
     along: float
 
 
 def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
     """Two groups of photos with a lens each, in place of one lens for all."""
-    together, stated = rms_px(evidence.fit.cubic.residual), _read_stated_px(evidence.uncertainty)
-    # A target that is free may bend to two lenses: as drawn it does not.
-    fits = (
-        (evidence.fit,)
-        if evidence.fit is evidence.nominal_fit
-        else (evidence.fit, evidence.nominal_fit)
+    fit, together = evidence.fit, rms_px(evidence.fit.cubic.residual)
+    limit = max(
+        _BEYOND_STATED * _read_stated_px(evidence.uncertainty),
+        noticed_px(fit.reference.pairs, CERTAIN_PX),
     )
-    for fit in fits:
-        split = best_split(lenses_of(fit))
+    # A target that is free may bend to two lenses: as drawn it does not.
+    for one in (fit,) if fit is evidence.nominal_fit else (fit, evidence.nominal_fit):
+        photos = lenses_of(one)
+        split = best_split(photos)
         if split is None or split.chance > _WORTH_FOLLOWING or split.share < WORTH / 2:
             continue
-        found = _follow_up(fit, together, stated)
-        if found is not None:
-            return [found]
+        start = _Apart(
+            scale=1.0, shift=np.zeros(2), second=split.second, fit=one, photos=photos, split=split
+        )
+        apart = _fit_until_settled(start, together)
+        if apart is not None and _are_two_lenses(apart, together, limit):
+            return [_describe(apart, together)]
     return []
 
 
@@ -138,7 +133,7 @@ class _Apart:
     second: BoolArray
     fit: TargetFit
     photos: PhotoLenses
-    split: TwoLenses | None
+    split: TwoLenses
 
     @property
     def given(self) -> FloatArray:
@@ -150,8 +145,9 @@ class _Apart:
         """RMS, pixels."""
         return rms_px(self.fit.cubic.errors)
 
-    def towards(self, split: TwoLenses, longest: float) -> tuple[_Apart, bool]:
-        """With scale and shift as a split has them, as far as is safe; whether all the way."""
+    def towards(self, longest: float) -> tuple[_Apart, bool]:
+        """With scale and shift as the split has them, as far as is safe; whether all the way."""
+        split = self.split
         off = split.own[1] - split.own[0] - self.given
         wanted = float(np.log1p(max(off[0] / self.photos.reach, _LEAST_SCALE - 1)))
         step = float(np.clip(wanted, -longest, longest))
@@ -165,40 +161,23 @@ class _Apart:
         return moved, part == 1.0
 
 
-def _follow_up(fit: TargetFit, together: float, stated: float) -> Finding | None:
-    """Fit with a scale and centre for one of two groups, until they settle; then judge.
-
-    Args:
-        fit: the fit to start from.
-        together: RMS with one lens for all, to be beaten.
-        stated: one standard deviation that is stated of that lens, pixels.
-
-    """
-    pairs = fit.reference.pairs
-    apart = _fit_until_settled(fit, together)
-    if apart is None or apart.split is None:
-        return None
-    in_order = apart.split.kind == "order"
-    if in_order:
-        apart = _try_beside_boundary(fit, apart)
-    photos, split = apart.photos, apart.split
-    assert split is not None
+def _are_two_lenses(apart: _Apart, together: float, limit: float) -> bool:
+    """Whether groups of photos differ by more than a limit (pixels), and surely."""
+    differ = float(np.linalg.norm(apart.given))
     # The camera is off by that for the larger group.
     few = float(min(np.mean(apart.second), np.mean(~apart.second)))
-    off = few * float(np.linalg.norm(apart.given))
-    severity = worth(
-        split,
-        together,
-        apart.px,
-        unforeseen=left_out_share(photos, apart.second),
-        noticed=noticed_px(pairs),
-        beyond=off > max(_BEYOND_STATED * stated, noticed_px(pairs, CERTAIN_PX)),
-    )
-    if severity is None:
-        return None
+    seldom = _SURE if few * differ > limit else BY_CHANCE
+    gained = together**2 - apart.px**2
+    clear = apart.split.chance <= seldom and gained >= _CLEAR_MARGIN * together**2
+    return differ > limit and clear and apart.split.along > 0
+
+
+def _describe(apart: _Apart, together: float) -> Finding:
+    """What two lenses are, with the photos of each."""
+    pairs, photos = apart.fit.reference.pairs, apart.photos
     second = _put_to_nearer_lens(photos, apart.second)
     # A lens that was bumped stays so: photos that take turns are two cameras'.
-    in_order = in_order and int(np.count_nonzero(np.diff(second))) == 1
+    in_order = int(np.count_nonzero(np.diff(second))) == 1
     middle = (np.array(pairs.image_size, float) - 1) / 2
     camera = apart.fit.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
@@ -207,7 +186,7 @@ def _follow_up(fit: TargetFit, together: float, stated: float) -> Finding | None
     if not second[-1] if in_order else 2 * second.sum() > len(second):
         second, ratio, centre, other = ~second, 1 / ratio, other, centre
     names = np.array(pairs.images)[photos.photos]
-    found = lens_change(
+    return lens_change(
         LensChange(ratio=ratio, shift=other - centre, centre=centre),
         names[second].tolist(),
         names[~second].tolist(),
@@ -216,7 +195,6 @@ def _follow_up(fit: TargetFit, together: float, stated: float) -> Finding | None
         because="apart",
         figures={"together_px": together, "apart_px": apart.px},
     )
-    return replace(found, severity=severity)
 
 
 def _put_to_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
@@ -230,25 +208,28 @@ def _put_to_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
     return moved if 0 < moved.sum() < len(moved) else second
 
 
-def _fit_until_settled(fit: TargetFit, together: float) -> _Apart | None:
-    """The fit apart; None where what it gains at once is not worth it, or photos do not split."""
-    photos = lenses_of(fit)
-    split = best_split(photos)
-    if split is None:
-        return None
-    best = _Apart(
-        scale=1.0, shift=np.zeros(2), second=split.second, fit=fit, photos=photos, split=split
-    )
+def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
+    """Fit with a scale and centre for one of two groups, until they settle.
+
+    Args:
+        start: one lens for all, and the groups.
+        together: RMS of that, to be beaten.
+
+    Returns:
+        The last fit; None where the first gains too little, or photos no longer split.
+
+    """
+    best = start
     gained, longest, worthy = -np.inf, _LONGEST_STEP, _CLEAR_MARGIN * together**2
     for number in range(_ROUNDS):
-        if best.split is None:
-            return None
-        wanted, whole = best.towards(best.split, longest)
+        wanted, whole = best.towards(longest)
         try:
-            apart = _fit_apart(fit, best, wanted)
+            apart = _fit_apart(start.fit, best, wanted)
         except FitError:  # too far at once
             longest /= 2
             continue
+        if apart is None:
+            return None
         before, gained = gained, together**2 - apart.px**2
         if number == 0 and whole and gained < _AT_ONCE * worthy:
             return None
@@ -261,51 +242,16 @@ def _fit_until_settled(fit: TargetFit, together: float) -> _Apart | None:
     return best
 
 
-def worth(
-    split: TwoLenses,
-    together: float,
-    apart: float,
-    *,
-    unforeseen: float,
-    noticed: float,
-    beyond: bool,
-) -> Severity | None:
-    """What two lenses are worth; None where they do not clearly explain more than one.
-
-    Bad is a camera of photos whose two lenses foretell photos that had no say in them, or differ
-    by more than is stated of it. Otherwise they are a note, as where a few photos do not foretell
-    others, or photos differ in other ways, too.
-
-    Args:
-        split: the two groups of photos.
-        together: RMS with one lens for all, pixels.
-        apart: with two.
-        unforeseen: how many times larger the squared error is of photos that had no say.
-        noticed: pixels that a person would notice.
-        beyond: whether the camera of both is off by more than is stated.
-
-    """
-    left, gain = apart**2, together**2 - apart**2
-    not_foretold = left * (unforeseen - 1)
-    least = max(_CLEAR_MARGIN * together**2, 0.0 if beyond else noticed**2)
-    if beyond and split.chance <= _SURE and split.along > 0 and gain >= least:
-        return Severity.BAD
-    foretold = not_foretold <= max(_FORETOLD * left, _FORETOLD_OF_GAIN * gain)
-    foretold = foretold and gain - not_foretold >= least
-    if split.explained < (_MUCH if foretold else _MOST) or gain < least:
-        return None
-    if split.chance > BY_CHANCE:
-        return None
-    return Severity.BAD if beyond or (foretold and split.explained >= _MOST) else Severity.NOTE
-
-
-def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
+def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart | None:
     """Fit with a scale and a shift for some photos, and what each photo has of its own in all.
 
     Args:
         fit: the fit with one lens for all.
         start: a fit apart from which to start.
         wanted: scale, shift and photos; its fit does not count.
+
+    Returns:
+        None where photos no longer fall into groups.
 
     Raises:
         FitError: there is no camera.
@@ -331,7 +277,12 @@ def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart:
     total = found.own.copy()
     total[:, :3] += np.where(np.isin(found.photos, photos[wanted.second])[:, None], wanted.given, 0)
     found = replace(found, own=total)
-    return replace(apart, photos=found, split=_match_groups(best_split(found), wanted.second))
+    split, second = best_split(found), wanted.second
+    if split is None:
+        return None
+    if 2 * np.sum(split.second != second) > len(second):  # the other one is most of these photos
+        split = replace(split, second=~split.second, own=split.own[::-1])
+    return replace(apart, photos=found, split=split)
 
 
 def _spread_out(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
@@ -340,30 +291,6 @@ def _spread_out(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
     second = apart.photos.photos[apart.second]
     scale[second], shift[second] = apart.scale, apart.shift
     return scale, shift
-
-
-def _match_groups(split: TwoLenses | None, second: BoolArray) -> TwoLenses | None:
-    """The same split with that group as the second one which has most of these photos (K,)."""
-    if split is None or 2 * np.sum(split.second != second) <= len(second):
-        return split
-    return replace(split, second=~split.second, own=split.own[::-1])
-
-
-def _try_beside_boundary(fit: TargetFit, apart: _Apart) -> _Apart:
-    """The change one photo earlier or later, where that fits better.
-
-    A photo beside the change that was counted to the wrong side has bent the camera to itself.
-    """
-    first = int(np.argmax(apart.second != apart.second[0]))
-    for place in (first, first - 1):
-        second = apart.second.copy()
-        second[place] = not second[place]
-        if not 0 < second.sum() < len(second):
-            continue
-        moved = _fit_apart(fit, apart, replace(apart, second=second))
-        if moved.px**2 < (1 - WORTH) * apart.px**2:
-            return replace(moved, split=apart.split)
-    return apart
 
 
 def best_split(photos: PhotoLenses) -> TwoLenses | None:
@@ -399,7 +326,6 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
         chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
         own=np.stack([mean_of(own[part], weight[part]) for part in (~second, second)]),
         share=between / (_sum_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
-        explained=ratio / (ratio + count - 2),
         along=_explain_along(own, weight, second),
     )
 
@@ -416,33 +342,6 @@ def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> fl
     within = known_of_way @ np.square(place - np.where(second, group_means[1], group_means[0]))
     in_all = known_of_way @ np.square(place - np.average(place, weights=known_of_way))
     return float(1 - within / in_all - 2 / np.pi - 1 / np.sqrt(len(own)))
-
-
-def left_out_share(photos: PhotoLenses, second: BoolArray) -> float:
-    """How much larger the squared error is of photos that had no say in their group's lens.
-
-    Each photo in turn is given the scale and centre of the others of its group.
-
-    Args:
-        photos: what each photo has of its own.
-        second: (K,) which are in the second group.
-
-    Returns:
-        The squared error over that with lenses that follow from all photos; 1 or more.
-
-    """
-    own, weight = photos.own[:, LENS], photos.lens_information()
-    pull = (weight @ own[:, :, None])[:, :, 0]
-    known = unknown = float(photos.squares.sum()) + 1e-300
-    for group in (np.flatnonzero(~second), np.flatnonzero(second)):
-        known += _sum_scatter(own[group], weight[group])
-        if len(group) < _FEWEST_IN_GROUP:
-            continue
-        others = weight[group].sum(axis=0) - weight[group]
-        means = np.linalg.solve(others, (pull[group].sum(axis=0) - pull[group])[:, :, None])
-        off = own[group] - means[:, :, 0]
-        unknown += float(np.einsum("ki,kij,kj->", off, weight[group], off))
-    return unknown / known
 
 
 def _sum_scatter(own: FloatArray, weight: FloatArray) -> float:
@@ -462,3 +361,85 @@ def _sort_along_axes(own: FloatArray, weight: FloatArray) -> IntArray:
     axes = np.linalg.svd(white, full_matrices=False)[2]
     along = np.concatenate([white @ axes.T, own], axis=1)
     return np.argsort(along, axis=0, kind="stable").T
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensChange:
+    """How the lens of some photos differs from that of the others.
+
+    Attributes:
+        ratio: of its scale to the others'.
+        shift: (2,) of its centre from the others', pixels.
+        centre: (2,) of the others, pixels.
+
+    """
+
+    ratio: float
+    shift: FloatArray
+    centre: FloatArray
+
+
+def lens_change(
+    change: LensChange,
+    names: list[str],
+    rest: list[str],
+    pairs: Observations,
+    *,
+    in_order: bool,
+    because: str,
+    figures: Mapping[str, float],
+) -> Finding:
+    """What kind of difference there is between the lens of some photos and the others'.
+
+    Args:
+        change: the difference.
+        names: the photos.
+        rest: the others.
+        pairs: any pairs of the same size of photo.
+        in_order: whether they are all photos from one on.
+        because: what says so.
+        figures: the figures of that.
+
+    """
+    size = np.array(pairs.image_size, float)
+    reach, near = size.min() / 2, _SAME_CENTRE * size.max()
+    by_scale = abs(change.ratio - 1) * reach
+    by_shift = float(np.hypot(*change.shift))
+    scaled_centre = (change.ratio - 1) * (change.centre + 0.5)
+    turned = size - 1 - 2 * change.centre
+    if by_scale < _NONE * by_shift and np.hypot(*(change.shift - turned)) < min(
+        near, 0.2 * by_shift + 1
+    ):
+        code = Code.TURNED
+    elif by_scale > _NONE * by_shift and np.hypot(*(change.shift - scaled_centre)) < max(
+        0.1 * by_shift, near / 4
+    ):
+        code = Code.SCALED
+    elif by_shift < _NONE * by_scale or by_shift < near / 4 < by_scale:
+        code = Code.ZOOM
+    elif by_scale < _NONE * by_shift:
+        code = Code.SHIFTED
+    else:
+        code = Code.TWO_LENSES
+    return Finding(
+        code=code,
+        severity=Severity.BAD,
+        images=tuple(names),
+        because=because,
+        figures={
+            **figures,
+            "where": "from" if in_order else "in",
+            "in_order": in_order,
+            "rest": rest,
+            "scale": _ratio_words(change.ratio),
+            "focal_off": change.ratio - 1,
+            "x_px": float(change.shift[0]),
+            "y_px": float(change.shift[1]),
+        },
+    )
+
+
+def _ratio_words(ratio: float) -> str:
+    """A ratio with two digits of what it differs from 1 by, and three at least."""
+    digits = 1 - int(np.floor(np.log10(max(abs(ratio - 1), 1e-9))))
+    return f"{ratio:.{max(digits, 2)}f}"
