@@ -34,13 +34,12 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
 
 _LABEL = 12
-_FULL_RANK = 20
 # More examples than this are not read.
 _MOST = 4
 # Squares that differ by more than this are in different units; single ones are within these.
 _ONE_UNIT = 50.0
 _FINEST_MM, _LARGEST_MM = 0.2, 2000.0
-_FACTS = ("corners", "planes", "rank", "flat", "named_by", "ambiguous", "look_alikes", "crossing")
+_FACTS = ("corners", "planes", "flat", "named_by", "ambiguous", "look_alikes", "crossing")
 
 
 @record
@@ -152,13 +151,11 @@ def _turn_record(turn: Turn) -> dict[str, Any]:
 def _advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """(what it is about, text) for each thing that is worth saying, in order."""
     photos = "several" if facts.flat else "one"
-    left = _FULL_RANK - facts.rank
     return [
         ("Photos", _say(f"photos_{photos}")),
         *(("Names", text) for text in _advise_on_names(target, facts)),
         *(("Places", _say("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
         *(("Sizes", text) for text in _advise_on_sizes(target)),
-        ("Point lift", _say(f"rank_less_{min(left, 2)}", rank=facts.rank, left=left)),
     ]
 
 

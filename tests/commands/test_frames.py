@@ -91,7 +91,7 @@ def test_every_frame_says_why_it_was_not_chosen(
 @pytest.mark.parametrize(
     ("board", "says"),
     [
-        ("7x4", "photos show 7x5 inner corners of board board (the target says 7x4)"),
+        ("7x4", "photos show 7x5 inner corners of the board (the target says 7x4)"),
         ("8x6", "found 7x5 inner corners in "),
         ("5x3", "photos show 7x5 inner corners, the target says 5x3"),
     ],

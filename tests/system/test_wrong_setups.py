@@ -153,7 +153,7 @@ def test_one_photo_that_is_mirrored(
     one = {name: p[:, ::-1] if name == "corner_02" else p for name, p in photos.items()}
     said, record = from_photos(run, tmp_path, one, 0)
     assert [finding["cause"] for finding in record["findings"]] == ["mirrored"]
-    assert "warning: corner_02.png: mirrored (" in said
+    assert "warning: corner_02.png is mirrored (" in said
 
 
 def test_rows_and_columns_exchanged_in_the_drawing(

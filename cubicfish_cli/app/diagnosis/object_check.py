@@ -1,7 +1,7 @@
 """What can be known of a calibration target before a photo is taken.
 
-How much its corners say about a camera, which turns of it look the same, which of its boards
-look like others, and prints that reach into each other. Everything is judged on the target as
+Which turns of it look the same, which of its boards look like others, and prints that reach into
+each other. Everything is judged on the target as
 drawn.
 """
 
@@ -16,9 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.fit.point_fit import RANK_TOLERANCE
 from cubicfish_cli.core.fit.subset import flatness
-from cubicfish_cli.core.lenses.lift import lift
 from cubicfish_cli.core.placement import placement_of, symmetries
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
@@ -56,7 +54,6 @@ class ObjectFacts:
     Attributes:
         corners: how many corners the target has.
         planes: number of distinct planes of its boards.
-        rank: numerical rank of Φ over all corners, of 20, as the ``point`` lift has it.
         flat: whether all corners lie in one plane.
         named_by: what names corners in photos: ``markers``, else size, colours and ``geometry``
             of plain boards; ``table`` where nothing can be found in photos (lists of points).
@@ -71,7 +68,6 @@ class ObjectFacts:
 
     corners: int
     planes: int
-    rank: int
     flat: bool
     named_by: NamedBy
     plain: tuple[str, ...]
@@ -96,7 +92,6 @@ def check_object(target: Target) -> ObjectFacts:
     return ObjectFacts(
         corners=len(world),
         planes=drawn.plane_count(),
-        rank=rank_of_lift(world),
         flat=flatness(world) < _FLAT,
         named_by="markers" if drawn.has_markers else "geometry" if plain else "table",
         plain=tuple(board.name for board in plain),
@@ -104,15 +99,6 @@ def check_object(target: Target) -> ObjectFacts:
         look_alikes=() if named is None else _find_look_alikes(named),
         crossing=_find_crossing(printed),
     )
-
-
-def rank_of_lift(world: FloatArray) -> int:
-    """Numerical rank of Φ (20 columns) over points (N, 3), which may be in any unit."""
-    middle = world.mean(axis=0)
-    scale = float(np.sqrt(np.mean(np.square(world - middle)))) or 1.0
-    # The triangular factor has Φ's singular values and at most 20 rows.
-    size = np.linalg.svd(np.linalg.qr(lift((world - middle) / scale), mode="r"), compute_uv=False)
-    return int(np.sum(size > RANK_TOLERANCE * size[0]))
 
 
 def _find_turns(target: Target) -> tuple[Turn, ...]:

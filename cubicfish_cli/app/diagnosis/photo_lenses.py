@@ -58,32 +58,6 @@ def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
     return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
 
 
-def select_fit(fit: TargetFit, photos: IntArray) -> TargetFit:
-    """The same fit with the poses, pairs and residuals of some photos only.
-
-    Args:
-        fit: of all photos, of any level; the target keeps the points that it has.
-        photos: increasing indices of photos.
-
-    """
-    own = np.isin(fit.reference.pairs.image, photos)
-    reference = replace(
-        fit.reference,
-        pairs=select_photos(fit.reference.pairs, photos),
-        poses=fit.reference.poses[photos],
-        residual=fit.reference.residual[own],
-    )
-    adjusted = fit.cubic.fit
-    adjusted = replace(
-        adjusted,
-        poses=adjusted.poses[photos],
-        residual=adjusted.residual[own],
-        pairs=reference.pairs,
-    )
-    cubic = replace(fit.cubic, fit=adjusted)
-    return replace(fit, reference=reference, cubic=cubic)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoLenses:
     """What each photo would have of its own, in pixels at ``reach`` from the centre.
@@ -127,52 +101,21 @@ def invertible(information: FloatArray) -> FloatArray:
 
 def lenses_of(fit: TargetFit) -> PhotoLenses:
     """What each photo of a fit would have of its own, the target as drawn or as fitted."""
-    pairs = fit.reference.pairs
-    return photo_lenses(fit.cubic.lens, fit.cubic.poses, pairs, pairs.world)
+    return photo_lenses(fit.cubic.lens, fit.cubic.poses, fit.reference.pairs)
 
 
-def photo_lenses(
-    lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray
-) -> PhotoLenses:
-    """What each photo would have of its own.
+def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLenses:
+    """What each photo would have of its own, beyond its pose.
 
     Args:
         lens: the fitted lens.
         poses: camera_from_world of each of ``pairs.images``.
-        pairs: the pairs of the fit.
-        world: (N, 3) their world points, as fitted.
+        pairs: the pairs of the fit, their world points as fitted.
 
     """
-    photos, triangles = _triangulate_photos(lens, poses, pairs, world)
-    free = triangles[:, :-1, :-1]
-    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
-    off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
-    counts = np.bincount(pairs.image, minlength=len(pairs.images))
-    return PhotoLenses(
-        photos=photos,
-        own=own[:, :, 0],
-        information=free.transpose(0, 2, 1) @ free,
-        squares=np.sum(off[:, :, 0] ** 2, axis=1),
-        numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
-        reach=min(pairs.image_size) / 2,
-    )
-
-
-def _triangulate_photos(
-    lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """All that there is to know of what each photo has of its own, beyond its pose.
-
-    Returns:
-        (K,) the photos with enough corners to tell, and (K, 6, 6) triangles (QR) of scale, shift
-        x, shift y, shear x, shear y, and the miss: what the pose explains is taken out.
-
-    """
-    rows = []
     # In runs: the derivatives by the lens, that come with those by the point, are many.
-    for start in range(0, len(pairs.image), _AT_A_TIME):
-        run = slice(start, start + _AT_A_TIME)
-        rows.append(_linearise(lens, poses, pairs, world, run))
+    starts = range(0, len(pairs.image), _AT_A_TIME)
+    rows = [_linearise(lens, poses, pairs, slice(one, one + _AT_A_TIME)) for one in starts]
     rows_of_all = np.concatenate(rows)
     # The loss of the fit: grossly wrong corners must not speak for a photo.
     miss = rows_of_all[:, :, -1]
@@ -181,19 +124,28 @@ def _triangulate_photos(
     counts = np.bincount(pairs.image, minlength=len(pairs.images))
     stops, size = np.cumsum(counts), rows_of_all.shape[2]
     photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
+    # (K, 6, 6) triangles (QR) of scale, shift, shear, and the miss: the pose's rows are taken out.
     triangles = np.empty((len(photos), size - 6, size - 6))
     for place, photo in enumerate(photos):
         own = rows_of_all[stops[photo] - counts[photo] : stops[photo]].reshape(-1, size)
         triangles[place] = np.asarray(np.linalg.qr(own, mode="r"))[6:, 6:]
-    return photos.astype(np.intp), triangles
+    free = triangles[:, :-1, :-1]
+    own = np.linalg.pinv(free, rcond=1e-9) @ triangles[:, :-1, -1:]
+    off = triangles[:, :, -1:] - np.pad(free, ((0, 0), (0, 1), (0, 0))) @ own
+    return PhotoLenses(
+        photos=photos.astype(np.intp),
+        own=own[:, :, 0],
+        information=free.transpose(0, 2, 1) @ free,
+        squares=np.sum(off[:, :, 0] ** 2, axis=1),
+        numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
+        reach=min(pairs.image_size) / 2,
+    )
 
 
-def _linearise(
-    lens: FitLens, poses: Poses, pairs: Observations, world: FloatArray, run: slice
-) -> FloatArray:
+def _linearise(lens: FitLens, poses: Poses, pairs: Observations, run: slice) -> FloatArray:
     """(n, 2, 12) derivatives by pose, scale, shift and shear, and the miss, all in pixels."""
     image = pairs.image[run]
-    rotated = (poses.rotation[image] @ world[run, :, None])[:, :, 0]
+    rotated = (poses.rotation[image] @ pairs.world[run, :, None])[:, :, 0]
     pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[image])
     middle = (np.array(pairs.image_size, float) - 1) / 2
     from_middle = (pixel - middle) / (min(pairs.image_size) / 2)
@@ -323,19 +275,25 @@ def _can_do_without(fit: TargetFit, left_out: IntArray) -> bool:
 
 def _refit_without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
     """What each photo has of its own beside a lens that was fitted without some."""
-    pairs = fit.reference.pairs
+    pairs, adjusted = fit.reference.pairs, fit.cubic.fit
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
-    few = select_fit(fit, good)
-    cubic = fit_cubic(
-        few.reference, few.cubic.prior, start=few.cubic, relative_decrease=ROUGH_DECREASE
+    kept, own = select_photos(pairs, good), np.isin(pairs.image, good)
+    reference = replace(
+        fit.reference,
+        pairs=kept,
+        poses=fit.reference.poses[good],
+        residual=fit.reference.residual[own],
     )
-    poses = fit.cubic.poses.with_photos(good, cubic.poses)
+    near = replace(
+        adjusted, poses=adjusted.poses[good], residual=adjusted.residual[own], pairs=kept
+    )
+    start = replace(fit.cubic, fit=near)
+    cubic = fit_cubic(reference, start.prior, start=start, relative_decrease=ROUGH_DECREASE)
     # Beside their poses under the other lens, photos would look grossly wrong all over.
-    left_out = np.setdiff1d(np.arange(len(poses)), good)
-    lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, left_out)
-    placed = adjust(lens, poses[left_out], others, huber_px=_WIDE_HUBER_PX)
-    poses = poses.with_photos(left_out, placed.poses)
-    photos = photo_lenses(cubic.lens, poses, pairs, pairs.world)
+    lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, suspects)
+    placed = adjust(lens, adjusted.poses[suspects], others, huber_px=_WIDE_HUBER_PX)
+    poses = adjusted.poses.with_photos(good, cubic.poses).with_photos(suspects, placed.poses)
+    photos = photo_lenses(cubic.lens, poses, pairs)
     if not np.isfinite(photos.own).all():
         raise FitError("photos have no place beside a lens that was fitted without them")
     return photos

@@ -91,9 +91,9 @@ def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Sayi
     for name in known.phrases.keys() & figures.keys():
         values[name] = _say_part(name, values[name], values)
     evidence = known.because[because] if because else saying.evidence
-    what, evidence, do = (
-        _SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do)
-    )
+    texts = (_SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do))
+    # The lone board of --board is named so.
+    what, evidence, do = (text.replace("board board", "the board") for text in texts)
     return Saying(what, evidence, do, saying.remedy)
 
 

@@ -20,8 +20,14 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.advice.field import GRID, Field, reach_of
-from cubicfish_cli.extensions.advice.knowledge import Knowledge, know, recorded_poses
+from cubicfish_cli.extensions.advice.knowledge import (
+    GRID,
+    Field,
+    Knowledge,
+    know,
+    reach_of,
+    recorded_poses,
+)
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
 
 PROPOSALS = 3

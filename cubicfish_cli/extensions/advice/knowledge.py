@@ -1,24 +1,31 @@
-"""The normal equations of a recorded fit, rebuilt to predict what more photos would add."""
+"""The normal equations of a recorded fit, rebuilt to predict what more photos would add.
+
+And the field over which uncertainty is told, with the lens as far as a target may be seen.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.views import Viewpoint
+from cubicfish_cli.app.viewpoints.views import Viewpoint, WholeLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord
+from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, summed
 from cubicfish_cli.core.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.core.fit.statistics import noise_px, weighed
 from cubicfish_cli.core.fit.subset import middle, with_mean_weight_one, world_scale
-from cubicfish_cli.core.fit.uncertainty import common_gauge, corner_noise_px
+from cubicfish_cli.core.fit.uncertainty import common_gauge, corner_noise_px, field_grid
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
@@ -30,6 +37,9 @@ _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
 _HELD_BEYOND_DEG = 5.0
 _OFFSET_SHARE = 1e-4
+GRID = (80, 60)
+"""Columns and rows over the photo of the uncertainty that the picture shows."""
+_BEYOND_DEG = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,3 +149,68 @@ def _offset_spread(fit: FitRecord, scale: float) -> float:
     known = [board.offset_rms for board in fit.departures if board.offset_rms > 0]
     # The record's lengths are of three coordinates.
     return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """The trusted field without where the camera sees itself: what uncertainty is told of.
+
+    Attributes:
+        camera: whose field it is.
+        blind: how far from its axis the camera sees itself, radians.
+
+    """
+
+    camera: CubicCamera
+    blind: float
+
+    @cached_property
+    def _rays(self) -> FloatArray:
+        """(N, 3) rays over it, those that camera.yaml's figures are of."""
+        rays = field_grid(self.camera, self.blind)[2].reshape(-1, 3)
+        return np.asarray(rays[np.isfinite(rays[:, 0])])
+
+    def sigma_px(self, known: Information) -> FloatArray:
+        """(rows, columns) the uncertainty over the photo, NaN outside the field."""
+        x, y = (
+            (np.arange(n) + 0.5) / n * size - 0.5
+            for n, size in zip(GRID, self.camera.image_size, strict=True)
+        )
+        rays = self.camera.unproject(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        seen = angle_from_axis(rays) >= self.blind
+        sigma = np.full(len(rays), np.nan)
+        sigma[seen] = known.uncertainty().sigma_px(rays[seen])
+        return sigma.reshape(GRID[::-1])
+
+    def summed(self, known: Information) -> FieldUncertainty:
+        """The uncertainty over all of it."""
+        return summed(known.uncertainty().sigma_px(self._rays))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reach:
+    """The radial reference as far as it may be asked where a target would be seen."""
+
+    camera: RadialCamera
+    limit: float
+    blind: float
+
+    def project(self, points: npt.ArrayLike, /) -> FloatArray:
+        angle = angle_from_axis(points)
+        seen = (angle >= self.blind) & (angle <= self.limit)
+        return np.where(seen[..., None], self.camera.project(points), np.nan)
+
+    def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
+        rays = self.camera.unproject(pixel)
+        with np.errstate(invalid="ignore"):
+            inside = rays[..., 2] >= np.cos(self.limit)
+        return np.where(inside[..., None], rays, np.nan)
+
+
+def reach_of(camera: CubicCamera, more_deg: float = 0.0, blind: float = 0.0) -> WholeLens:
+    """A lens for where a target would be seen, somewhat beyond the trusted field too.
+
+    Within ``blind`` radians of the axis nothing is.
+    """
+    limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
+    return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle), blind=blind)

@@ -18,7 +18,7 @@ from cubicfish_cli.app.target_drawing import draw_board
 from cubicfish_cli.app.viewpoints.truth import camera_points
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.advice.advise import Advice
-from cubicfish_cli.extensions.advice.field import reach_of
+from cubicfish_cli.extensions.advice.knowledge import reach_of
 from cubicfish_cli.extensions.advice.proposals import Proposal
 
 _STYLE: dict[Any, Any] = {

@@ -21,8 +21,7 @@ from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import COVERAGE
 from cubicfish_cli.core.fit.coverage import FieldCells
 from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.extensions.advice.field import Field
-from cubicfish_cli.extensions.advice.knowledge import Knowledge
+from cubicfish_cli.extensions.advice.knowledge import Field, Knowledge
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""

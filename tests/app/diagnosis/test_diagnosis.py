@@ -460,7 +460,7 @@ def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
     pixel[scaled] = middle + 1.01 * (pixel[scaled] - middle)
     pixel[sheared, 0] += 0.008 * (pixel[sheared, 1] - middle[1])
     found = photo_lenses.photo_lenses(
-        FixedLens(camera=LENS), as_poses(POSES), replace(pairs, pixel=pixel), pairs.world
+        FixedLens(camera=LENS), as_poses(POSES), replace(pairs, pixel=pixel)
     )
     np.testing.assert_array_equal(found.photos, np.arange(8))
     assert found.own[2, 0] == pytest.approx(0.01 * found.reach, rel=0.15)
@@ -469,12 +469,10 @@ def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
     # What a wrong pose leaves is no noise.
     poses = as_poses(POSES)
     tilted = Rotation.from_rotvec([0.001, 0.001, 0]).as_matrix() @ poses.rotation
-    off = photo_lenses.photo_lenses(
-        FixedLens(camera=LENS), replace(poses, rotation=tilted), pairs, pairs.world
-    )
+    off = photo_lenses.photo_lenses(FixedLens(camera=LENS), replace(poses, rotation=tilted), pairs)
     assert off.squares / off.numbers == pytest.approx(np.full(8, 0.01), rel=0.5)
     few = select(pairs, (pairs.image != 1) | (np.cumsum(pairs.image == 1) <= 10))[0]
-    found = photo_lenses.photo_lenses(FixedLens(camera=LENS), as_poses(POSES), few, few.world)
+    found = photo_lenses.photo_lenses(FixedLens(camera=LENS), as_poses(POSES), few)
     assert 1 not in found.photos
 
 
@@ -508,7 +506,7 @@ def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
     assert [one.code for one in told] == [cause] * 2
     assert all(words in one.what for one in told)
     assert "from a.png on" in told[0].what
-    assert "in a.png and b.png, beside c.png and d.png" in told[1].what
+    assert "in a.png and b.png, compared with c.png and d.png" in told[1].what
     assert ("bumped or moved" in told[0].what) == (cause == "shifted")
     # Two cameras of one make differ like this too, and their photos come one after the other.
     assert cause in ("turned", "scaled") or all("camera" in one.what for one in told)
@@ -612,11 +610,8 @@ def test_what_changes_from_photo_to_photo_accuses_nobody(change):
 @pytest.mark.parametrize("target", [synthetic.flat_board(), synthetic.corner_of_three()])
 @pytest.mark.parametrize(("change", "size"), [("bend", 6.0), ("scale", 0.08), ("shift", 15.0)])
 @pytest.mark.parametrize("seed", [7, 31])
-def test_what_changes_much_accuses_no_photo(change, size, seed, target, request):
+def test_what_changes_much_accuses_no_photo(change, size, seed, target):
     """Also where the target was refined, which takes up a part of it."""
-    if (change, seed, len(target.boards)) == ("scale", 31, 1):
-        reason = "photos whose scales scatter by 8 % may fall into two groups by chance"
-        request.applymarker(pytest.mark.xfail(reason=reason, strict=True))
     seen, target = unsteady_pairs(change, size, seed=seed, target=target)
     made = calibrate(seen, target=target, refine_target="auto")
     assert not made.findings
@@ -726,14 +721,17 @@ def test_photos_of_a_camera_of_the_same_kind_are_never_in_a_good_one(name, seed,
         Observations.joined([select_photos(both, np.array([photo])) for photo in order]),
         NINE_BY_SIX,
     )
+    found, left_out = made.verdict.reasons[0], set(made.unfit)
+    if left_out:  # two of twenty hardly make a wrong camera
+        assert found.code in (Code.PHOTO_LENS, Code.SHIFTED, Code.TWO_LENSES)
+        assert set(found.images) == set(names[odd].tolist()) - left_out
+        return
     assert made.verdict.level == "bad"
-    found = made.verdict.reasons[0]
     assert found.code in (Code.SHIFTED, Code.TWO_LENSES)
     assert "two cameras" in found.what
     # The photos of each, whichever is told of: where they are as many, nobody knows whose they are.
-    left_out = set(made.unfit)
     groups = [set(found.images), set(found.figures["rest"])]
-    true = [set(names[own].tolist()) - left_out for own in (odd, ~odd)]
+    true = [set(names[own].tolist()) for own in (odd, ~odd)]
     assert groups in (true, true[::-1])
 
 

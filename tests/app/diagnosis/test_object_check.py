@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic import IMAGE_SIZE, as_type, box_of_four, checkerboard, corner_of_three, flat_board
 
-from cubicfish_cli.app.diagnosis.object_check import check_object, rank_of_lift
+from cubicfish_cli.app.diagnosis.object_check import check_object
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.fit.poses import rotation_from_vector
@@ -49,19 +49,14 @@ def shifted(board: Board, *by: float) -> Board:
     return replace(board, origin=board.origin + np.array(by))
 
 
-@pytest.mark.parametrize(("planes", "rank"), [(1, 10), (2, 16), (3, 19), (4, 20)])
-def test_rank_by_number_of_planes_in_any_unit(planes, rank):
+@pytest.mark.parametrize("planes", [1, 2, 3, 4])
+def test_planes_are_counted_in_any_unit(planes):
     boards = box_of_four().boards[:planes]
     for scale in (1e-3, 1.0):
         made = [replace(b, origin=b.origin * scale, square=b.square * scale) for b in boards]
         facts = check_object(Target(units="mm", boards=tuple(made)))
-        assert (facts.planes, facts.rank) == (planes, rank)
+        assert facts.planes == planes
         assert facts.flat == (planes == 1)
-
-
-def test_rank_counts_what_the_corners_carry():
-    assert rank_of_lift(only(2, 2).corners()[3]) == 4
-    assert rank_of_lift(only(4, 4).corners()[3]) == 10
 
 
 @pytest.mark.parametrize(
@@ -206,7 +201,7 @@ def points(name: str, world: np.ndarray) -> Board:
 def test_lists_of_points_are_no_boards():
     world = np.random.default_rng(0).uniform(0, 50, (40, 3))
     facts = check_object(Target(units="mm", boards=(points("dots", world),)))
-    assert (facts.planes, facts.rank, facts.named_by) == (0, 20, "table")
+    assert (facts.planes, facts.named_by) == (0, "table")
     both = check_object(Target(units="mm", boards=(points("dots", world), *only(6, 4).boards)))
     assert (both.corners, both.named_by, both.plain) == (64, "geometry", ("board",))
     assert len(both.symmetries) == 1

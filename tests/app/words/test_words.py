@@ -148,14 +148,21 @@ def test_a_level_is_the_largest_severity() -> None:
     assert joined([]) == "good"
 
 
+def test_a_board_that_is_named_board_is_the_board() -> None:
+    figures = {"off": 0.01, "real": "30 mm for 30.3"}
+    told = Finding(code=Code.BOARD_SQUARE, boards=("board",), figures=figures)
+    assert told.what.startswith("the squares of the board are +1 % off")
+
+
 def test_names_of_users_are_no_templates() -> None:
     names = ("{x}|$is_out", "a|b")
     figures = {"size_px": 1.0, "share": 0.5, "worst": "{y}|z"}
     told = Finding(code=Code.PHOTO_LENS, images=names, figures=figures)
     assert told.what.startswith(
-        "{x}|$is_out and a|b: were taken otherwise than the other photos, by 1.00 px"
+        "{x}|$is_out and a|b were taken otherwise than the other photos, which moves corners by "
+        "1.00 px (RMS)"
     )
-    assert told.evidence == "50 % of the squared error of {y}|z"
+    assert told.evidence == "this explains 50 % of the squared error of {y}|z"
 
 
 def test_an_error_knows_what_it_is_about() -> None:

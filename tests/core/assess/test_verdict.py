@@ -189,7 +189,7 @@ def test_a_field_that_is_a_small_part_of_the_photo_is_told() -> None:
     middle = np.array([[500.0, 300], [700, 300], [700, 500], [500, 500]])
     said = judged(GOOD, SIZE, middle)
     assert said.level == "care"
-    assert "over 4 % of the photo only" in said.reasons[0].why
+    assert "over only 4 % of the photo" in said.reasons[0].why
     whole = np.array([[0.0, 0], [1279, 0], [1279, 799], [0, 799]])
     assert judged(GOOD, SIZE, whole).level == "good"
 

@@ -22,9 +22,9 @@ from cubicfish_cli.corners.identification.identified import (
 from cubicfish_cli.corners.identification.name_grids import name_grids
 
 PART = (
-    ": perhaps part of the board, placed in its middle; a lens does not depend on where, measuring "
+    " may show only a part of the board, and is placed in its middle; where it is does not matter "
+    "to the lens, only to measuring the board"
 )
-PART += "the board would"
 
 
 def report(verdict: Decided, size: tuple[int, int] = (6, 4)) -> GridReport:
