@@ -277,9 +277,7 @@ def adjust(
             if damping > 1e8 or gain < _ROUNDING or new.cost < (1 + least) * now.cost:
                 break
     return Adjustment(
-        lens=state.lens,
-        poses=state.poses,
-        world=state.world,
+        **vars(state),
         residual=now.residual,
         cost=now.cost,
         iterations=iterations,

@@ -254,13 +254,8 @@ class DeformableTarget:
         """
         weight = self.noise / self.spread
         rows = [np.diag(weight)]
-        stretches = [
-            place
-            for part in self.parts
-            if part.basis.shape[2]
-            for place in range(part.shape.start + _STRETCH, part.shape.stop)
-        ]
-        if stretches:
+        stretches = np.flatnonzero(self.kinds == _STRETCHED)
+        if len(stretches):
             mean = np.zeros((1, len(self.parameters)))
             mean[0, stretches] = self.noise / (_SCALE_SPREAD * len(stretches))
             rows.append(mean)
@@ -321,27 +316,22 @@ def _part(
         hat, half = board.normalised(plane)
         middle = board.world_points((board.columns - 1) / 2, (board.rows - 1) / 2) / scale
         size = float(np.hypot(*half)) / scale
-        basis = np.zeros((len(own), 3, _SHAPE_TERMS))
-        x_axis, y_axis, normal = board.axes
-        basis[:, :, 0] = np.outer(hat[:, 0] ** 2, normal)
-        basis[:, :, 1] = np.outer(hat[:, 1] ** 2, normal)
-        basis[:, :, 2] = np.outer(hat[:, 0] * hat[:, 1], normal)
-        basis[:, :, 3] = np.outer(hat[:, 0], x_axis)
-        basis[:, :, 4] = np.outer(hat[:, 1], y_axis)
+        (x, y), (x_axis, y_axis, normal) = hat.T, board.axes
+        terms = (x**2, normal), (y**2, normal), (x * y, normal), (x, x_axis), (y, y_axis)
+        basis = np.stack([np.outer(*term) for term in terms], axis=2)
         basis *= size
     else:
         extent = np.ptp(board.points, axis=0)
         middle = (board.points.min(axis=0) + extent / 2) / scale
         size = float(np.linalg.norm(extent)) / 2 / scale
         basis = np.zeros((len(own), 3, 0))
-    terms = basis.shape[2]
-    places = 0 if still else _PLACE_TERMS
+    stop = first + basis.shape[2]
     return BoardPart(
         board=index,
         pairs=own,
         basis=basis,
-        shape=slice(first, first + terms),
-        place=slice(first + terms, first + terms + places),
+        shape=slice(first, stop),
+        place=slice(stop, stop + (0 if still else _PLACE_TERMS)),
         middle=middle,
         size=size,
     )

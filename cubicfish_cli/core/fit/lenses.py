@@ -194,29 +194,15 @@ class CubicFit:
     @property
     def parameters(self) -> FloatArray:
         """(48,)."""
-        return np.concatenate(
-            [
-                self.coefficients[0],
-                self.coefficients[1],
-                self.denominator_basis.T @ self.coefficients[2],
-                [self.travel],
-            ]
-        )
+        first, second, third = self.coefficients
+        return np.concatenate([first, second, self.denominator_basis.T @ third, [self.travel]])
 
     def with_parameters(self, parameters: FloatArray) -> CubicFit:
         """The same lens with other parameters."""
-        moved = parameters[32:47] - self.denominator_basis.T @ self.coefficients[2]
-        return replace(
-            self,
-            coefficients=np.stack(
-                [
-                    parameters[:16],
-                    parameters[16:32],
-                    self.coefficients[2] + self.denominator_basis @ moved,
-                ]
-            ),
-            travel=float(parameters[47]),
-        )
+        third = self.coefficients[2]
+        moved = parameters[32:47] - self.denominator_basis.T @ third
+        rows = parameters[:16], parameters[16:32], third + self.denominator_basis @ moved
+        return replace(self, coefficients=np.stack(rows), travel=float(parameters[47]))
 
     def with_pixels_of(self, other: CubicFit, rays: FloatArray) -> CubicFit:
         """The P of another, pixels and scale normalised as here: the mean of P3Φ over rays is 1.
@@ -319,20 +305,11 @@ class CubicFit:
             return np.full((len(weights), 49, 49), np.inf)
         near, (seen, by_lens) = prior.nearest(pixel)
         # What moves P's pixels, what moves the lens's, and the miss.
-        rows = np.concatenate(
-            [
-                self._d_parameters(prior.values, inside, denominator),
-                -by_lens,
-                (pixel - prior.miss - seen)[:, :, None],
-            ],
-            axis=2,
-        )
-        among, beyond = (
-            part.T @ part
-            for part in (
-                rows[which].reshape(-1, rows.shape[2]) for which in (prior.within, ~prior.within)
-            )
-        )
+        by_own = self._d_parameters(prior.values, inside, denominator)
+        miss = (pixel - prior.miss - seen)[:, :, None]
+        rows = np.concatenate([by_own, -by_lens, miss], axis=2)
+        parts = (rows[which].reshape(-1, rows.shape[2]) for which in (prior.within, ~prior.within))
+        among, beyond = (part.T @ part for part in parts)
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
         whole = squares[0] * among + squares[1] * beyond
         whole[:, 47:, 47:] += near.prior()
@@ -367,14 +344,12 @@ class CubicFit:
     @property
     def P(self) -> FloatArray:
         """(3, 20) in pixels, Frobenius norm 1, P3Φ positive on the prior's rays."""
-        normalisation = np.array(
-            [
-                [self.scale, 0, self.centre[0]],
-                [0, self.scale, self.centre[1]],
-                [0, 0, 1],
-            ]
+        scale, (x, y) = self.scale, self.centre
+        P = (
+            np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
+            @ self.coefficients
+            @ sphere_basis().T
         )
-        P = normalisation @ self.coefficients @ sphere_basis().T
         return P / np.linalg.norm(P)
 
 

@@ -20,7 +20,8 @@ from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import BoolArray, FloatArray
 
 ROUNDS = 10
-# Rounds end when no denominator changes by more than this share of their mean.
+# Rounds end when no denominator changes by more than this share of their mean, and least squares in
+# pixels when neither cost nor P does.
 _SETTLED = 1e-6
 # A pair beside a pole must not get an unbounded weight in the next round.
 _SMALLEST_SHARE = 0.02
@@ -41,7 +42,6 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 # guess, of which a profile with many coefficients makes what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
-_SETTLED = 1e-6
 _FREE = 47  # numbers of P, its scale held
 # Pixels that a ray counts as being off which the lens of a step does not see.
 _UNSEEN_PX = 1e3

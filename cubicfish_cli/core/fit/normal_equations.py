@@ -7,7 +7,7 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,14 +117,8 @@ class NormalEquations:
             first += len(own)
         pull = world.offset_weight**2
         corner_shared[:, :, -1] += pull * world.offsets
-        return NormalEquations(
-            shared=shared,
-            pose=self.pose,
-            pose_shared=self.pose_shared,
-            corner=self.corner + pull * np.eye(3),
-            corner_shared=corner_shared,
-            pose_corner=self.pose_corner,
-        )
+        corner = self.corner + pull * np.eye(3)
+        return replace(self, shared=shared, corner=corner, corner_shared=corner_shared)
 
     def without(self, poses: IntArray, put_in: NormalEquations) -> NormalEquations:
         """The equations less what was seen from some poses, which stay where they are.

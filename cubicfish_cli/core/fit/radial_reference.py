@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice, pairwise
+from itertools import islice, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -280,24 +280,22 @@ def _does_not_fit(error: float) -> FitError:
 
 def _first_fit(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, IntArray]:
     poor = _POOR_SHARE * max(pairs.image_size)
-    best: tuple[float, RadialAdjustment, IntArray] | None = None
+    found = []
     for centre in islice(_centres(pairs), None if thorough else 1):
-        found = _fit_from_centre(pairs, centre)
-        if found is None:
-            continue
-        error = noise_px(found[0].residual)
-        if best is None or error < best[0]:
-            best = (error, *found)
-        if error <= poor:
+        tried = _fit_from_centre(pairs, centre)
+        if tried is not None:
+            found.append((noise_px(tried[0].residual), *tried))
+        if found and found[-1][0] <= poor:
             break
-    if best is None:
+    if not found:
         raise FitError(
             "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
             "board) that are not on one line"
         )
-    if best[0] > poor:
-        raise _does_not_fit(best[0])
-    return best[1], best[2]
+    error, fit, used = min(found, key=lambda one: one[0])
+    if error > poor:
+        raise _does_not_fit(error)
+    return fit, used
 
 
 def _centres(pairs: Observations) -> Iterator[FloatArray]:
@@ -307,12 +305,7 @@ def _centres(pairs: Observations) -> Iterator[FloatArray]:
     yield middle
     counts = np.bincount(pairs.image, minlength=len(pairs.images))
     few = select_photos(pairs, np.argsort(-counts, kind="stable")[:_PHOTOS_FOR_CENTRE])
-    centres = [
-        middle + size * [x, y]
-        for x in _CENTRE_SHARES
-        for y in _CENTRE_SHARES
-        if (x, y) != (0.0, 0.0)
-    ]
+    centres = [middle + size * away for away in product(_CENTRE_SHARES, repeat=2) if any(away)]
     scores = [start_at_centre(few, centre).score for centre in centres]
     for index in np.argsort(scores, kind="stable")[:_CENTRES_TO_FIT]:
         yield centres[index]

@@ -77,14 +77,27 @@ def without_gross(reference: RadialReference) -> tuple[TargetFit, Observations, 
 
 
 def without_noisy(fit: TargetFit) -> TargetFit:
-    """Leave out photos that are blurred, moving or badly lit, and say so."""
+    """Leave out photos whose corners are much noisier than the others', and say so.
+
+    They are blurred, moving or badly lit; where they would be a third or more, none is.
+    """
     pairs = fit.reference.pairs
-    noisy = noisy_photos(pairs, fit.cubic.residual)
-    if not noisy:
+    photos = len(pairs.images)
+    noise = noise_by_photo(pairs.image, fit.cubic.residual, photos)
+    typical = float(np.median(noise))
+    noisy = noise > max(_NOISY * typical, _NOISY_PX)
+    if not noisy.any() or photos < _FEW_PHOTOS + 1 or 3 * noisy.sum() >= photos:
         return fit
-    good = np.setdiff1d(np.arange(len(pairs.images)), list(noisy))
+    named = {
+        pairs.images[photo]: Finding(
+            code=Code.NOISY,
+            images=(pairs.images[photo],),
+            figures={"times": float(noise[photo] / typical)},
+        )
+        for photo in np.flatnonzero(noisy)
+    }
+    good = np.flatnonzero(~noisy)
     reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
-    named = {pairs.images[photo]: reason for photo, reason in noisy.items()}
     reference = replace(reference, unfit=reference.unfit | named)
     cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
     return replace(fit, reference=reference, cubic=cubic)
@@ -163,28 +176,3 @@ def dropped_groups(before: Observations, dropped: Sequence[DroppedCorner]) -> li
         if lost:
             found.append(Finding(code=code, images=tuple(lost), boards=(board,), figures=figures))
     return found
-
-
-def noisy_photos(pairs: Observations, residual: FloatArray) -> dict[int, Finding]:
-    """Photos whose corners are much noisier than the others': blurred, moving, badly lit.
-
-    Returns:
-        Index of each and what to say of it; none where they would be a third or more.
-
-    """
-    photos = len(pairs.images)
-    if photos < _FEW_PHOTOS + 1:
-        return {}
-    noise = noise_by_photo(pairs.image, residual, photos)
-    typical = float(np.median(noise))
-    noisy = np.flatnonzero(noise > max(_NOISY * typical, _NOISY_PX))
-    if 3 * len(noisy) >= photos:
-        return {}
-    return {
-        int(photo): Finding(
-            code=Code.NOISY,
-            images=(pairs.images[photo],),
-            figures={"times": float(noise[photo] / typical)},
-        )
-        for photo in noisy
-    }

@@ -134,8 +134,8 @@ MUTATIONS = tuple(
         ),
         (
             "core/fit/lenses.py",
-            "self.coefficients[2] + self.denominator_basis @ moved",
-            "self.coefficients[2] - self.denominator_basis @ moved",
+            "third + self.denominator_basis @ moved",
+            "third - self.denominator_basis @ moved",
             "core/lenses/test_cameras",
         ),
         (
