@@ -131,21 +131,21 @@ def held_out_error(
     if not parts:
         return None
     pairs, cubic = fit.reference.pairs, fit.cubic.fit
-    of_cubic, of_radial = np.full((2, len(pairs.image)), np.nan)
+    squares = np.full((2, len(pairs.image)), np.nan)
     leave_one_out = LeaveOneOut(cubic, parts)
     for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        rows = np.flatnonzero(np.isin(pairs.image, test))
-        of_cubic[rows], of_radial[rows] = _fold(fit, test, cubic.state.moved(*step))
-    of_cubic[~pairs.tells_error] = of_radial[~pairs.tells_error] = np.nan
+        squares[:, np.isin(pairs.image, test)] = _fold(fit, test, cubic.state.moved(*step))
+    squares[:, ~pairs.tells_error] = np.nan
+    of_cubic, of_radial = squares
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 
 
-def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatArray, FloatArray]:
-    """Squared errors on the photos ``test``, of the cubic and the reference fitted to the others.
+def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
+    """(2, n) squared errors on the photos ``test``, pixels²; NaN beyond the field.
 
-    The fit to the others starts at ``near``.
+    Of the cubic and the reference fitted to the others, whose fit starts at ``near``.
     """
     pairs, world = fit.reference.pairs, near.world
     out = np.isin(pairs.image, test)
@@ -183,18 +183,13 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> tuple[FloatA
         pupil_travel=trained.lens.travel,
     )
     left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
-    return (
-        _squares(camera, left_out, fit.cubic.poses[test]),
-        _squares(camera.radial, left_out, fit.reference.poses[test]),
-    )
-
-
-def _squares(camera: CubicCamera | RadialCamera, pairs: Observations, start: Poses) -> FloatArray:
-    """(N,) squared error at each pair, the poses fitted, pixels²; NaN beyond the field."""
-    _, residual, seen = pose_only_residual(camera, pairs, start)
-    square = np.full(len(pairs.pixel), np.nan)
-    square[seen] = np.sum(np.square(residual), axis=1)
-    return square
+    squares = np.full((2, len(left_out.pixel)), np.nan)
+    lenses: tuple[CubicCamera | RadialCamera, ...] = (camera, camera.radial)
+    starts = fit.cubic.poses, fit.reference.poses
+    for square, lens, start in zip(squares, lenses, starts, strict=True):
+        _, residual, seen = pose_only_residual(lens, left_out, start[test])
+        square[seen] = np.sum(np.square(residual), axis=1)
+    return squares
 
 
 def pose_only_residual(
