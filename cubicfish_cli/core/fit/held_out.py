@@ -73,12 +73,8 @@ class HeldOut:
 
     def of(self, pairs: BoolArray) -> HeldOut:
         """The error on some of the pairs (N,)."""
-        return replace(
-            self,
-            square=self.square[pairs],
-            radial_square=self.radial_square[pairs],
-            image=self.image[pairs],
-        )
+        square, radial_square = self.square[pairs], self.radial_square[pairs]
+        return replace(self, square=square, radial_square=radial_square, image=self.image[pairs])
 
     def times(self, other: HeldOut) -> float:
         """Ratio to the error of another fit of the same photos.
@@ -167,13 +163,10 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
         trained = trained_from(near)
     except FitError:  # the first-order step was too long: start where the fit ended
         trained = trained_from(fit.cubic.fit.state)
+    reference, moved = fit.reference, training.with_world(trained.world.points)
+    lens, poses, limit = reference.lens, reference.poses[train], wide_px(reference.errors)
     radial = adjust(
-        fit.reference.lens,
-        fit.reference.poses[train],
-        training.with_world(trained.world.points),
-        wide_px(fit.reference.errors),
-        relative_decrease=_RADIAL_DECREASE,
-        damping=WARM_DAMPING,
+        lens, poses, moved, limit, relative_decrease=_RADIAL_DECREASE, damping=WARM_DAMPING
     )
     camera = CubicCamera(
         image_size=pairs.image_size,
@@ -186,8 +179,8 @@ def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
     squares = np.full((2, len(left_out.pixel)), np.nan)
     lenses: tuple[CubicCamera | RadialCamera, ...] = (camera, camera.radial)
     starts = fit.cubic.poses, fit.reference.poses
-    for square, lens, start in zip(squares, lenses, starts, strict=True):
-        _, residual, seen = pose_only_residual(lens, left_out, start[test])
+    for square, known, start in zip(squares, lenses, starts, strict=True):
+        _, residual, seen = pose_only_residual(known, left_out, start[test])
         square[seen] = np.sum(np.square(residual), axis=1)
     return squares
 

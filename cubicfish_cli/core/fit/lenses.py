@@ -345,11 +345,8 @@ class CubicFit:
     def P(self) -> FloatArray:
         """(3, 20) in pixels, Frobenius norm 1, P3Φ positive on the prior's rays."""
         scale, (x, y) = self.scale, self.centre
-        P = (
-            np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
-            @ self.coefficients
-            @ sphere_basis().T
-        )
+        to_pixels = np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
+        P = to_pixels @ self.coefficients @ sphere_basis().T
         return P / np.linalg.norm(P)
 
 

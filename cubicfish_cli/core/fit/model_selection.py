@@ -99,11 +99,9 @@ class SelectedModel:
         A few photos may not show that a refined target predicts better, although boards are
         deformed.
         """
-        mine, found = self.held_out.get(self.fit.level), []
-        for fit in self.refused:
-            other = self.held_out.get(fit.level)
-            if mine and other:
-                found.append((fit.cubic.lens, mine.doubt(other)))
+        mine = self.held_out.get(self.fit.level)
+        others = ((fit, self.held_out.get(fit.level)) for fit in self.refused)
+        found = [(fit.cubic.lens, mine.doubt(one)) for fit, one in others if mine and one]
         return sorted(found, key=lambda one: one[1])[-1:]
 
 
@@ -192,24 +190,19 @@ def _judged(
     best, error = fit, held_out
     central = replace(fit.cubic.prior, central=True)
     for prior in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
+        own = fit.cubic
         cubic = fit_cubic(
-            fit.reference,
-            prior,
-            world=fit.cubic.fit.world,
-            start=fit.cubic,
-            relative_decrease=NEAR_DECREASE,
+            fit.reference, prior, world=own.fit.world, start=own, relative_decrease=NEAR_DECREASE
         )
         firm = replace(fit, cubic=cubic)
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < error.rms_px:
-            runners_up = [RunnerUp(prior=fit.cubic.prior, likely=measured.doubt(held_out))]
+            runners_up = [RunnerUp(prior=own.prior, likely=measured.doubt(held_out))]
             if prior == central:  # how firmly and how symmetrically is as open as it was
                 runners_up += [
                     replace(other, prior=replace(other.prior, central=True))
-                    for other in fit.cubic.runners_up
+                    for other in own.runners_up
                 ]
-            best, error = (
-                replace(firm, cubic=replace(cubic, runners_up=tuple(runners_up))),
-                measured,
-            )
+            best = replace(firm, cubic=replace(cubic, runners_up=tuple(runners_up)))
+            error = measured
     return best, error

@@ -159,15 +159,11 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
 
 def _held_out(pairs: Observations, poses: Poses | None) -> float:
     """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
-    if poses is None:
-        return np.nan
-    photos = np.arange(len(pairs.images))
-    folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi)
-    residuals = []
+    photos, residuals = np.arange(len(pairs.images)), []
+    folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi) if poses is not None else []
     for fold in folds:
         train = select_photos(pairs, np.setdiff1d(photos, fold))
-        test = select_photos(pairs, fold)
-        scale = world_scale(train)
+        test, scale = select_photos(pairs, fold), world_scale(train)
         try:
             camera = calibrate_points(train, hold_out=False).camera
             reference = fit_radial(train.with_world(train.world / scale))
@@ -298,13 +294,7 @@ def _refined(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: fl
     first = start.ravel()
     limit = huber_px(residual(first).reshape(-1, 2))
     fit = least_squares(
-        residual,
-        first,
-        jac=slope,
-        loss="huber",
-        f_scale=limit,
-        x_scale="jac",
-        max_nfev=_MAX_STEPS,
+        residual, first, jac=slope, loss="huber", f_scale=limit, x_scale="jac", max_nfev=_MAX_STEPS
     )
     return np.asarray(fit.x.reshape(3, rank))
 

@@ -127,13 +127,9 @@ class RadialReference:
                 spread=spread,
             )
             if spread:
+                pairs, limit, least = self.pairs, wide_px(self.errors), _BENT_DECREASE
                 fit = adjust(
-                    lens,
-                    poses,
-                    self.pairs,
-                    wide_px(self.errors),
-                    relative_decrease=_BENT_DECREASE,
-                    damping=WARM_DAMPING,
+                    lens, poses, pairs, limit, relative_decrease=least, damping=WARM_DAMPING
                 )
                 lens, poses = fit.lens, fit.poses
             about = _CENTRE_SPREAD * float(lens.values[:2].mean())
@@ -404,14 +400,8 @@ def _joined(
     everyone = np.concatenate([used, photos])
     order = np.argsort(everyone, kind="stable")
     poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
-    joined = adjust(
-        fit.lens,
-        poses,
-        select_photos(pairs, everyone),
-        wide_px(fit.residual),
-        relative_decrease=_ROUGH_DECREASE,
-    )
-    return joined, everyone
+    own, limit = select_photos(pairs, everyone), wide_px(fit.residual)
+    return adjust(fit.lens, poses, own, limit, relative_decrease=_ROUGH_DECREASE), everyone
 
 
 def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:

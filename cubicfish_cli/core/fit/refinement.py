@@ -133,14 +133,9 @@ def refine_object(
     pairs = replace(nominal.pairs_at(level), weight=fit.reference.pairs.weight)
     # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
     # the loss's scale by.
+    lens, poses, limit = fit.cubic.lens, fit.cubic.poses, 2 * huber_px(np.full((1, 2), free.noise))
     adjusted = adjust(
-        fit.cubic.lens,
-        fit.cubic.poses,
-        pairs,
-        2 * huber_px(np.full((1, 2), free.noise)),
-        world=free,
-        relative_decrease=1e-3,
-        damping=WARM_DAMPING,
+        lens, poses, pairs, limit, world=free, relative_decrease=1e-3, damping=WARM_DAMPING
     )
     adjusted, spread = estimate_spread(adjusted, pairs, spread)
     # With the target near its place: the reference anew, how P is held, then all at once.
@@ -166,12 +161,9 @@ def free_target(
     """The target as drawn, free to depart from it."""
     if nominal.target is None:
         raise ValueError("pairs without a target have no boards to refine")
+    pairs, target, scale = nominal.pairs, nominal.target, nominal.scale
     return DeformableTarget.from_nominal(
-        nominal.pairs,
-        nominal.target,
-        noise=noise,
-        offset_spread=offset_spread,
-        scale=nominal.scale,
+        pairs, target, noise=noise, offset_spread=offset_spread, scale=scale
     )
 
 

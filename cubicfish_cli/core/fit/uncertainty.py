@@ -145,9 +145,8 @@ def _unknowns(fit: Adjustment[Any]) -> float:
     prior[lens:, lens:] = world.prior()[:-1, :-1]
     scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
     square = scale * scale[:, None]
-    shared = len(hessian) - np.sum(
-        np.linalg.pinv(hessian * square, hermitian=True) * prior * square
-    )
+    inverse = np.linalg.pinv(hessian * square, hermitian=True)
+    shared = len(hessian) - np.sum(inverse * prior * square)
     poses = min(len(np.unique(fit.pairs.image[own])), len(normal.pose))
     corner = normal.corner[np.unique(world.corner[own])] if len(world.corner) else normal.corner[:0]
     held = np.trace(np.linalg.inv(corner), axis1=1, axis2=2).sum() * world.offset_weight**2
