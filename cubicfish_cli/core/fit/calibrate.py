@@ -124,8 +124,28 @@ def calibrate(
     refined = target is not None and (hold_out or refine_target != "auto")
     stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:
-        selected, nominal_fit, dropped = _fitted(pairs, target, refine_target, hold_out, stages)
+        stages.begin("start")
+        scale = world_scale(pairs)
+        reference = fit_radial(pairs.with_world(pairs.world / scale))
+        stages.begin("cubic")
+        rough, gross, gross_error = without_gross(reference)
+        rough = without_noisy(rough)
+        _refuse_undetermined(rough.reference)
+        nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
+        nominal_fit = fit_nominal_target(rough, nominal)
+        selected = select_model(nominal_fit, nominal, refine_target, hold_out, stages)
+        seen, residual = selected.fit.reference.pairs, selected.fit.cubic.residual
+        astray = strays(seen, residual)
+        if astray.any():
+            selected = selected.without(astray)
+        if target is not None:
+            gross = renamed(gross, target, selected.nominal.renamed)
+        dropped = dropped_corners(gross, gross_error)
+        dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
+        fit = to_the_bottom(selected.fit)
+        selected = replace(selected, fit=fit)
         stages.begin("checks")
+        nominal_fit = fit if fit.level == "off" else nominal_fit
         near = _assessed(selected, nominal_fit, dropped, pairs, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
         error = (
@@ -146,36 +166,6 @@ def calibrate(
         poses=poses,
         target=near.target.moved(origin) if near.target and near.refined != "off" else given,
     )
-
-
-def _fitted(
-    pairs: Observations,
-    target: Target | None,
-    refine_target: RefineTarget,
-    hold_out: bool,
-    stages: Stages,
-) -> tuple[SelectedModel, TargetFit, tuple[DroppedCorner, ...]]:
-    """The model that was selected, the fit to the target as drawn, and what was left out."""
-    stages.begin("start")
-    scale = world_scale(pairs)
-    reference = fit_radial(pairs.with_world(pairs.world / scale))
-    stages.begin("cubic")
-    rough, gross, gross_error = without_gross(reference)
-    rough = without_noisy(rough)
-    _refuse_undetermined(rough.reference)
-    nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
-    nominal_fit = fit_nominal_target(rough, nominal)
-    selected = select_model(nominal_fit, nominal, refine_target, hold_out, stages)
-    seen, residual = selected.fit.reference.pairs, selected.fit.cubic.residual
-    astray = strays(seen, residual)
-    if astray.any():
-        selected = selected.without(astray)
-    if target is not None:
-        gross = renamed(gross, target, selected.nominal.renamed)
-    dropped = dropped_corners(gross, gross_error)
-    dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
-    fit = to_the_bottom(selected.fit)
-    return replace(selected, fit=fit), fit if fit.level == "off" else nominal_fit, dropped
 
 
 def _assessed(

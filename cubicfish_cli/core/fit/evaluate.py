@@ -13,7 +13,7 @@ from cubicfish_cli.core.assess.records import plain_record
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.held_out import pose_only_residual
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.start import fit_poses
+from cubicfish_cli.core.fit.start import NONE_PLACED, fit_poses
 from cubicfish_cli.core.fit.statistics import error_statistics, photo_records
 from cubicfish_cli.core.fit.subset import middle, select, with_mean_weight_one
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -109,10 +109,7 @@ def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
     pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
     placed, own, photos = fit_poses(camera.radial, pairs)
     if placed is None:
-        raise FitError(
-            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
-            "board) that are not on one line"
-        )
+        raise FitError(NONE_PLACED)
     poses, residual, index = pose_only_residual(camera, own, placed.poses)
     if not index.size:
         raise FitError(

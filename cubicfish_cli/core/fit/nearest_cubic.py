@@ -239,15 +239,7 @@ def refined_cubic(
         drift[:, 32:] = stiff @ start.denominator_basis
         return np.vstack([(root[:, :, None] * by_parameters).reshape(-1, _FREE), drift])
 
+    first, stop = start.parameters[:_FREE], {"ftol": _SETTLED, "xtol": _SETTLED, "max_nfev": _MOST}
     with np.errstate(all="ignore"):
-        found = least_squares(
-            miss,
-            start.parameters[:_FREE],
-            jac=slope,
-            x_scale="jac",
-            method="lm",
-            max_nfev=_MOST,
-            ftol=_SETTLED,
-            xtol=_SETTLED,
-        )
+        found = least_squares(miss, first, jac=slope, x_scale="jac", method="lm", **stop)
     return with_parameters(found.x)

@@ -18,7 +18,7 @@ from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.asymmetric import BentFit
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.start import fit_poses, start_at_centre
+from cubicfish_cli.core.fit.start import NONE_PLACED, fit_poses, start_at_centre
 from cubicfish_cli.core.fit.statistics import gross_px, noise_px, wide_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.lenses.nearest import FreeLens
@@ -284,10 +284,7 @@ def _first_fit(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, I
         if found and found[-1][0] <= poor:
             break
     if not found:
-        raise FitError(
-            "no photo has enough corners to be placed: each needs at least 7 (5 on a flat "
-            "board) that are not on one line"
-        )
+        raise FitError(NONE_PLACED)
     error, fit, used = min(found, key=lambda one: one[0])
     if error > poor:
         raise _does_not_fit(error)

@@ -25,6 +25,10 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 
 # Angles from the axis that the farthest corner may have, in the scan of focal lengths.
 _FARTHEST_ANGLE_DEG = np.geomspace(4, 160, 40)
+NONE_PLACED = (
+    "no photo has enough corners to be placed: each needs at least 7 (5 on a flat board) that are "
+    "not on one line"
+)
 # While poses are far off, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
 
