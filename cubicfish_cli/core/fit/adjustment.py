@@ -180,7 +180,7 @@ class Adjustment(Generic[L]):
 
     def again(
         self,
-        pairs: Observations,
+        pairs: Observations | None = None,
         *,
         world: DeformableTarget | None = None,
         relative_decrease: float = _RELATIVE_DECREASE,
@@ -189,13 +189,14 @@ class Adjustment(Generic[L]):
     ) -> Adjustment[L]:
         """Adjust on from here, with a loss that follows what residuals there are.
 
-        The arguments are those of :func:`adjust`; the target is by default as free as it was, and
-        ``limit`` says of residuals (N, 2) where the loss turns linear, pixels.
+        The arguments are those of :func:`adjust`; the pairs are by default the same, the target is
+        as free as it was, and ``limit`` says of residuals (N, 2) where the loss turns linear,
+        pixels.
         """
         return adjust(
             self.lens,
             self.poses,
-            pairs,
+            self.pairs if pairs is None else pairs,
             limit(self.errors),
             world=self.world if world is None else world,
             relative_decrease=relative_decrease,

@@ -177,8 +177,8 @@ def fit_cubic(
             damping=WARM_DAMPING,
         )
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
-            least, pairs = relative_decrease, reference.pairs
-            fit = fit.again(pairs, relative_decrease=least, damping=WARM_DAMPING, limit=huber_px)
+            least = relative_decrease
+            fit = fit.again(relative_decrease=least, damping=WARM_DAMPING, limit=huber_px)
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:
             return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg)

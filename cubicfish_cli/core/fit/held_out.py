@@ -212,5 +212,5 @@ def pose_only_residual(
         lens, poses[photos], own, _WIDE_PX, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING
     )
     # Once more, with a loss that follows what the first left.
-    fit = fit.again(own, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
+    fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
     return poses.with_photos(photos, fit.poses), fit.residual, index

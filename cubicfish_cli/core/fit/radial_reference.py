@@ -180,27 +180,26 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
         before = len(used)
         fit, used, refused = _with_missing(fit, used, pairs, missing, again=round_ > 0)
-        own = select_photos(pairs, used)
         if len(used) > before:
-            fit = _adjusted(fit, own)
+            fit = _adjusted(fit)
         unfit = {
             pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
             for photo in np.setdiff1d(missing, used).tolist()
         }
-        bad = _bad_photos(fit, own, gross_px(fit.residual))
-        unfit |= {own.images[photo]: why for photo, why in bad.items()}
+        bad = _bad_photos(fit, gross_px(fit.residual))
+        unfit |= {fit.pairs.images[photo]: why for photo, why in bad.items()}
         if not bad:
             break
         good = np.setdiff1d(np.arange(len(used)), list(bad))
         if 2 * len(good) < len(used) or not len(good):
             raise _does_not_fit(noise_px(fit.residual))
-        own, used = select_photos(own, good), used[good]
+        own, used = select_photos(fit.pairs, good), used[good]
         limit = gross_px(fit.residual)
         fit = adjust(fit.lens, fit.poses[good], own, limit, relative_decrease=_ROUGH_DECREASE)
-        fit = _adjusted(fit, own)
+        fit = _adjusted(fit)
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
-    return _sound(fit, select_photos(pairs, used), unfit)
+    return _sound(fit, unfit)
 
 
 def radial_near(
@@ -244,21 +243,19 @@ def _refitted(
     fit = adjust(
         lens, poses, pairs, wide_px(errors), relative_decrease=_NEAR_DECREASE, damping=WARM_DAMPING
     )
-    return _sound(fit, pairs, unfit)
+    return _sound(fit, unfit)
 
 
-def _sound(
-    fit: RadialAdjustment, pairs: Observations, unfit: dict[str, Finding]
-) -> RadialReference:
+def _sound(fit: RadialAdjustment, unfit: dict[str, Finding]) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
-    fit, terms = _sound_profile(fit, pairs)
+    fit, terms = _sound_profile(fit)
     camera, variance = fit.lens.lens, noise_px(fit.residual) ** 2
     covariance = np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * variance
     focal = np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(camera.fx)
     return RadialReference(
         camera=camera,
         poses=fit.poses,
-        pairs=pairs,
+        pairs=fit.pairs,
         residual=fit.residual,
         unfit=unfit,
         terms=terms,
@@ -329,7 +326,7 @@ def _fit_from_centre(
     )
     if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
         return fit, used
-    return _adjusted(_with_terms(fit, own, _ALL_TERMS), own), used
+    return _adjusted(_with_terms(fit, _ALL_TERMS)), used
 
 
 def _free(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
@@ -342,17 +339,19 @@ def terms_beyond(terms: int) -> list[str]:
     return [f"k{power}" for power in range(terms + 1, _ALL_TERMS + 1)]
 
 
-def _with_terms(fit: RadialAdjustment, pairs: Observations, terms: int) -> RadialAdjustment:
+def _with_terms(fit: RadialAdjustment, terms: int) -> RadialAdjustment:
     camera = fit.lens.lens
     camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
     limit = wide_px(fit.residual)
-    return adjust(_free(camera, terms), fit.poses, pairs, limit, relative_decrease=_NEAR_DECREASE)
+    return adjust(
+        _free(camera, terms), fit.poses, fit.pairs, limit, relative_decrease=_NEAR_DECREASE
+    )
 
 
-def _adjusted(fit: RadialAdjustment, pairs: Observations) -> RadialAdjustment:
+def _adjusted(fit: RadialAdjustment) -> RadialAdjustment:
     """Continue with a loss that follows the residuals down to the noise."""
-    fit = fit.again(pairs, relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING)
-    return fit.again(pairs, damping=WARM_DAMPING)
+    fit = fit.again(relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING)
+    return fit.again(damping=WARM_DAMPING)
 
 
 def _with_missing(
@@ -371,7 +370,7 @@ def _with_missing(
     """
     if not missing.size:
         return fit, used, {}
-    found, own, placed = fit_poses(fit.lens.lens, select_photos(pairs, missing))
+    found, _, placed = fit_poses(fit.lens.lens, select_photos(pairs, missing))
     if found is None:
         return fit, used, {}
     # Those that go astray would hold up all others.
@@ -382,7 +381,7 @@ def _with_missing(
         others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
         if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
             return joined, everyone, {}
-    wrong = _bad_photos(found, own, gross_px(fit.residual))
+    wrong = _bad_photos(found, gross_px(fit.residual))
     refused = {int(photos[photo]): why for photo, why in wrong.items()}
     good = np.setdiff1d(firm, list(wrong))
     if not good.size:
@@ -401,12 +400,13 @@ def _joined(
     return adjust(fit.lens, poses, own, limit, relative_decrease=_ROUGH_DECREASE), everyone
 
 
-def _bad_photos(fit: Adjustment[Any], pairs: Observations, limit: float) -> dict[int, Finding]:
+def _bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
     """Photos of which most corners are off by more than a limit in pixels, with the reason.
 
     And those whose corners do not say where they were taken from: they go astray without end.
     """
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
+    pairs = fit.pairs
     bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
     open_ = _undetermined(fit, noise_px(fit.residual))
     bad = {}
@@ -432,7 +432,7 @@ def _undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
     return np.asarray(np.linalg.eigvalsh(known)[:, 0] < noise**2)
 
 
-def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAdjustment, int]:
+def _sound_profile(fit: RadialAdjustment) -> tuple[RadialAdjustment, int]:
     """Take coefficients away until the profile grows over the whole valid cone.
 
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
@@ -443,11 +443,11 @@ def _sound_profile(fit: RadialAdjustment, pairs: Observations) -> tuple[RadialAd
     best = fit
     for fewer in range(terms, -1, -1):
         if fewer < terms:
-            fit = _with_terms(fit, pairs, fewer)
+            fit = _with_terms(fit, fewer)
         if noise_px(fit.residual) > worst:
             break
         near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
-        covered = angle_from_axis(fit.poses.apply(pairs.image, pairs.world))[near].max()
+        covered = angle_from_axis(fit.poses.apply(fit.pairs.image, fit.pairs.world))[near].max()
         if fit.lens.lens.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
             return fit, fewer
     return best, terms

@@ -166,7 +166,7 @@ def fit_poses(
     kept, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[placed], kept, _WIDE_HUBER_PX, max_iterations=30)
-    return fit.again(kept), kept, placed
+    return fit.again(), kept, placed
 
 
 def _known_poses(
