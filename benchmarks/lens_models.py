@@ -18,9 +18,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.foreign_lens import ForeignLens, SymmetricLens
-from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
-from cubicfish_cli.app.lenses.spheres import DoubleSphereLens, UnifiedLens
+from cubicfish_cli.app.lenses.foreign_lens import FocalLens, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
@@ -40,6 +38,8 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, UnifiedLens
+from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
 
 L = TypeVar("L", bound=ForeignLens)
 F = TypeVar("F", bound=FitLens)
@@ -51,6 +51,25 @@ _START_RAYS = 400
 _LOST_PX = 1e3
 # Below this share of ρ in |X| the limit on the axis replaces quotients that are 0/0 there.
 _NEAR_AXIS = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SymmetricLens(FocalLens):
+    """An axially symmetric lens: its shape's parameters come after fx, fy, cx, cy."""
+
+    def scale(self, points: FloatArray) -> FloatArray:
+        """The model itself: s (N,) of camera-frame points (N, 3) with (x, y) = s · (X, Y).
+
+        Not finite where the lens sees nothing.
+        """
+        raise NotImplementedError
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """See :class:`Lens`."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            scale = self.scale(points)[:, None]
+            pixel = points[:, :2] * scale * [self.fx, self.fy] + [self.cx, self.cy]
+        return np.where(np.isfinite(scale), pixel, np.inf)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -29,7 +29,6 @@ import numpy.typing as npt
 from lens_models import compare_models
 
 from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.lenses.spheres import UnifiedLens
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
@@ -44,6 +43,7 @@ from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, load_target
+from cubicfish_cli.extensions.formats.lenses import UnifiedLens
 
 FloatArray = npt.NDArray[np.float64]
 HERE = Path(__file__).parent

@@ -2,8 +2,8 @@
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
 marked by :data:`HELD` are carried along and never fitted. It has a ``name``, a ``label``,
-:meth:`ForeignLens.starts` and its formula: :meth:`SymmetricLens.scale` of a symmetric lens, else
-:meth:`ForeignLens.pixels`. The rest follows from these, derivatives too.
+:meth:`ForeignLens.starts` and its formula, :meth:`Lens.pixels`. The rest follows from these,
+derivatives too.
 """
 
 from __future__ import annotations
@@ -209,22 +209,3 @@ class FocalLens(ForeignLens):
     def units(self) -> FloatArray:
         """See :class:`Lens`: pixels count in focal lengths."""
         return np.where(np.isin(self.parameter_names, _PIXELS), self.fx, 1.0)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SymmetricLens(FocalLens):
-    """An axially symmetric lens: its shape's parameters come after fx, fy, cx, cy."""
-
-    def scale(self, points: FloatArray) -> FloatArray:
-        """The model itself: s (N,) of camera-frame points (N, 3) with (x, y) = s · (X, Y).
-
-        Not finite where the lens sees nothing.
-        """
-        raise NotImplementedError
-
-    def pixels(self, points: FloatArray) -> FloatArray:
-        """See :class:`Lens`."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            scale = self.scale(points)[:, None]
-            pixel = points[:, :2] * scale * [self.fx, self.fy] + [self.cx, self.cy]
-        return np.where(np.isfinite(scale), pixel, np.inf)

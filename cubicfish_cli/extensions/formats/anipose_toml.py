@@ -20,7 +20,7 @@ from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

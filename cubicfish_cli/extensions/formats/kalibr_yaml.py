@@ -22,13 +22,12 @@ from cubicfish_cli.app.lenses.camera_format import (
     numbers,
     size,
 )
-from cubicfish_cli.app.lenses.spheres import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.plain_yaml import load_plain_yaml, mapping
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 
 _CORE = ("fx", "fy", "cx", "cy")
 # Kalibr's camera_model -> what stands before the core in its intrinsics.

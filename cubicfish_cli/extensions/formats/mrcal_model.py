@@ -32,8 +32,8 @@ from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.plain_yaml import mapping, parse_plain_yaml
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.extensions.formats.lenses import PinholeLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
 
 # optimization_inputs holds all corners of a calibration, packed; it is skipped.
 MAX_BYTES = 64_000_000

@@ -29,7 +29,7 @@ from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.plain_yaml import mapping
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens
 
 MAX_BYTES = 64_000_000
 _CORE = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}

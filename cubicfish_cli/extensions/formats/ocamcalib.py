@@ -1,4 +1,9 @@
-"""OCamCalib's calib_results.txt, of the MATLAB toolbox.
+"""Scaramuzza's polynomial lens, and its file: OCamCalib's calib_results.txt.
+
+A pixel less the centre, straightened by the stretch matrix, is (x, y); its ray is (x, y, f(r))
+with f(r) = a0 + a1 r + a2 r² + ... and r = hypot(x, y). Pixel -> ray (``cam2world``) evaluates f;
+ray -> pixel (``world2cam``) finds r either from f itself or from a second polynomial, the radius
+over the ray's elevation, which files carry along. The two disagree by the second one's own error.
 
 The file, as its ``exportData2TXT`` writes it and ``get_ocam_model`` (ocam_functions.cpp)
 and other readers want it: five remarks, each with a blank line below it and below its values. Some
@@ -12,16 +17,235 @@ readers skip white space, others take the values from lines 3, 7, 11, 15 and 19.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import chebyshev, polynomial
 
 from cubicfish_cli.app.lenses.camera_format import CameraFormat, numbers, read_bounded, size
-from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
+from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
+from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.nearest import nearest_lens
+from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
+
+# Degrees that are tried. Real files mostly have 4; the toolbox's C reader takes up to 63.
+_DEGREES = range(4, 13)
+# A higher degree must lower the RMS or the largest error by such a share and so many pixels.
+_WORTH_A_DEGREE = np.array([0.05, 0.1])
+_WORTH_PX = np.array([0.002, 0.02])
+# The inverse polynomial gets terms until it is this near, in pixels. Beyond the degree below its
+# powers cancel to nothing.
+_INVERSE_PX = 0.003
+_INVERSE_DEGREES = range(5, 15)
+_INVERSE_MARGIN_RAD = np.deg2rad(5)
+_TABLE = 4096
+_NEWTON_ITERATIONS = 6
+# Radii are looked for up to the photo's farthest corner and a little more.
+_REACH = 1.15
+# A lens that is compared is asked about rays outside the photo too: up to so many focal lengths.
+_COMPARED_REACH = 6.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScaramuzzaLens(ForeignLens):
+    """Scaramuzza, Martinelli & Siegwart 2006, the OCam toolbox's lens.
+
+    Attributes:
+        cx, cy: the centre, pixels.
+        stretch: (2, 2), pixel - centre = stretch @ (x, y), x to the right and y down; a fit is one
+            of [[c, d], [e, 1]].
+        a: (N + 1,) a0, a1, ..., lowest order first, a0 > 0 (z is forward).
+        inverse: (M + 1,) r = i0 + i1 t + i2 t² + ..., lowest order first, t = angle from the axis
+            - π/2; empty where a file has none.
+        reach: radii are looked for up to this one; by default a little past the photo's farthest
+            corner.
+
+    """
+
+    name = "ocam"
+    label = "Scaramuzza"
+    fixed = ("stretch4", "a2")  # 1, and the linear term
+
+    cx: float
+    cy: float
+    stretch: FloatArray
+    a: FloatArray
+    inverse: FloatArray = field(default_factory=lambda: np.zeros(0), metadata=HELD)
+    reach: float | None = field(default=None, metadata=HELD)
+
+    @classmethod
+    def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
+        """Linear least squares of f on the radial lens's profile."""
+        start = cls._near(radial, np.linspace(0.02, covered, 200), _DEGREES[0])
+        return (replace(start, reach=_COMPARED_REACH * radial.fy),)
+
+    @property
+    def units(self) -> FloatArray:
+        """See :class:`Lens`: focal lengths, to a power of 2, which rounds nothing."""
+        focal = 2.0 ** np.round(np.log2(self.a[0]))
+        shape = focal ** (1.0 - np.arange(len(self.a)))
+        return np.array([focal, focal, 1, 1, 1, 1, *shape])
+
+    @cached_property
+    def max_angle(self) -> float:
+        """See :class:`Lens`: as far as the angle grows with the radius."""
+        return float(_angles(self.a, self._reach)[1][-1])
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """See :class:`Lens`: by f itself; NaN where f has no such angle."""
+        rho = np.hypot(points[:, 0], points[:, 1])
+        return self._pixel(points, rho, _radius(self.a, rho, points[:, 2], self._reach))
+
+    def project_by_inverse(self, points: FloatArray) -> FloatArray:
+        """As :meth:`pixels`, by the inverse polynomial, as most programs do; NaN without one."""
+        if not len(self.inverse):
+            return np.full((len(points), 2), np.nan)
+        rho = np.hypot(points[:, 0], points[:, 1])
+        seen = np.isfinite(self.pixels(points)[:, 0])
+        radius = polynomial.polyval(angle_from_axis(points) - np.pi / 2, self.inverse)
+        return self._pixel(points, rho, np.where(seen, radius, np.nan))
+
+    @property
+    def also(self) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
+        """See :class:`Lens`."""
+        return {"world2cam by the inverse polynomial": self.project_by_inverse}
+
+    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
+        """See :class:`Lens`: by f."""
+        pixel = np.asarray(pixel, float)
+        plane = np.linalg.solve(self.stretch, (pixel.reshape(-1, 2) - [self.cx, self.cy]).T).T
+        radius = np.hypot(plane[:, 0], plane[:, 1])
+        rays = np.column_stack([plane, polynomial.polyval(radius, self.a)])
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        inside = radius <= _angles(self.a, self._reach)[0][-1]
+        return np.where(inside[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
+
+    @classmethod
+    def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> ScaramuzzaLens:
+        """See :class:`Lens`: of the lowest degree that does justice to the camera.
+
+        Its degree is 4 to 12, stretch[1, 1] is 1, and its inverse goes with it.
+        """
+        tried = [cls.of_degree(degree, camera, rays, pixel) for degree in _DEGREES]
+        errors = np.array([_rms_and_largest(one, rays, pixel) for one in tried])
+        best = errors.min(axis=0)
+        good_enough = np.maximum((1 + _WORTH_A_DEGREE) * best, best + _WORTH_PX)
+        found = tried[int(np.argmax((errors <= good_enough).all(axis=1)))]
+        return found.with_inverse(float(angle_from_axis(rays).max()))
+
+    def with_inverse(self, farthest: float) -> ScaramuzzaLens:
+        """The lens with r as a polynomial in angle - π/2, from the axis to ``farthest`` radians.
+
+        Its degree is the lowest at which it is within 0.003 px of f's own radius, 14 at most.
+        """
+        end = min(farthest + _INVERSE_MARGIN_RAD, self.max_angle)
+        middle, half = end / 2 - np.pi / 2, end / 2
+        # Chebyshev's points keep the error even up to both ends.
+        x = np.cos(np.pi * (np.arange(1500) + 0.5) / 1500)
+        angle = middle + half * x + np.pi / 2
+        radius = _radius(self.a, np.sin(angle), np.cos(angle), self._reach)
+        inside = angle <= farthest
+        series: FloatArray = np.zeros(1)
+        for degree in _INVERSE_DEGREES:
+            series = np.asarray(chebyshev.chebfit(x, radius, degree), float)
+            error = np.abs(chebyshev.chebval(x, series) - radius)
+            if error[inside].max() <= _INVERSE_PX:
+                break
+        powers = np.asarray(chebyshev.cheb2poly(series), float)
+        return replace(self, inverse=shifted(powers, -middle / half, 1 / half))
+
+    @classmethod
+    def of_degree(
+        cls, degree: int, camera: CubicCamera, rays: FloatArray, pixel: FloatArray
+    ) -> ScaramuzzaLens:
+        """The nearest lens of a degree, without its inverse; the linear term stays 0."""
+        start = cls._near(camera.radial, angle_from_axis(rays), degree)
+        reach = 2 * float(np.hypot(*camera.image_size))
+        return replace(nearest_lens([replace(start, reach=reach)], rays, pixel), reach=None)
+
+    @classmethod
+    def _near(cls, radial: RadialCamera, theta: FloatArray, degree: int) -> Self:
+        """Linear least squares of f on a radial lens's profile at angles from its axis."""
+        powers = np.array([0, *range(2, degree + 1)])
+        profile = radial.profile(theta)
+        # Times sin θ the equation stays finite where f crosses 0.
+        rows = profile[:, None] ** powers * np.sin(theta)[:, None]
+        found = np.linalg.lstsq(rows, profile * np.cos(theta), rcond=None)[0]
+        a = np.zeros(degree + 1)
+        a[powers] = found * radial.fy ** (1.0 - powers)
+        return cls(
+            image_size=radial.image_size,
+            cx=radial.cx,
+            cy=radial.cy,
+            stretch=np.diag([radial.fx / radial.fy, 1.0]),
+            a=a,
+        )
+
+    @property
+    def _reach(self) -> float:
+        if self.reach is not None:
+            return self.reach
+        width, height = self.image_size
+        corners = np.array([[-0.5, -0.5], [width, -0.5], [-0.5, height], [width, height]])
+        plane = np.linalg.solve(self.stretch, (corners - [self.cx, self.cy]).T)
+        return _REACH * float(np.hypot(*plane).max())
+
+    def _pixel(self, points: FloatArray, rho: FloatArray, radius: FloatArray) -> FloatArray:
+        # On the axis the direction is 0/0, and the radius 0.
+        direction = points[:, :2] / np.maximum(rho, np.finfo(float).tiny)[:, None]
+        pixel = (radius[:, None] * direction) @ self.stretch.T + [self.cx, self.cy]
+        return np.asarray(pixel, float)
+
+
+def shifted(coefficients: FloatArray, offset: float, scale: float = 1.0) -> FloatArray:
+    """The coefficients of p(offset + scale x), lowest order first, from those of p."""
+    result = np.zeros(1)
+    for value in coefficients[::-1]:
+        result = polynomial.polyadd(polynomial.polymul(result, [offset, scale]), [value])
+    return np.asarray(result, float)
+
+
+def _rms_and_largest(
+    lens: ScaramuzzaLens, rays: FloatArray, pixel: FloatArray
+) -> tuple[float, float]:
+    """Of the distances, pixels; infinite for a lens that does not reach all rays."""
+    squares = ((lens.pixels(rays) - pixel) ** 2).sum(axis=1)
+    if not np.isfinite(squares).all():
+        return float("inf"), float("inf")
+    return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max()))
+
+
+def _angles(a: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Radii from 0 on and their angles from the axis, as far as the angle grows."""
+    radius = np.linspace(0, reach, _TABLE)
+    angle = np.arctan2(radius, polynomial.polyval(radius, a))
+    falls = np.flatnonzero(np.diff(angle) <= 0)
+    end = falls[0] + 1 if falls.size else _TABLE
+    return radius[:end], angle[:end]
+
+
+def _radius(a: FloatArray, rho: FloatArray, z: FloatArray, reach: float) -> FloatArray:
+    """The smallest r up to ``reach`` at which (r, f(r)) has the direction (ρ, Z), else NaN."""
+    table, angle = _angles(a, reach)
+    slope = polynomial.polyder(a)
+    # Along unit vectors Newton's step means the same near and far.
+    norm = np.hypot(rho, z)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rho, z = rho / norm, z / norm
+        radius = np.interp(np.arctan2(rho, z), angle, table, right=np.nan)
+        for _ in range(_NEWTON_ITERATIONS):
+            miss = polynomial.polyval(radius, a) * rho - radius * z
+            radius = radius - miss / (polynomial.polyval(radius, slope) * rho - z)
+    return np.asarray(radius, float)
+
 
 MAX_BYTES = 1_000_000
 # The toolbox's own C reader holds no more coefficients.

@@ -37,14 +37,13 @@ from cubicfish_cli.app.lenses.camera_format import (
     size,
 )
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens
-from cubicfish_cli.app.lenses.spheres import UnifiedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens, UnifiedLens
 
 # Names in small letters without anything between words.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")

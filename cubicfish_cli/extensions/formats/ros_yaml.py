@@ -24,7 +24,7 @@ from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.plain_yaml import load_plain_yaml, mapping
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens
 
 _COUNTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
 

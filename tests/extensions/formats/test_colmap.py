@@ -16,10 +16,10 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
     MODELS,
     WRITTEN_AS,
+    RadTanThinPrismLens,
     colmap_text,
     read_colmap,
 )
-from cubicfish_cli.extensions.formats.thin_prism import RadTanThinPrismLens
 
 SIZE = (640, 480)
 # Some of each parameter that is not 0: pixels of lenses that look like lenses.

@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera, random_rays
 
-from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
-from cubicfish_cli.app.lenses.spheres import DoubleSphereLens, UnifiedLens
 from cubicfish_cli.core.angles import angle_from_axis, unit_rays
 from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
-from cubicfish_cli.extensions.formats.anipose_toml import BrownLens
-from cubicfish_cli.extensions.formats.ftheta import FThetaLens
+from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
+from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
+from cubicfish_cli.extensions.formats.nvidia_json import FThetaLens
+from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
 from cubicfish_cli.extensions.formats.opencv_cameras import SkewedFisheye
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
-from cubicfish_cli.extensions.formats.thin_prism import RadTanThinPrismLens
 
 LENSES = (
-    BrownLens,
     DoubleSphereLens,
     FThetaLens,
     PinholeLens,

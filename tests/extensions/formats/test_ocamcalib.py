@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 
 from cubicfish_cli.app.lenses.foreign_files import sniffed
-from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.extensions.formats.ocamcalib import ocamcalib_text, read_ocamcalib
+from cubicfish_cli.extensions.formats.ocamcalib import (
+    ScaramuzzaLens,
+    ocamcalib_text,
+    read_ocamcalib,
+)
 
 SIZE = (960, 720)
 

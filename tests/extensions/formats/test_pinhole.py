@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.extensions.formats.pinhole import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens
 
 K = np.array([[812.0, 0, 645.5], [0, 807.5, 355.2], [0, 0, 1]])
 # k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau x, tau y: each says something.

@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
-from cubicfish_cli.extensions.formats.ocamcalib import ocamcalib_text, read_ocamcalib
+from cubicfish_cli.extensions.formats.ocamcalib import (
+    ScaramuzzaLens,
+    ocamcalib_text,
+    read_ocamcalib,
+)
 from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
 SIZE = (640, 480)

@@ -214,10 +214,10 @@ MUTATIONS = tuple(
             "extensions/formats/test_pinhole",
         ),
         (
-            "app/lenses/scaramuzza.py",
+            "extensions/formats/ocamcalib.py",
             "angle_from_axis(points) - np.pi / 2",
             "np.pi / 2 - angle_from_axis(points)",
-            "app/lenses/test_scaramuzza",
+            "extensions/formats/test_scaramuzza",
         ),
         # Views and maps.
         (

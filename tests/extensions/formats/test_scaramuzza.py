@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish_cli.app.lenses import scaramuzza
-from cubicfish_cli.app.lenses.scaramuzza import ScaramuzzaLens
 from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
+from cubicfish_cli.extensions.formats import ocamcalib
+from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
 
 SIZE = (960, 720)
 LENS = ScaramuzzaLens(
@@ -39,7 +39,7 @@ def published_ray(pixel: np.ndarray) -> np.ndarray:
 
 def assert_it_goes_on_behind(lens: ScaramuzzaLens, camera: CubicCamera) -> None:
     """Right behind the field f does not fold."""
-    end = np.degrees(scaramuzza._angles(lens.a, 500.0)[1][-1])
+    end = np.degrees(ocamcalib._angles(lens.a, 500.0)[1][-1])
     assert end > camera.max_angle_deg + 10
 
 
@@ -129,7 +129,7 @@ def test_what_the_inverse_polynomial_loses_counts(monkeypatch: pytest.MonkeyPatc
     error = to_lens(camera, ScaramuzzaLens).error
     (way,) = error.also.values()
     assert 0 < way["max_px"] <= error.max_px < 0.1
-    monkeypatch.setattr(scaramuzza, "_INVERSE_DEGREES", range(1, 2))  # an inverse of too few terms
+    monkeypatch.setattr(ocamcalib, "_INVERSE_DEGREES", range(1, 2))  # an inverse of too few terms
     rough = to_lens(camera, ScaramuzzaLens).error
     (way,) = rough.also.values()
     assert way["max_px"] == rough.max_px > 0.1
