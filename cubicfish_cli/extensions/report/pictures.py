@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -27,9 +25,6 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map
-
-if TYPE_CHECKING:
-    pass
 
 Small = npt.NDArray[np.uint8]
 # What a page can carry and a reader look at: more photos have a row in the table only.
@@ -96,54 +91,46 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
     chosen = order[:most]
     example = max(chosen, key=lambda photo: photo.corners, default=None)
 
-    def made(photo: PhotoRecord) -> tuple[PhotoPicture | None, Example | None, str | None]:
-        picture = _read(facts.files[photo.image], (width, height), facts.digests.get(photo.image))
-        if isinstance(picture, str):
-            return None, None, picture
-        copies = _copies(facts, photo, picture, zoom, card=photo in chosen[:MOST_CARDS])
-        return copies, _example(facts, photo, picture) if photo is example else None, None
+    def made(photo: PhotoRecord) -> tuple[PhotoPicture, Example | None] | str:
+        try:
+            picture = _read(facts, photo)
+        except PhotoError as problem:
+            return f"{problem}."
+        middle, card = thumbnail(picture, _CARD), None
+        if photo in chosen[:MOST_CARDS]:
+            card = data_uri(_draw_found(facts, photo, middle, zoom), _QUALITY)
+        copies = PhotoPicture(small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY), card=card)
+        return copies, _example(facts, photo, picture) if photo is example else None
 
     with ThreadPoolExecutor(_THREADS) as threads:
-        done = list(threads.map(made, chosen))
+        done = list(zip(chosen, threads.map(made, chosen), strict=True))
+    problems = [one for _, one in done if isinstance(one, str)]
+    if len(problems) > _MOST_PROBLEMS:
+        more = f"So are {len(problems) - _MOST_PROBLEMS} more photos."
+        problems = [*problems[:_MOST_PROBLEMS], more]
+    read = [(photo, one) for photo, one in done if not isinstance(one, str)]
     return Pictures(
-        photos={
-            photo.image: copies
-            for photo, (copies, _, _) in zip(chosen, done, strict=True)
-            if copies is not None
-        },
-        example=next((shown for _, shown, _ in done if shown is not None), None),
-        problems=_few([problem for _, _, problem in done if problem is not None]),
+        photos={photo.image: copies for photo, (copies, _) in read},
+        example=next((shown for _, (_, shown) in read if shown is not None), None),
+        problems=tuple(problems),
     )
 
 
-def _read(path: Path, size: tuple[int, int], digest: str | None) -> Picture | str:
-    """A photo, or why there is none."""
-    try:
-        data = read_file(path)
-        if digest is not None and hashlib.sha256(data).hexdigest() != digest:
-            return f"{path} is not shown: it is no longer the photo that was calibrated with."
-        picture = decode_picture(path, data)
-    except PhotoError as problem:
-        return f"{problem}."
-    if picture.shape[1::-1] != size:
-        return f"{path} is not shown: it is not of the camera's size."
+def _read(facts: Facts, photo: PhotoRecord) -> Picture:
+    """A photo of a fit.
+
+    Raises:
+        PhotoError: it cannot be read, or is not what it was.
+
+    """
+    path, digest = facts.files[photo.image], facts.digests.get(photo.image)
+    data = read_file(path)
+    if digest is not None and hashlib.sha256(data).hexdigest() != digest:
+        raise PhotoError(f"{path} is not shown: it is no longer the photo that was calibrated with")
+    picture = decode_picture(path, data)
+    if picture.shape[1::-1] != facts.camera.image_size:
+        raise PhotoError(f"{path} is not shown: it is not of the camera's size")
     return picture
-
-
-def _few(problems: Sequence[str]) -> tuple[str, ...]:
-    more = len(problems) - _MOST_PROBLEMS
-    rest = (f"So are {more} more photos.",) if more > 0 else ()
-    return (*problems[:_MOST_PROBLEMS], *rest)
-
-
-def _copies(
-    facts: Facts, photo: PhotoRecord, picture: Picture, zoom: float, *, card: bool
-) -> PhotoPicture:
-    middle = thumbnail(picture, _CARD)
-    return PhotoPicture(
-        small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY),
-        card=data_uri(_draw_found(facts, photo, middle, zoom), _QUALITY) if card else None,
-    )
 
 
 def _draw_found(facts: Facts, photo: PhotoRecord, copy: Small, zoom: float) -> Small:
