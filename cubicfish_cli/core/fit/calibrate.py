@@ -146,7 +146,7 @@ def calibrate(
         selected = replace(selected, fit=fit)
         stages.begin("checks")
         nominal_fit = fit if fit.level == "off" else nominal_fit
-        near = _assessed(selected, nominal_fit, dropped, pairs, diagnose)
+        near = _assess(selected, nominal_fit, dropped, pairs, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
         error = (
             failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
@@ -168,7 +168,7 @@ def calibrate(
     )
 
 
-def _assessed(
+def _assess(
     selected: SelectedModel,
     nominal_fit: TargetFit,
     dropped: tuple[DroppedCorner, ...],
@@ -185,7 +185,7 @@ def _assessed(
         image_size=pairs.image_size,
         P=cubic.lens.P,
         max_angle_deg=cubic.max_angle_deg,
-        radial=_far_radial(cubic.lens, reference),
+        radial=_find_far_radial(cubic.lens, reference),
         pupil_travel=0.0 if cubic.prior.central else cubic.lens.travel * scale,
         units=None if target is None else target.units,
     )
@@ -295,7 +295,7 @@ def _refuse_undetermined(reference: RadialReference) -> None:
         )
 
 
-def _far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
+def _find_far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
     """The radial lens nearest to P: the reference is fitted to corners, which are near."""
     if not lens.travel:
         return reference.camera

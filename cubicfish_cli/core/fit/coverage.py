@@ -136,9 +136,9 @@ def coverage_extent(
     short = np.minimum(edge, covered) - reached
     uncertain = sigma(at_edge)
     uncertain = uncertain[np.isfinite(uncertain)]
-    rim, middle, rim_from = _errors(angle, residual)
+    rim, middle, rim_from = _measure_rim(angle, residual)
     return CoverageExtent(
-        all_around_deg=_all_around(reached, edge, covered),
+        all_around_deg=_measure_all_around(reached, edge, covered),
         rim_coverage=float(np.mean(short <= _NEAR * covered)),
         extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
         edge_uncertainty_px=float(np.median(uncertain)) if uncertain.size else np.nan,
@@ -171,7 +171,7 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     return float(tried[max(last - 1, 0)])
 
 
-def _all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
+def _measure_all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
     """The largest angle up to which corners are nearly all around, where the photo shows it."""
     angles = np.arange(1.0, covered, 1.0)
     shown = edge >= angles[:, None]
@@ -181,7 +181,7 @@ def _all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
     return float(angles[short[0]] - 1) if short.size else covered
 
 
-def _errors(angle: FloatArray, residual: FloatArray) -> tuple[float, float, float]:
+def _measure_rim(angle: FloatArray, residual: FloatArray) -> tuple[float, float, float]:
     """RMS at the rim and in the middle, and from which angle on the rim is; NaN if too few tell."""
     told = np.isfinite(residual[:, 0])
     angle, residual = angle[told], residual[told]

@@ -166,7 +166,7 @@ def fit_cubic(
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
     errors, known = (reference.errors, None) if start is None else (start.errors, start)
     while True:
-        lens, poses = _first(reference, prior, known, world, max_angle_deg, errors)
+        lens, poses = _choose_start(reference, prior, known, world, max_angle_deg, errors)
         fit = adjust(
             lens,
             poses,
@@ -192,7 +192,7 @@ def fit_cubic(
             )
 
 
-def _first(
+def _choose_start(
     reference: RadialReference,
     prior: PriorChoice,
     start: CubicResult | None,
@@ -323,32 +323,34 @@ def choose_prior(
         return fit_cubic(
             reference, prior, world=world, start=start, relative_decrease=NEAR_DECREASE
         )
-    place = _place_of(prior)
+    place = _find_place(prior)
     away = np.abs(np.subtract(_EVERY_PLACE, place)).sum(axis=1)
     reach = np.inf if everywhere or start is None else 1
     places = [_EVERY_PLACE[near] for near in np.flatnonzero(away <= reach).tolist()]
     start = fit_cubic(
-        reference, _prior_at(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
+        reference, _make_prior(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
     )
-    chosen, runners_up = _likeliest(places, _squares(start, reference, groups, places))
+    chosen, runners_up = _choose_likeliest(
+        places, _predict_squares(start, reference, groups, places)
+    )
     # A prior that was made firmer stays so.
-    prior = start.prior if chosen == place else _prior_at(chosen)
+    prior = start.prior if chosen == place else _make_prior(chosen)
     fitted = fit_cubic(
         reference, prior, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
     )
     return replace(fitted, runners_up=runners_up)
 
 
-def _prior_at(place: _Place) -> PriorChoice:
+def _make_prior(place: _Place) -> PriorChoice:
     return PriorChoice(spread=SPREADS[place[0]], weight=WEIGHTS[place[1]])
 
 
-def _place_of(prior: PriorChoice) -> _Place:
+def _find_place(prior: PriorChoice) -> _Place:
     weight = np.abs(np.log(WEIGHTS) - np.log(prior.weight)).argmin()
     return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
 
 
-def _squares(
+def _predict_squares(
     start: CubicResult,
     reference: RadialReference,
     groups: Sequence[IntArray],
@@ -375,7 +377,7 @@ def _squares(
     return np.array([squares[photo] for photo in range(len(squares))]).T
 
 
-def _likeliest(
+def _choose_likeliest(
     places: Sequence[_Place], squares: FloatArray
 ) -> tuple[_Place, tuple[RunnerUp, ...]]:
     """The prior that is taken, and those that would be if other photos had been taken.
@@ -389,19 +391,19 @@ def _likeliest(
 
     Args:
         places: the priors.
-        squares: of each photo under them, see :func:`_squares`.
+        squares: of each photo under them, see :func:`_predict_squares`.
 
     """
     told = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
     # Log prior of each, up to a constant: a step in either list is a standard deviation.
-    away = np.subtract(places, _place_of(EXPECTED))
+    away = np.subtract(places, _find_place(EXPECTED))
     expected = -np.square(away).sum(axis=1) / 2
     chosen, photos = int((told.sum(axis=1) + expected).argmax()), told.shape[1]
     drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
     taken = (drawn @ told.T + expected).argmax(axis=1)
     likely = np.bincount(taken, minlength=len(places)) / _DRAWS
     runners_up = tuple(
-        RunnerUp(prior=_prior_at(places[other]), likely=float(likely[other]))
+        RunnerUp(prior=_make_prior(places[other]), likely=float(likely[other]))
         for other in np.flatnonzero(likely).tolist()
         if other != chosen
     )

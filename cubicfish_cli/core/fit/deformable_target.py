@@ -115,7 +115,9 @@ class DeformableTarget:
         spread: list[float] = []
         seen = np.unique(pairs.board)
         for index in seen:
-            part = _part(pairs, target.boards[index], int(index), scale, len(spread), not parts)
+            part = _make_part(
+                pairs, target.boards[index], int(index), scale, len(spread), not parts
+            )
             spread += _SHAPE_SPREADS[: part.basis.shape[2]]
             spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
             parts.append(part)
@@ -266,12 +268,12 @@ class DeformableTarget:
         """The target with these shapes, places and offsets, in its own units."""
         return target.with_boards(
             {
-                part.board: self._refined_board(target.boards[part.board], part, pairs, scale)
+                part.board: self._refine_board(target.boards[part.board], part, pairs, scale)
                 for part in self.parts
             }
         )
 
-    def _refined_board(
+    def _refine_board(
         self, board: Board, part: BoardPart, pairs: Observations, scale: float
     ) -> Board:
         place = self.parameters[part.place]
@@ -307,7 +309,7 @@ class DeformableTarget:
         )
 
 
-def _part(
+def _make_part(
     pairs: Observations, board: Board, index: int, scale: float, first: int, still: bool
 ) -> BoardPart:
     own = np.flatnonzero(pairs.board == index)

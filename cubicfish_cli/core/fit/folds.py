@@ -93,7 +93,7 @@ def repeated_groups(
 
     """
     count = len(poses)
-    seen = _in_pixels(poses, pairs.world, focal)
+    seen = _project_target(poses, pairs.world, focal)
     tolerance = share * max(pairs.image_size) * np.sqrt(seen.shape[1] / 3)
     group = np.full(count, -1, np.intp)
     tree = KDTree(seen)
@@ -116,7 +116,7 @@ def repeated_groups(
     return group
 
 
-def _in_pixels(poses: Poses, world: FloatArray, focal: float) -> FloatArray:
+def _project_target(poses: Poses, world: FloatArray, focal: float) -> FloatArray:
     """(photos, 3 K) directions to the target's middle and to the ends of its axes, in pixels."""
     middle = world.mean(axis=0)
     _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)

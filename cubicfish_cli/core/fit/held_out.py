@@ -132,13 +132,13 @@ def held_out_error(
     for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        squares[:, np.isin(pairs.image, test)] = _fold(fit, test, cubic.state.moved(*step))
+        squares[:, np.isin(pairs.image, test)] = _judge_fold(fit, test, cubic.state.moved(*step))
     squares[:, ~pairs.tells_error] = np.nan
     of_cubic, of_radial = squares
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 
 
-def _fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
+def _judge_fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
     """(2, n) squared errors on the photos ``test``, pixels²; NaN beyond the field.
 
     Of the cubic and the reference fitted to the others, whose fit starts at ``near``.

@@ -130,7 +130,7 @@ def select_model(
     if nominal.target is None or (auto and not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
-        fit, measured["off"] = _judged(fit, partial(stages.begin, "held out"))
+        fit, measured["off"] = _judge(fit, partial(stages.begin, "held out"))
     if refine_target == "off" or (auto and measured["off"] is None):
         return SelectedModel(fit=fit, nominal=nominal, held_out=measured)
     groups = folds_of(fit.reference)
@@ -148,7 +148,7 @@ def select_model(
         ]
         if judge:
             progress = partial(stages.begin, f"{level} held out")
-            found = [(*_judged(one, progress), own) for one, _, own in found]
+            found = [(*_judge(one, progress), own) for one, _, own in found]
         reached, error, named = better_named(found)
         if judge:
             measured[level] = error
@@ -175,7 +175,7 @@ def better_named(judged: Sequence[Judged]) -> Judged:
     return judged[-1]
 
 
-def _judged(
+def _judge(
     fit: TargetFit, progress: Callable[[int, int], None]
 ) -> tuple[TargetFit, HeldOut | None]:
     """The held-out error, which has the last word on how P is held.

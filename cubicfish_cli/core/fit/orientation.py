@@ -62,7 +62,7 @@ def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, No
     namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
     try:
-        way = _likeliest(fit, nominal, namings, turned, _products(motions))
+        way = _choose_likeliest(fit, nominal, namings, turned, _multiply_motions(motions))
     except np.linalg.LinAlgError:  # corners without any error: nothing pulls
         return [given]
     # What may be another corner altogether is left as it is.
@@ -78,7 +78,7 @@ def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, No
     return [given, (other, replace(nominal, pairs=chosen(namings, way), renamed=renamed))]
 
 
-def _products(motions: Sequence[Symmetry]) -> IntArray:
+def _multiply_motions(motions: Sequence[Symmetry]) -> IntArray:
     """(W, W) which way one way after another is; the first is to stay."""
     forms = np.tile(np.eye(4), (len(motions) + 1, 1, 1))
     for form, motion in zip(forms[1:], motions, strict=True):
@@ -88,7 +88,7 @@ def _products(motions: Sequence[Symmetry]) -> IntArray:
     return np.asarray(apart.argmin(axis=-1))
 
 
-def _likeliest(
+def _choose_likeliest(
     fit: TargetFit,
     nominal: NominalTarget,
     namings: Sequence[Observations],
@@ -100,7 +100,7 @@ def _likeliest(
     every = nominal.of(Observations.stacked(namings))
     free = free_target(every, noise=noise, offset_spread=_SPREAD).started(fit.cubic.fit.world)
     pulls = [
-        _pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
+        _measure_pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
         for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
     ]
     each = np.stack([gradient for gradient, _, _ in pulls], axis=1)
@@ -121,7 +121,7 @@ def _likeliest(
         unit = np.sqrt(np.diagonal(pulled))
         root = np.linalg.cholesky(pulled / np.outer(unit, unit) + _ROUNDING * np.eye(len(held)))
         length = solve_triangular(root, flat / unit[:, None], lower=True).T
-        found = _together(length[0], length[1:].reshape(*each.shape), square, products)
+        found = _choose_together(length[0], length[1:].reshape(*each.shape), square, products)
         likely = -found[2] / (2 * max(free.noise, _LEAST_NOISE) ** 2) + np.log(pull).sum()
         tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
     choice, gain, _ = max(tried, key=lambda one: one[0])[1]
@@ -131,7 +131,7 @@ def _likeliest(
     return np.where(gain > 2 * _LIKELIER * variance, choice, 0)
 
 
-def _pulls(
+def _measure_pulls(
     fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What M photos put into the normal equations, their poses eliminated.
@@ -179,7 +179,7 @@ def _pulls(
     return gradient, hessian, square
 
 
-def _together(
+def _choose_together(
     held: FloatArray, pulls: FloatArray, square: FloatArray, products: IntArray
 ) -> tuple[IntArray, FloatArray, float]:
     """Those of pulls (M, W, D) that leave the least of squares (M, W), with another pull (D,).

@@ -120,7 +120,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
             placed, or no P without a pole among the corners was found.
 
     """
-    used, poses, unfit = (pairs, None, {}) if len(pairs.images) == 1 else _placed(pairs)
+    used, poses, unfit = (pairs, None, {}) if len(pairs.images) == 1 else _place_photos(pairs)
     left_out = [pairs.images.index(photo) for photo in unfit]
     given = int(np.sum(~np.isin(pairs.image, left_out)))
     camera, stages, residual = _fit(used, poses)
@@ -140,7 +140,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
         fit=FitRecord(
             **vars(errors),
             images=len(used.images),
-            held_out_rms_px=_held_out(used, poses) if hold_out else np.nan,
+            held_out_rms_px=_measure_held_out(used, poses) if hold_out else np.nan,
             lift="point",
             frame=camera.frame,
             rank=camera.rank,
@@ -157,7 +157,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
     )
 
 
-def _held_out(pairs: Observations, poses: Poses | None) -> float:
+def _measure_held_out(pairs: Observations, poses: Poses | None) -> float:
     """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
     photos, residuals = np.arange(len(pairs.images)), []
     folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi) if poses is not None else []
@@ -181,7 +181,7 @@ def _held_out(pairs: Observations, poses: Poses | None) -> float:
     return rms_px(residual[np.isfinite(residual[:, 0])])
 
 
-def _placed(pairs: Observations) -> tuple[Observations, Poses, dict[str, Finding]]:
+def _place_photos(pairs: Observations) -> tuple[Observations, Poses, dict[str, Finding]]:
     """The pairs that fit a radial lens, the poses that it gives, and the photos that do not."""
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
@@ -251,17 +251,17 @@ def fit_ratio(local: FloatArray, pixel: FloatArray) -> RatioFit:
         return P / np.linalg.norm(P)
 
     plain = linear_ratios(values, target, denominator_pull=0, rounds=0)
-    reweighted = _without_pole(values, target)
+    reweighted = _solve_without_pole(values, target)
     return RatioFit(
         plain=as_P(plain),
         reweighted=as_P(reweighted),
-        refined=as_P(_refined(values, target, reweighted, scale)),
+        refined=as_P(_refine(values, target, reweighted, scale)),
         rank=rank,
         null=null,
     )
 
 
-def _without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
+def _solve_without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
     """The reweighted linear solution, tamed as little as puts every point before the poles."""
     for pull in _PULLS:
         coefficients = linear_ratios(values, pixel, denominator_pull=pull, rounds=ROUNDS)
@@ -273,7 +273,7 @@ def _without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
     )
 
 
-def _refined(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: float) -> FloatArray:
+def _refine(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: float) -> FloatArray:
     """Levenberg–Marquardt on Eq. 10, in the basis of ``values``; the scale of P stays about 1."""
     from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
 

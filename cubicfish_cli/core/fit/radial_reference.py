@@ -139,7 +139,7 @@ class RadialReference:
     @property
     def lens(self) -> FreeLens[RadialCamera]:
         """The lens with what is free of it."""
-        return _free(self.camera, self.terms)
+        return _free_terms(self.camera, self.terms)
 
     @property
     def covered(self) -> float:
@@ -174,32 +174,32 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
     """
     # Photos without any pair would shift the others' indices further on.
     pairs = select_photos(pairs, np.arange(len(pairs.images)))
-    fit, used = _first_fit(pairs, thorough)
+    fit, used = _fit_first(pairs, thorough)
     unfit: dict[str, Finding] = {}
     for round_ in range(_ROUNDS):
         missing = np.setdiff1d(np.arange(len(pairs.images)), used)
         before = len(used)
-        fit, used, refused = _with_missing(fit, used, pairs, missing, again=round_ > 0)
+        fit, used, refused = _add_missing(fit, used, pairs, missing, again=round_ > 0)
         if len(used) > before:
-            fit = _adjusted(fit)
+            fit = _follow_residuals(fit)
         unfit = {
             pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
             for photo in np.setdiff1d(missing, used).tolist()
         }
-        bad = _bad_photos(fit, gross_px(fit.residual))
+        bad = _find_bad_photos(fit, gross_px(fit.residual))
         unfit |= {fit.pairs.images[photo]: why for photo, why in bad.items()}
         if not bad:
             break
         good = np.setdiff1d(np.arange(len(used)), list(bad))
         if 2 * len(good) < len(used) or not len(good):
-            raise _does_not_fit(noise_px(fit.residual))
+            raise _explain_misfit(noise_px(fit.residual))
         own, used = select_photos(fit.pairs, good), used[good]
         limit = gross_px(fit.residual)
         fit = adjust(fit.lens, fit.poses[good], own, limit, relative_decrease=_ROUGH_DECREASE)
-        fit = _adjusted(fit)
+        fit = _follow_residuals(fit)
         if set(np.setdiff1d(np.arange(len(pairs.images)), used)) == set(missing.tolist()):
             break
-    return _sound(fit, unfit)
+    return _make_sound(fit, unfit)
 
 
 def radial_near(
@@ -222,7 +222,7 @@ def radial_near(
     """
     miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
     errors = np.nan_to_num(miss, nan=lost_px)[pairs.tells_error]
-    return _refitted(_free(camera, terms), poses, pairs, errors, {})
+    return _refit(_free_terms(camera, terms), poses, pairs, errors, {})
 
 
 def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) -> RadialReference:
@@ -230,10 +230,10 @@ def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) 
 
     Used for pairs without the dropped ones and for the training part of a fold.
     """
-    return _refitted(reference.lens, poses, pairs, reference.errors, reference.unfit)
+    return _refit(reference.lens, poses, pairs, reference.errors, reference.unfit)
 
 
-def _refitted(
+def _refit(
     lens: FreeLens[RadialCamera],
     poses: Poses,
     pairs: Observations,
@@ -243,12 +243,12 @@ def _refitted(
     fit = adjust(
         lens, poses, pairs, wide_px(errors), relative_decrease=_NEAR_DECREASE, damping=WARM_DAMPING
     )
-    return _sound(fit, unfit)
+    return _make_sound(fit, unfit)
 
 
-def _sound(fit: RadialAdjustment, unfit: dict[str, Finding]) -> RadialReference:
+def _make_sound(fit: RadialAdjustment, unfit: dict[str, Finding]) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
-    fit, terms = _sound_profile(fit)
+    fit, terms = _drop_terms(fit)
     camera, variance = fit.lens.lens, noise_px(fit.residual) ** 2
     covariance = np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * variance
     focal = np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(camera.fx)
@@ -263,7 +263,7 @@ def _sound(fit: RadialAdjustment, unfit: dict[str, Finding]) -> RadialReference:
     )
 
 
-def _does_not_fit(error: float) -> FitError:
+def _explain_misfit(error: float) -> FitError:
     size = f"{error:.0f}" if error >= 10 else f"{error:.2g}"
     return FitError(
         f"the corners do not fit the target (typical error {size} px)",
@@ -271,10 +271,10 @@ def _does_not_fit(error: float) -> FitError:
     )
 
 
-def _first_fit(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, IntArray]:
+def _fit_first(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, IntArray]:
     poor = _POOR_SHARE * max(pairs.image_size)
     found = []
-    for centre in islice(_centres(pairs), None if thorough else 1):
+    for centre in islice(_rank_centres(pairs), None if thorough else 1):
         tried = _fit_from_centre(pairs, centre)
         if tried is not None:
             found.append((noise_px(tried[0].residual), *tried))
@@ -284,11 +284,11 @@ def _first_fit(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, I
         raise FitError(NONE_PLACED)
     error, fit, used = min(found, key=lambda one: one[0])
     if error > poor:
-        raise _does_not_fit(error)
+        raise _explain_misfit(error)
     return fit, used
 
 
-def _centres(pairs: Observations) -> Iterator[FloatArray]:
+def _rank_centres(pairs: Observations) -> Iterator[FloatArray]:
     """The middle of the photo, and only if that does not serve the best-ranked others."""
     size = np.array(pairs.image_size, float)
     middle = (size - 1) / 2
@@ -317,7 +317,7 @@ def _fit_from_centre(
     )
     # Two coefficients first: with poses still rough, four would bend to the errors.
     fit = adjust(
-        _free(camera, 2),
+        _free_terms(camera, 2),
         start.poses[used],
         own,
         max(20.0, 2 * float(np.median(start.error[used]))),
@@ -326,10 +326,10 @@ def _fit_from_centre(
     )
     if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
         return fit, used
-    return _adjusted(_with_terms(fit, _ALL_TERMS)), used
+    return _follow_residuals(_with_terms(fit, _ALL_TERMS)), used
 
 
-def _free(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
+def _free_terms(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
     """A lens of which so many coefficients of the profile are free."""
     return FreeLens.of(camera, held=terms_beyond(terms))
 
@@ -344,17 +344,17 @@ def _with_terms(fit: RadialAdjustment, terms: int) -> RadialAdjustment:
     camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
     limit = wide_px(fit.residual)
     return adjust(
-        _free(camera, terms), fit.poses, fit.pairs, limit, relative_decrease=_NEAR_DECREASE
+        _free_terms(camera, terms), fit.poses, fit.pairs, limit, relative_decrease=_NEAR_DECREASE
     )
 
 
-def _adjusted(fit: RadialAdjustment) -> RadialAdjustment:
+def _follow_residuals(fit: RadialAdjustment) -> RadialAdjustment:
     """Continue with a loss that follows the residuals down to the noise."""
     fit = fit.again(relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING)
     return fit.again(damping=WARM_DAMPING)
 
 
-def _with_missing(
+def _add_missing(
     fit: RadialAdjustment, used: IntArray, pairs: Observations, missing: IntArray, *, again: bool
 ) -> tuple[RadialAdjustment, IntArray, dict[int, Finding]]:
     """Add the photos that the start set aside, placed with the lens that the others gave.
@@ -374,22 +374,22 @@ def _with_missing(
     if found is None:
         return fit, used, {}
     # Those that go astray would hold up all others.
-    firm = np.flatnonzero(~_undetermined(found, noise_px(fit.residual)))
+    firm = np.flatnonzero(~_find_undetermined(found, noise_px(fit.residual)))
     photos = missing[placed]
     if not again:
-        joined, everyone = _joined(fit, used, pairs, found.poses[firm], photos[firm])
+        joined, everyone = _join_photos(fit, used, pairs, found.poses[firm], photos[firm])
         others = np.isin(select_photos(pairs, everyone).image, np.searchsorted(everyone, used))
         if noise_px(joined.residual[others]) <= _PULLED_AWAY * noise_px(fit.residual):
             return joined, everyone, {}
-    wrong = _bad_photos(found, gross_px(fit.residual))
+    wrong = _find_bad_photos(found, gross_px(fit.residual))
     refused = {int(photos[photo]): why for photo, why in wrong.items()}
     good = np.setdiff1d(firm, list(wrong))
     if not good.size:
         return fit, used, refused
-    return *_joined(fit, used, pairs, found.poses[good], photos[good]), refused
+    return *_join_photos(fit, used, pairs, found.poses[good], photos[good]), refused
 
 
-def _joined(
+def _join_photos(
     fit: RadialAdjustment, used: IntArray, pairs: Observations, poses: Poses, photos: IntArray
 ) -> tuple[RadialAdjustment, IntArray]:
     """A fit to photos that are used already and to others, whose poses are known roughly."""
@@ -400,7 +400,7 @@ def _joined(
     return adjust(fit.lens, poses, own, limit, relative_decrease=_ROUGH_DECREASE), everyone
 
 
-def _bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
+def _find_bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
     """Photos of which most corners are off by more than a limit in pixels, with the reason.
 
     And those whose corners do not say where they were taken from: they go astray without end.
@@ -408,7 +408,7 @@ def _bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
     pairs = fit.pairs
     bounds = np.searchsorted(pairs.image, np.arange(len(pairs.images) + 1))
-    open_ = _undetermined(fit, noise_px(fit.residual))
+    open_ = _find_undetermined(fit, noise_px(fit.residual))
     bad = {}
     for photo, (first, stop) in enumerate(pairwise(bounds.tolist())):
         images, typical = (pairs.images[photo],), float(np.median(length[first:stop]))
@@ -420,7 +420,7 @@ def _bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
     return bad
 
 
-def _undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
+def _find_undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
     """(M,) photos whose corners, with so many pixels of noise, leave a turn or the distance open.
 
     That is, a turn to a radian, or a shift to the distance itself: beyond that a pose is not
@@ -432,7 +432,7 @@ def _undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
     return np.asarray(np.linalg.eigvalsh(known)[:, 0] < noise**2)
 
 
-def _sound_profile(fit: RadialAdjustment) -> tuple[RadialAdjustment, int]:
+def _drop_terms(fit: RadialAdjustment) -> tuple[RadialAdjustment, int]:
     """Take coefficients away until the profile grows over the whole valid cone.
 
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits

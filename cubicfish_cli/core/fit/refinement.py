@@ -184,7 +184,7 @@ def estimate_spread(
             inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
             shapes = world.with_spreads(noise**2 * np.diagonal(inverse[-count:]))
         if spread is not None:
-            spread = _offset_spread(fit, noise) or spread
+            spread = _estimate_offset_spread(fit, noise) or spread
         fit = fit.again(
             pairs,
             world=shapes.with_noise(noise, spread),
@@ -200,7 +200,7 @@ def estimate_spread(
     return fit, spread
 
 
-def _offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
+def _estimate_offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
     """Of corners' own offsets; None where no corner is seen twice.
 
     Medians stand for means, since a few corners (a smudge, a knock) are off by much more.

@@ -70,7 +70,9 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     focals = float(radius.max(initial=0)) / np.deg2rad(_FARTHEST_ANGLE_DEG)
     candidates = [candidate_poses(world[own], offset[own], pairs.board[own]) for own in photos]
     by_candidate = [
-        np.stack([_errors(pose, world[own], offset[own], radius[own], focals) for pose in poses])
+        np.stack(
+            [_measure_errors(pose, world[own], offset[own], radius[own], focals) for pose in poses]
+        )
         if poses
         else np.full((1, len(focals)), np.inf)
         for poses, own in zip(candidates, photos, strict=True)
@@ -86,7 +88,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     total = np.minimum(errors[placed], cap).mean(axis=0) if placed.any() else np.zeros(len(focals))
     chosen = int(np.argmin(total))
     focal = float(focals[chosen])
-    poses, error = _unplaced(len(photos)), np.full(len(photos), np.inf)
+    poses, error = _make_unplaced(len(photos)), np.full(len(photos), np.inf)
     for photo in np.flatnonzero(placed).tolist():
         own = by_candidate[photo][:, chosen]
         best = int(np.argmin(own))
@@ -98,7 +100,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
     return Start(centre=centre, focal=focal, poses=poses, error=error)
 
 
-def _unplaced(photos: int) -> Poses:
+def _make_unplaced(photos: int) -> Poses:
     """Poses of photos that are not known yet."""
     return Poses(rotation=np.full((photos, 3, 3), np.nan), translation=np.full((photos, 3), np.nan))
 
@@ -117,7 +119,7 @@ def candidate_poses(world: FloatArray, offset: FloatArray, board: npt.NDArray) -
     return candidates
 
 
-def _errors(
+def _measure_errors(
     pose: RadialPose,
     world: FloatArray,
     offset: FloatArray,
@@ -144,7 +146,7 @@ def fit_poses(
 
     """
     count = len(pairs.images)
-    poses, error = _unplaced(count), np.full(count, np.inf)
+    poses, error = _make_unplaced(count), np.full(count, np.inf)
     offset = (pairs.pixel - [camera.cx, camera.cy]) / np.array([camera.fx, camera.fy])
     angle = camera.angle(np.hypot(offset[:, 0], offset[:, 1]))
     seen = np.flatnonzero(np.isfinite(angle))
@@ -153,7 +155,7 @@ def fit_poses(
     for photo in range(count):
         own = seen[bounds[photo] : bounds[photo + 1]]
         world = pairs.world[own]
-        for pose in _known_poses(world, offset[own], angle[own], pairs.board[own]):
+        for pose in _find_known_poses(world, offset[own], angle[own], pairs.board[own]):
             miss = camera.project(world @ pose.rotation.T + pose.shift) - pairs.pixel[own]
             length = np.hypot(miss[:, 0], miss[:, 1])
             found = float(np.median(np.where(np.isfinite(length), length, np.inf)))
@@ -169,7 +171,7 @@ def fit_poses(
     return fit.again(), kept, placed
 
 
-def _known_poses(
+def _find_known_poses(
     world: FloatArray, offset: FloatArray, angle: FloatArray, board: IntArray
 ) -> list[RadialPose]:
     """Candidate poses with their depths, from directions and angles of some points."""

@@ -136,16 +136,16 @@ def stray_px(noise: FloatArray) -> FloatArray:
 
 def neighbours(pairs: Observations) -> tuple[IntArray, IntArray]:
     """(N,) index of the corner in the next column, and in the next row; -1 where it is not seen."""
-    right, down = _at(pairs, [(1, 0), (0, 1)]).T
+    right, down = _find_beside(pairs, [(1, 0), (0, 1)]).T
     return right, down
 
 
 def around(pairs: Observations) -> IntArray:
     """(N, 8) indices of the corners around each on its board; -1 where they are not seen."""
-    return _at(pairs, [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+    return _find_beside(pairs, [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
 
 
-def _at(pairs: Observations, steps: Sequence[tuple[int, int]]) -> IntArray:
+def _find_beside(pairs: Observations, steps: Sequence[tuple[int, int]]) -> IntArray:
     """(N, K) index of the corner so many columns and rows on, in the same photo and board."""
     # One free column and row beyond the last, so that no step ends on another row or board.
     width, height = int(pairs.column.max()) + 2, int(pairs.row.max()) + 2

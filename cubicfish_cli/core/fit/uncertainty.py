@@ -56,7 +56,7 @@ class Gauge:
     @classmethod
     def over(cls, lens: CubicFit, points: FloatArray, times: float = 1.0) -> Gauge:
         """Over corners (N, 3), camera frame, each of which stands for some."""
-        turned, by_lens = _far(lens, points)
+        turned, by_lens = _differentiate_far(lens, points)
         return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
 
     def __add__(self, other: Gauge) -> Gauge:
@@ -67,7 +67,7 @@ class Gauge:
 
     def by_lens(self, rays: FloatArray) -> FloatArray:
         """(2N, K) pixels of distant points (N, 3) by the lens's parameters, the turn taken out."""
-        turned, by_lens = _far(self.lens, rays)
+        turned, by_lens = _differentiate_far(self.lens, rays)
         return np.asarray(by_lens - turned @ self.turn)
 
     @cached_property
@@ -76,7 +76,7 @@ class Gauge:
         return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
 
 
-def _far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _differentiate_far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
     _, by_point, by_lens = lens.far_jacobian(points)
     turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
@@ -128,11 +128,11 @@ def corner_noise_px(fit: Adjustment[Any]) -> float:
     """
     own = fit.pairs.tells_error
     length = np.minimum(np.hypot(fit.errors[:, 0], fit.errors[:, 1]), fit.huber_px)
-    freedom = max(2 * len(length) - _unknowns(fit), 1.0)
+    freedom = max(2 * len(length) - _count_unknowns(fit), 1.0)
     return float(np.sqrt(np.sum(fit.pairs.weight[own] * np.square(length)) / freedom))
 
 
-def _unknowns(fit: Adjustment[Any]) -> float:
+def _count_unknowns(fit: Adjustment[Any]) -> float:
     """How many unknowns residuals went into: what a prior holds counts for less than one.
 
     The trace of what data say, over what data and priors say (as of ridge regression's degrees of
@@ -186,7 +186,7 @@ def field_grid(
     return x, y, np.where((angle_from_axis(rays) >= blind)[..., None], rays, np.nan)
 
 
-def _focal_sigma_px(uncertainty: Uncertainty | PhotoSpread) -> FloatArray:
+def _measure_focal_sigma_px(uncertainty: Uncertainty | PhotoSpread) -> FloatArray:
     """One standard deviation of the focal lengths on the axis: (2,) pixels per radian."""
     variance = []
     for k in range(2):
@@ -199,7 +199,7 @@ def _focal_sigma_px(uncertainty: Uncertainty | PhotoSpread) -> FloatArray:
     return np.sqrt(variance)
 
 
-def _centre_sigma_px(
+def _measure_centre_sigma_px(
     uncertainty: Uncertainty | PhotoSpread, radial: FloatArray, rays: FloatArray
 ) -> FloatArray:
     """One standard deviation of the centre of symmetry: (2,) pixels.
@@ -233,13 +233,13 @@ def uncertainty_grid(
     whole = summed(sigma[seen]) if seen.any() else None
     centre = np.full(2, np.nan)
     if seen.sum() > _FEW_RAYS:
-        centre = _centre_sigma_px(uncertainty, camera.radial.parameters, rays[seen])
+        centre = _measure_centre_sigma_px(uncertainty, camera.radial.parameters, rays[seen])
     return UncertaintyGrid(
         noise_px=uncertainty.noise_px,
         median_px=whole.median_px if whole else np.nan,
         p95_px=whole.p95_px if whole else np.nan,
         max_px=float(np.max(sigma[seen])) if seen.any() else np.nan,
-        focal_px=tuple(_focal_sigma_px(uncertainty).tolist()),
+        focal_px=tuple(_measure_focal_sigma_px(uncertainty).tolist()),
         principal_point_px=tuple(centre.tolist()),
         x=tuple(x.tolist()),
         y=tuple(y.tolist()),

@@ -12,9 +12,9 @@ from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.cubic_fit import (
     EXPECTED,
     PriorChoice,
-    _likeliest,
-    _place_of,
-    _prior_at,
+    _choose_likeliest,
+    _find_place,
+    _make_prior,
     choose_prior,
     fit_cubic,
 )
@@ -188,28 +188,28 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
 
 def test_one_photo_does_not_choose_the_hold():
     """By the sum of squares it would, being as far off as all others together."""
-    middle, other = _place_of(EXPECTED), (3, 7)
+    middle, other = _find_place(EXPECTED), (3, 7)
     squares = np.array([[*[1.0] * 10, 100.0], [*[1.3] * 10, 20.0]])
     assert squares[1].sum() < squares[0].sum()
-    assert _likeliest([middle, other], squares)[0] == middle
+    assert _choose_likeliest([middle, other], squares)[0] == middle
 
 
 def test_what_many_photos_say_outweighs_what_is_expected():
-    middle, other = _place_of(EXPECTED), (3, 4)  # a distance of √8 standard deviations
+    middle, other = _find_place(EXPECTED), (3, 4)  # a distance of √8 standard deviations
     squares = np.array([np.full(3, 1.5), np.ones(3)])
     # Bayes: three times the likelihood of a photo, against exp(-8 / 2) of the expectation.
-    assert _likeliest([middle, other], squares)[0] == middle
-    assert _likeliest([middle, other], np.repeat(squares, 4, axis=1))[0] == other
+    assert _choose_likeliest([middle, other], squares)[0] == middle
+    assert _choose_likeliest([middle, other], np.repeat(squares, 4, axis=1))[0] == other
 
 
 def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
-    middle, other = _place_of(EXPECTED), (2, 2)
+    middle, other = _find_place(EXPECTED), (2, 2)
     alike = np.array([np.full(10, 1.0), np.full(10, 1.04)])
-    assert _likeliest([middle, other], alike) == (middle, ())  # by little, but by all photos
+    assert _choose_likeliest([middle, other], alike) == (middle, ())  # by little, but by all photos
     # Half of the photos are for the one, half for the other, which is expected less.
     split = np.where(np.arange(10) % 2, 1.5, 1 / 1.5)
-    chosen, (runner_up,) = _likeliest([middle, other], np.array([split, 1 / split]))
-    assert (chosen, runner_up.prior) == (middle, _prior_at(other))
+    chosen, (runner_up,) = _choose_likeliest([middle, other], np.array([split, 1 / split]))
+    assert (chosen, runner_up.prior) == (middle, _make_prior(other))
     # Of ten tosses six or more: each counts 2 log 1.5 either way, and the expectation 1 / 2.
     tosses = binom.sf(5, 10, 0.5)
     assert runner_up.likely == pytest.approx(tosses, abs=0.05)

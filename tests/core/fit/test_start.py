@@ -146,9 +146,9 @@ def test_a_pose_is_undetermined_where_noise_hides_a_turn_of_the_target():
     points = FLAT @ poses.rotation.transpose(0, 2, 1) + poses.translation[:, None]
     pairs = _photos_of(FLAT, points, EQUIDISTANT, rng)
     fit = adjust(FixedLens(camera=EQUIDISTANT), poses, pairs, huber_px=5.0, max_iterations=0)
-    found = radial_reference._undetermined(fit, 0.1)
+    found = radial_reference._find_undetermined(fit, 0.1)
     np.testing.assert_array_equal(found, [False, True, False])
-    assert not radial_reference._undetermined(fit, 1e-4).any()
+    assert not radial_reference._find_undetermined(fit, 1e-4).any()
 
 
 def _photos_of(world, points, lens, rng):
