@@ -19,8 +19,8 @@ from cubicfish_cli.core.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.executors.pool import Executor, Work
+    from cubicfish_cli.app.fingerprint import Fingerprint
     from cubicfish_cli.app.photos import Photo
-    from cubicfish_cli.core.files import Fingerprint
     from cubicfish_cli.core.target import Target
 
 
@@ -155,7 +155,7 @@ class TargetSource:
 
     def fingerprint(self) -> Fingerprint | None:
         """The file's, before it is read; None where there is none."""
-        from cubicfish_cli.core.files import fingerprint
+        from cubicfish_cli.app.fingerprint import fingerprint
 
         return None if self.path is None else fingerprint(self.path)
 

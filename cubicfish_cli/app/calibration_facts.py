@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.sufficiency.enough import summary
 from cubicfish_cli.core.angles import angle_from_axis
@@ -25,7 +26,6 @@ from cubicfish_cli.core.assess.fit_record import (
     origin_of,
 )
 from cubicfish_cli.core.assess.verdict import photo_verdicts
-from cubicfish_cli.core.files import sha256_of
 from cubicfish_cli.core.finding import joined
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.coverage import FieldCells, field_cells

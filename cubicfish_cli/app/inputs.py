@@ -16,6 +16,7 @@ from cubicfish_cli.app.asked import (
     tables_among,
 )
 from cubicfish_cli.app.films.recordings import is_recording
+from cubicfish_cli.app.fingerprint import Fingerprint, fingerprint
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import VIDEO_SUFFIXES, find_photos, photo_size
 from cubicfish_cli.app.words.phrases import plural
@@ -23,7 +24,6 @@ from cubicfish_cli.core.errors import (
     CorrespondenceError,
     PhotoError,
 )
-from cubicfish_cli.core.files import Fingerprint, fingerprint
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences

@@ -181,7 +181,8 @@ def transform_files(asked: TransformOptions, *, run: Run = RUN) -> TransformedFi
         CubicfishError: the camera cannot be read, or its file exists and may not be replaced.
 
     """
-    from cubicfish_cli.core.files import fingerprint, refuse_existing
+    from cubicfish_cli.app.fingerprint import fingerprint
+    from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.core.io.camera_yaml import load_camera
 
     path, goal = in_folder(Path(asked.camera)), Path(asked.output)

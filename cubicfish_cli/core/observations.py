@@ -157,6 +157,9 @@ class Observations(Brief):
     ) -> Observations:
         """Points of known places in the world, from plain arrays, one of each kind per photo.
 
+        They are taken where they are said to be. Corners of a board have names: a fit of
+        :meth:`from_corners` and their target can tell how the board departs from its drawing.
+
         Args:
             world: for each photo (N, 3) points in the world frame, any unit of length.
             pixel: for each photo (N, 2) x, y of the same points, pixels.

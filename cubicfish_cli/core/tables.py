@@ -148,17 +148,15 @@ def _rows(
 ) -> tuple[list[list[str]], Sequence[int]]:
     """The rows that are not blank, and the line that each ends on."""
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows, lines = [], []
     try:
-        rows = list(reader)
+        for row in filter(None, reader):
+            rows.append(row)
+            lines.append(reader.line_num + offset)
     except csv.Error as problem:
         line = reader.line_num + offset
         raise error(f"{name}, line {line}: not a comma-separated table: {problem}") from problem
-    if all(rows) and reader.line_num == len(rows):
-        return rows, range(1 + offset, len(rows) + 1 + offset)
-    # Blank lines, or line ends inside quotes: go again and count, which is slower.
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    counted = [(row, reader.line_num + offset) for row in reader if row]
-    return [row for row, _ in counted], [line for _, line in counted]
+    return rows, lines
 
 
 def csv_text(rows: Iterable[Sequence[object]]) -> str:

@@ -8,28 +8,24 @@ import re
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.wording import quoted
 
+_PREFIXES = {"milli": 1.0, "centi": 10.0, "": 1000.0}
 MILLIMETRES = {
     "mm": 1.0,
     "cm": 10.0,
     "dm": 100.0,
     "m": 1000.0,
+    "um": 1e-3,
+    "µm": 1e-3,
+    "μm": 1e-3,
     "in": 25.4,
     "inch": 25.4,
     "inches": 25.4,
     "ft": 304.8,
-    "um": 1e-3,
-    "µm": 1e-3,
-    "μm": 1e-3,
-    "millimetre": 1.0,
-    "millimetres": 1.0,
-    "millimeter": 1.0,
-    "millimeters": 1.0,
-    "centimetres": 10.0,
-    "centimeters": 10.0,
-    "metre": 1000.0,
-    "metres": 1000.0,
-    "meter": 1000.0,
-    "meters": 1000.0,
+    **{
+        prefix + word: size
+        for prefix, size in _PREFIXES.items()
+        for word in ("metre", "metres", "meter", "meters")
+    },
 }
 NUMBER = r"[0-9]+(?:\.[0-9]+)?|\.[0-9]+"
 UNITS = "|".join(sorted(MILLIMETRES, key=len, reverse=True))

@@ -11,8 +11,8 @@ from running import SAMPLE, Run
 from saved_maps import read_map
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.core.errors import OutputError
-from cubicfish_cli.core.files import sha256_of
 from cubicfish_cli.core.fit import calibrate as fitting
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.io.observations_csv import load_corners

@@ -1,6 +1,5 @@
 """Files appear whole or not at all, and never over another unasked."""
 
-import hashlib
 import os
 import signal
 import subprocess
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cubicfish_cli.core import files
-from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError
+from cubicfish_cli.core.errors import OutputError, PhotoError
 from cubicfish_cli.core.files import write_files
 
 
@@ -173,32 +172,6 @@ def test_files_that_lead_out_of_the_folder_are_not_written(tmp_path: Path, name:
     write_files(
         {tmp_path / "x" / ".." / "y" / "a": "a"}, overwrite=True, folder=tmp_path / "x/../y"
     )
-
-
-def test_sha256_is_of_the_bytes(tmp_path: Path) -> None:
-    path = tmp_path / "a.bin"
-    path.write_bytes(b"\r\n\0")
-    assert files.sha256_of(path) == hashlib.sha256(b"\r\n\0").hexdigest()
-
-
-@pytest.mark.parametrize("change", ["other", "longer than before", "", None])
-def test_a_file_that_changes_while_it_is_read_is_told(tmp_path: Path, change: str | None) -> None:
-    path = tmp_path / "corners.csv"
-    path.write_text("1.25,")
-    before = files.fingerprint(path)
-    before.refuse_changed()
-    assert before.sha256 == files.sha256_of(path)
-    if change is None:
-        path.unlink()
-    else:
-        path.write_text(change)
-    with pytest.raises(OutputError, match=r"corners\.csv changed while it was being read"):
-        before.refuse_changed()
-
-
-def test_a_file_that_is_not_there_has_no_fingerprint(tmp_path: Path) -> None:
-    with pytest.raises(CubicfishError, match=r"none\.csv does not exist"):
-        files.fingerprint(tmp_path / "none.csv")
 
 
 OLD, NEW = {"a": "old a", "b": "old b", "gone": "old"}, {"a": "new a", "b": "new b", "c": "new c"}

@@ -106,8 +106,9 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
             replaced.
 
     """
+    from cubicfish_cli.app.fingerprint import fingerprint
     from cubicfish_cli.core.assess.fit_record import FitRecord
-    from cubicfish_cli.core.files import fingerprint, refuse_existing, write_text
+    from cubicfish_cli.core.files import refuse_existing, write_text
     from cubicfish_cli.core.io.camera_yaml import camera_text
     from cubicfish_cli.extensions.formats.importing import import_camera
 
