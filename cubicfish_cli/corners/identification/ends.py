@@ -54,12 +54,6 @@ def solid(grid: Grid) -> Grid:
     return without_strays(grid) or grid
 
 
-def solid_size(grid: Grid) -> tuple[int, int]:
-    """Columns and rows of the grid's box, lines of hardly any corners left out."""
-    columns, rows = (np.ptp(solid(grid).cells, axis=0) + 1).tolist()
-    return columns, rows
-
-
 def doubtful_rims(grid: Grid) -> list[BoolArray]:
     """The lines at the rim for which hardly any corner vouches: for each, its cells (N,)."""
     lattice = Lattice.from_cells(grid.cells, grid.pixel, grid.contrast, grid.parity)

@@ -25,7 +25,7 @@ from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.decide import Decision, rim_in_doubt
-from cubicfish_cli.corners.identification.ends import solid, solid_size
+from cubicfish_cli.corners.identification.ends import solid
 from cubicfish_cli.corners.identification.identified import Decided, GridReport, Identified, Place
 from cubicfish_cli.corners.identification.scene import (
     Decisions,
@@ -249,12 +249,14 @@ def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
             column=int(decision.offset[n, 0]),
             row=int(decision.offset[n, 1]),
         )
-    width, height = np.ptp(grid.cells, axis=0) + 1
+    # Of what was left out, lines of hardly any corners say nothing of its size.
+    shown = grid if place is not None else solid(grid)
+    columns, rows = (np.ptp(shown.cells, axis=0) + 1).tolist()
     return GridReport(
         verdict=verdict,
         place=place,
         corners=len(grid),
-        size=(int(width), int(height)) if place is not None else solid_size(grid),
+        size=(columns, rows),
         rms_px=float(decision.rms_px[n]),
     )
 

@@ -133,8 +133,14 @@ class Scene:
         part = usable
         if found is None and usable:
             part = usable[:1]
-            found = self._alone(own, own[part[0]])
-            if found.verdict[0] is Decided.CONVENTION and self._rivalled(own, usable):
+            index = own[part[0]]
+            grid, pose = self.grids[index], self.poses[index]
+            found = decide_alone(grid, self.sides, self.reach[index], self.ends(own, index))
+            if pose is not None:
+                found = replace(found, rms_px=np.array([pose.rms_px]))
+            # Another may be nearly as large as the largest: which one is the board then?
+            rivalled = len(usable) > 1 and 2 * len(self.grids[own[usable[1]]]) > len(grid)
+            if found.verdict[0] is Decided.CONVENTION and rivalled:
                 found = replace(found, verdict=(Decided.AMBIGUOUS,))
         decision = spread(found, part, len(own))
         verdict = list(decision.verdict)
@@ -186,18 +192,6 @@ class Scene:
         if pose is None:
             raise ValueError("a grid that is no plane of squares has no place")
         return pose
-
-    def _alone(self, own: Sequence[int], index: int) -> Decision:
-        found = decide_alone(
-            self.grids[index], self.sides, self.reach[index], self.ends(own, index)
-        )
-        pose = self.poses[index]
-        return found if pose is None else replace(found, rms_px=np.array([pose.rms_px]))
-
-    def _rivalled(self, own: Sequence[int], usable: Sequence[int]) -> bool:
-        """Whether another grid is nearly as large as the largest: which one is the board then?"""
-        counts = [len(self.grids[own[n]]) for n in usable]
-        return len(counts) > 1 and 2 * counts[1] > counts[0]
 
 
 def rigid(decision: Decision) -> list[int]:

@@ -11,7 +11,7 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, flat_board
 from cubicfish_cli.app.diagnosis.corner_count import nothing_named
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.identification.ends import doubtful_rims, solid_size, without_strays
+from cubicfish_cli.corners.identification.ends import doubtful_rims, solid, without_strays
 from cubicfish_cli.corners.identification.identified import Decided
 from cubicfish_cli.corners.identification.name_grids import name_grids
 from tests.corners.identification.test_name_grids import names, places, seen
@@ -73,7 +73,7 @@ def test_strays_are_cut_off_a_whole_board(strays):
     np.testing.assert_allclose(cut.pixel[order], own.pixel)
     np.testing.assert_array_equal(cut.contrast[order], own.contrast)
     assert cut.parity == own.parity
-    assert solid_size(grid(9, 6, *strays)) == (9, 6)
+    assert tuple(np.ptp(solid(grid(9, 6, *strays)).cells, axis=0) + 1) == (9, 6)
 
 
 @pytest.mark.parametrize(
