@@ -64,7 +64,6 @@ class Hard:
     noise: float = 2.0
     quality: int | None = None
     cut: bool = False
-    margin: float = 0.5
     near_px: float = 1.0
     background: Callable[[np.ndarray], np.ndarray] = room_background
     effect: Effect | None = None
@@ -167,7 +166,7 @@ CASES = (
     Hard(name="JPEG quality 30", quality=30),
     Hard(name="glare", effect=glare),
     Hard(name="hands and cables", effect=hands),
-    Hard(name="dark frame", background=dark_wall, margin=0.05),
+    Hard(name="dark wall", background=dark_wall),
     Hard(name="chequered wall", background=tiles),
     Hard(name="squares of 6 px", step_px=(6, 6.5)),
     Hard(name="cut by the border", cut=True),
@@ -250,11 +249,10 @@ def taken(case, lens, rays, pose, seed, readable=None) -> Shot:
         exposure=case.exposure,
         light_from=cv2.Rodrigues(pose[0])[0].T @ [-0.35, -0.5, -0.79],
         background=case.background,
-        margin=case.margin,
         edges_only=True,
         ray_starts=lens.ray_starts,
     ).astype(float)
-    seen = project_corners(target, lens, pose, SIZE, margin=case.margin)
+    seen = project_corners(target, lens, pose, SIZE)
     hidden = np.zeros(clean.shape, bool)
     if case.effect is not None:
         clean, hidden = case.effect(clean, seen, rng)
