@@ -265,7 +265,7 @@ def test_what_cannot_be_used_is_one_line(
         ([tmp_path / "none*.mp4"], "matches no film"),
         ([short, small], "small.mp4 has 320x240 pixels and "),
         ([empty], "no frame can be chosen of empty.mp4: no board was found in 5 frames "),
-        (["-t", target, empty], "no frame can be chosen of empty.mp4: 1 photo, no checkerboard"),
+        (["-t", target, empty], "no frame can be chosen of empty.mp4: 5 photos, no checkerboard"),
     ):
         error = run("frames", *films, "-o", tmp_path / "p", "-j", 1, code=1).stderr
         assert says in error
