@@ -224,11 +224,14 @@ def _cropped(camera: Camera, view: CentralView) -> CentralView:
 
 def sees(camera: Camera, rays: FloatArray, *, margin: float = 0.0) -> BoolArray:
     """Whether the camera's photo holds the rays (..., 3), by ``margin`` pixels at least."""
-    width, height = camera.image_size
-    u, v = np.moveaxis(camera.project(rays), -1, 0)
+    return _inside(camera.project(rays), camera.image_size, margin)
+
+
+def _inside(pixel: FloatArray, size: tuple[int, int], margin: float) -> BoolArray:
+    """Whether pixels (..., 2) lie in a picture, by ``margin`` within the outer pixels' middles."""
     with np.errstate(invalid="ignore"):
-        across = (u >= margin) & (u <= width - 1 - margin)
-        return np.asarray(across & (v >= margin) & (v <= height - 1 - margin))
+        inside = (pixel >= margin) & (pixel <= np.array(size) - 1 - margin)
+    return np.asarray(inside.all(axis=-1))
 
 
 def seen_field_deg(camera: Camera, view: CentralView) -> tuple[float, float]:
@@ -236,8 +239,14 @@ def seen_field_deg(camera: Camera, view: CentralView) -> tuple[float, float]:
 
     Of what :attr:`~.view.CentralView.hfov_deg` and ``vfov_deg`` span, degrees.
     """
-    across, down = (_seen_deg(camera, view, axis) for axis in (0, 1))
-    return across, down
+    fields = []
+    for axis, side in enumerate(view.size):
+        seen = np.isin(np.arange(side), _seen_along(camera, view, axis))
+        ends = np.flatnonzero(np.diff(seen, prepend=False, append=False))  # each second is beyond
+        offsets = (ends - side / 2) / view.focal
+        angles = [math.copysign(view.half_field(abs(end), axis), end) for end in offsets.tolist()]
+        fields.append(math.degrees(sum(angles[1::2]) - sum(angles[0::2])))
+    return fields[0], fields[1]
 
 
 def lost_shares(camera: CubicCamera, view: CentralView) -> tuple[float, float]:
@@ -266,15 +275,6 @@ def _seen_along(camera: Camera, view: CentralView, axis: int) -> IntArray:
     return np.flatnonzero(sees(camera, view.rays(pixel)))
 
 
-def _seen_deg(camera: Camera, view: CentralView, axis: int) -> float:
-    side = view.size[axis]
-    seen = np.isin(np.arange(side), _seen_along(camera, view, axis))
-    ends = np.flatnonzero(np.diff(seen, prepend=False, append=False))  # each second is beyond
-    offsets = (ends - side / 2) / view.focal
-    angles = [math.copysign(view.half_field(abs(end), axis), end) for end in offsets.tolist()]
-    return math.degrees(sum(angles[1::2]) - sum(angles[0::2]))
-
-
 def _region(camera: Camera) -> FloatArray:
     rays = cone_rays(math.radians(camera.max_angle_deg), _REGION_RAYS)
     rays = rays[sees(camera, rays)]
@@ -284,10 +284,7 @@ def _region(camera: Camera) -> FloatArray:
 
 
 def _shows(view: View, rays: FloatArray) -> BoolArray:
-    width, height = view.size
-    x, y = np.moveaxis(view.pixels(rays), -1, 0)
-    with np.errstate(invalid="ignore"):
-        return np.asarray((x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5))
+    return _inside(view.pixels(rays), view.size, -0.5)
 
 
 def _border(size: tuple[int, int], margin: float) -> FloatArray:
