@@ -124,6 +124,9 @@ def _linearised(
             arm = cross_matrix(views.translation[image] - shift)
             parts += [d_pose[:, :, :3] - d_point @ arm, d_point]
         d_pose = np.concatenate([d_pose[:, :, :3] @ turned, d_pose[:, :, 3:] @ turned], axis=2)
+    times = body.free_times
+    if times is not None:
+        parts.append(body.by_times(d_pose, times.speed(state.poses[body.shot]), image))
     residual = pixel - pairs.pixel[run]
     length = np.hypot(residual[:, 0], residual[:, 1])
     root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))

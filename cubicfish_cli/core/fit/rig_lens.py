@@ -14,10 +14,12 @@ from itertools import pairwise
 import numpy as np
 
 from cubicfish_cli.core.fit.lenses import FitLens
-from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 _PLACE = 6  # a turn and a shift of camera_from_rig
+# How late a camera usually is, is held so much less firmly than its photos are to that.
+_USUAL = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +41,52 @@ class Through:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoTimes:
+    """How much later than its shot each view was seen, and how the target moves meanwhile.
+
+    Attributes:
+        late: (V,) by how much; in the unit of time of ``path``.
+        stated: (V,) what is known of that already.
+        usual: (C,) how late each camera usually is beyond that; 0 for the first.
+        hold: (V,) how firmly the view is held to that: pixels of noise over the scatter's width.
+        path: (V, P, 6) the target's turn (in its own frame) and shift (in the rig's) since the
+            shot, as factors of the powers of the time since, from the first on.
+        known: whether views are as late as they are, and that is no parameter.
+
+    """
+
+    late: FloatArray
+    stated: FloatArray
+    usual: FloatArray
+    hold: FloatArray
+    path: FloatArray
+    known: bool = False
+
+    def along(self) -> tuple[FloatArray, FloatArray]:
+        """(V, 6) how far the target moved in each view, and (V, 6) its speed then."""
+        power = np.arange(1, self.path.shape[1] + 1)
+        before = self.late[:, None] ** (power - 1)
+        moved = np.einsum("vp,vpk->vk", before * self.late[:, None], self.path)
+        return moved, np.einsum("vp,vpk->vk", before * power, self.path)
+
+    def moved(self, shots: Poses) -> Poses:
+        """Poses of every view's shot (V) as they were when it was seen."""
+        step = self.along()[0]
+        return Poses(
+            rotation=shots.rotation @ rotation_from_vector(step[:, :3]),
+            translation=shots.translation + step[:, 3:],
+        )
+
+    def speed(self, shots: Poses) -> FloatArray:
+        """(V, 6) turn and shift of these poses per unit of time, in the rig's frame."""
+        step, rate = self.along()
+        # The derivative of a rotation vector's rotation, to second order.
+        turn = rate[:, :3] - 0.5 * np.cross(step[:, :3], rate[:, :3])
+        turned = self.moved(shots).rotation @ turn[:, :, None]
+        return np.concatenate([turned[:, :, 0], rate[:, 3:]], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RigLens:
     """The lenses of a rig and camera_from_rig of each: all that its shots have in common.
 
@@ -50,6 +98,7 @@ class RigLens:
         camera: (V,) camera of each view, non-decreasing.
         shot: (V,) shot of each view.
         held: whether the places are as they are, and no parameters.
+        times: when each view was seen; None where a shot's views are of one moment.
 
     """
 
@@ -58,16 +107,44 @@ class RigLens:
     camera: IntArray
     shot: IntArray
     held: bool = False
+    times: PhotoTimes | None = None
 
     @cached_property
     def columns(self) -> tuple[slice, ...]:
-        """Where each camera's parameters stand: its lens's, then the six of its place."""
+        """Where each camera's parameters stand: its lens's, the six of its place, its times.
+
+        Times are how late it usually is (but of the first camera), then each of its views.
+        """
         sizes = [
-            len(lens.parameters) + (_PLACE if number and not self.held else 0)
+            len(lens.parameters)
+            + (_PLACE if number and not self.held else 0)
+            + self._times_of(number)
             for number, lens in enumerate(self.lenses)
         ]
         ends = np.cumsum([0, *sizes])
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @property
+    def free_times(self) -> PhotoTimes | None:
+        """When each view was seen, where that is a parameter."""
+        return None if self.times is None or self.times.known else self.times
+
+    def _times_of(self, camera: int) -> int:
+        views = int(np.sum(self.camera == camera)) if self.free_times is not None else 0
+        return views + (1 if views and camera else 0)
+
+    @cached_property
+    def usual_columns(self) -> IntArray:
+        """(C - 1,) where it stands how late the cameras but the first usually are."""
+        times = [own.stop - self._times_of(n) for n, own in enumerate(self.columns)]
+        return np.array(times[1:], np.intp)
+
+    @cached_property
+    def late_columns(self) -> IntArray:
+        """(V,) where it stands how late each view is."""
+        views = np.bincount(self.camera, minlength=len(self.lenses)).tolist()
+        ends = zip(self.columns, views, strict=True)
+        return np.concatenate([np.arange(own.stop - n, own.stop) for own, n in ends])
 
     @cached_property
     def common_shots(self) -> IntArray:
@@ -78,7 +155,8 @@ class RigLens:
 
     def place_columns(self, camera: int) -> slice:
         """Where the turn and the shift of a camera that is not the first stand."""
-        return slice(self.columns[camera].stop - _PLACE, self.columns[camera].stop)
+        first = self.columns[camera].start + len(self.lenses[camera].parameters)
+        return slice(first, first + _PLACE)
 
     @property
     def parameters(self) -> FloatArray:
@@ -88,19 +166,25 @@ class RigLens:
             parts.append(lens.parameters)
             if number and not self.held:
                 parts += [np.zeros(3), self.places.translation[number]]
+            if self.free_times is not None:
+                late = self.free_times.late[self.camera == number]
+                parts += [self.free_times.usual[number : number + 1][: 1 if number else 0], late]
         return np.concatenate(parts)
 
     def with_parameters(self, parameters: FloatArray) -> RigLens:
         """The same rig with other lenses and places."""
         lenses, step = [], np.zeros((len(self.lenses), _PLACE))
         for number, (lens, columns) in enumerate(zip(self.lenses, self.columns, strict=True)):
-            own = parameters[columns]
             if number and not self.held:
-                step[number] = own[-_PLACE:]
+                step[number] = parameters[self.place_columns(number)]
                 step[number, 3:] -= self.places.translation[number]
-                own = own[:-_PLACE]
-            lenses.append(lens.with_parameters(own))
-        return replace(self, lenses=tuple(lenses), places=self.places.moved(step))
+            lenses.append(lens.with_parameters(parameters[columns][: len(lens.parameters)]))
+        times = self.times
+        if self.free_times is not None:
+            usual = np.append(0.0, parameters[self.usual_columns])
+            times = replace(self.free_times, late=parameters[self.late_columns], usual=usual)
+        places = self.places.moved(step)
+        return replace(self, lenses=tuple(lenses), places=places, times=times)
 
     def with_lenses(self, lenses: Sequence[FitLens]) -> RigLens:
         """The same rig with other lenses."""
@@ -108,7 +192,28 @@ class RigLens:
 
     def views(self, shots: Poses) -> Poses:
         """camera_from_world of every view, from rig_from_world of every shot."""
-        return self.places[self.camera] @ shots[self.shot]
+        return self.places[self.camera] @ self.at_views(shots)
+
+    def at_views(self, shots: Poses) -> Poses:
+        """rig_from_world when each view was seen."""
+        own = shots[self.shot]
+        return own if self.times is None else self.times.moved(own)
+
+    def by_times(self, by_pose: FloatArray, speed: FloatArray, image: IntArray) -> FloatArray:
+        """(n, 2, T) what pairs of one camera's views change by with its times.
+
+        Args:
+            by_pose: (n, 2, 6) what they change by with their shot's pose.
+            speed: (V, 6) of every view.
+            image: (n,) their views.
+
+        """
+        camera = int(self.camera[image[0]])
+        count, rows = self._times_of(camera), np.arange(len(image))
+        found = np.zeros((len(image), 2, count))
+        own = self.late_columns[image] - self.columns[camera].stop + count
+        found[rows, :, own] = (by_pose @ speed[image][:, :, None])[:, :, 0]
+        return found
 
     def shot_of(self, views: IntArray) -> IntArray:
         """(n,) the shots of some views."""
@@ -138,6 +243,21 @@ class RigLens:
             own = lens.prior()
             at = np.append(columns.start + np.arange(len(own) - 1), count)
             whole[np.ix_(at, at)] += own
+        times, views = self.free_times, np.arange(len(self.camera))
+        if times is None:
+            return whole
+        hold, usual = times.hold, np.append(count, self.usual_columns)
+        rows = np.zeros((len(views), count + 1))
+        # The first camera's usual lateness is 0: its column is the residual's, written over.
+        rows[views, usual[self.camera]] = -hold
+        rows[views, self.late_columns] = hold
+        rows[:, -1] = hold * (times.late - times.stated - times.usual[self.camera])
+        whole += rows.T @ rows
+        pull = _USUAL**2 * np.bincount(self.camera, np.square(hold), len(self.lenses))[1:]
+        whole[self.usual_columns, self.usual_columns] += pull
+        whole[self.usual_columns, -1] += pull * times.usual[1:]
+        whole[-1, self.usual_columns] += pull * times.usual[1:]
+        whole[-1, -1] += pull @ np.square(times.usual[1:])
         return whole
 
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -12,7 +12,7 @@ alone (`fit/views.py`), places from the shots that two share (`start.py`), place
 the lenses held, then all at once. `spread.py` judges a place and its lens's own turn together, by
 noise and by shots that are left out; `start.py` refuses exchanged cameras, `faults.py` says what
 else is wrong. Of films, `extensions/rigs/films.py` is the recipe: `film_clocks.py` matches clocks
-by motion, `moments.py` takes moments out, and `fit/clocks.py` fits by the flow of corners what is
+by motion, `moments.py` takes moments out, and `fit/times.py` fits by the flow of corners what is
 left. Each command is a module of its name, with its options and its function.
 
 `stereo.py` turns two cameras so that rows agree; `mosaic.py` asks all cameras as one and blends

@@ -57,7 +57,8 @@ class RigOptions:
         folder: where rig.yaml goes, and each camera's camera.yaml in a folder of its name.
         names: of cameras without; by default those of their folders or files.
         lenses: by name, or as ``name=file``, cameras that are calibrated already, or their files.
-        shots: a table that says which photos are of one shot, or when each was taken.
+        shots: a table that says which photos are of one shot.
+        times: a table that says when each was taken.
         tolerance: how far apart photos of a shot may be, seconds; by default 5 ms, and half a frame
             of films.
         most: how many moments of films are chosen at most; by default 60.
@@ -92,13 +93,19 @@ class RigOptions:
     )
     shots: StrPath | None = option(
         "--shots FILE",
-        "Which photos are of one shot: a CSV file with the columns shot,camera,image, or "
-        "camera,image,time (seconds) for photos of one time. [default: photos of the same name]",
+        "Which photos are of one shot: a CSV file with the columns shot,camera,image. [default: "
+        "photos of the same name]",
+        FILE,
+    )
+    times: StrPath | None = option(
+        "--times FILE",
+        "When each photo was taken: a CSV file with the columns camera,image,seconds. What is left "
+        "of a camera's lateness is fitted where photos of a shot are not of one moment.",
         FILE,
     )
     tolerance: float | None = option(
         "--tolerance TIME",
-        "Photos taken within this are one shot, by the times in their names or in --shots, such "
+        "Photos taken within this are one shot, by the times in their names or in --times, such "
         "as 5ms. [default for films: half a frame]",
         Seconds(),
     )
@@ -151,6 +158,7 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     from cubicfish_cli.app import drawing as extra
     from cubicfish_cli.app.films.scan import room_for_frames
     from cubicfish_cli.app.inputs import films_among
+    from cubicfish_cli.core.io.observations_csv import save_corners
     from cubicfish_cli.extensions.rigs.films import rig_frames
     from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
@@ -167,10 +175,10 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     source.check()
     called = _name_cameras(inputs, names)
     films = films_among(inputs)
-    if films and (len(films) < len(inputs) or asked.shots is not None):
+    if films and (len(films) < len(inputs) or asked.shots or asked.times):
         raise UsageError(
             f"{quoted(str(films[0]))} is a film: films are matched by time, and with films alone"
-            " (without --shots); of some calibrated cameras say --lens"
+            " (without --shots and --times); of some calibrated cameras say --lens"
             if len(films) == len(inputs)
             else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
             "each camera, or take its frames with 'cubicfish frames'"
@@ -181,7 +189,8 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     place, listener = Path(asked.folder), run.listener
     pages = [place / PAGE] if asked.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
-    refuse_existing(place / "rig.yaml", *pages, *own_files, overwrite=run.overwrite)
+    corners = [place / name / "corners.csv" for name in called]
+    refuse_existing(place / "rig.yaml", *pages, *own_files, *corners, overwrite=run.overwrite)
     known = _load_known(asked.lenses, called)
     frames, loaded, moving = None, {}, None
     with room_for_frames(place / "frames") as room:
@@ -205,7 +214,7 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
             moving = {
                 name: frames.moving(name, own.pairs, listener) for name, own in loaded.items()
             }
-    matched, by = _match_shots(asked, frames)
+    matched, by = _match_shots(asked, frames, called)
     first = loaded[called[0]]
     rig = calibrate_rig(
         {name: own.given for name, own in loaded.items()},
@@ -222,9 +231,11 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     made_by = made_by_record(run.command, held, first.target_file, files)
     listener.progress("Writing")
     written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
+    for path, own in zip(corners, loaded.values(), strict=True):
+        save_corners(path, own.pairs, overwrite=run.overwrite)
     for page in pages:
         write_rig_page(written[0], page, run)
-    return RigFiles(rig=rig, files=[*written, *pages])
+    return RigFiles(rig=rig, files=[*written, *corners, *pages])
 
 
 def _load_known(
@@ -265,21 +276,24 @@ def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | str | None) -> 
     return names
 
 
-def _match_shots(asked: RigOptions, frames: RigFrames | None) -> tuple[dict[str, Any], str]:
+def _match_shots(
+    asked: RigOptions, frames: RigFrames | None, called: Sequence[str]
+) -> tuple[dict[str, Any], str]:
     """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
-    from cubicfish_cli.extensions.rigs.fit.shots import load_shots
+    from cubicfish_cli.extensions.rigs.fit.shots import load_shots, load_times
 
     shots, tolerance = asked.shots, asked.tolerance
     wanted: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if frames is not None:
         return {**wanted, "shots": frames.shots}, "films"
+    if asked.times is not None:
+        wanted["times"] = load_times(Path(asked.times), called)
     if shots is None:
         by = "name" if tolerance is None else "time"
         return {**wanted, "shots": by}, by
-    rows, times = load_shots(Path(shots))
-    if rows is not None and tolerance is not None:
+    if tolerance is not None:
         raise UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
-    return {**wanted, "shots": "time" if rows is None else rows, "times": times}, str(shots)
+    return {**wanted, "shots": load_shots(Path(shots))}, str(shots)
 
 
 @as_rig_command(

@@ -23,7 +23,7 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.tables import csv_text
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.rigs.film_clocks import film_offset
-from cubicfish_cli.extensions.rigs.fit.clocks import Moving
+from cubicfish_cli.extensions.rigs.fit.times import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 
 _Beside = tuple[Path | None, float]

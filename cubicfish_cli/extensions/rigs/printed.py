@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.rig import CameraPair, Rig
 
 
+_WORST = 10
+
+
 def print_rig(rig: Rig) -> None:
     """Print where the cameras stand, how well it fits, and what the rig is worth."""
     fit, out = rig.fit, rig.fit.held_out_rms_px
@@ -43,6 +46,12 @@ def print_rig(rig: Rig) -> None:
         ],
     )  # fmt: skip
     print_pairs(rig.pairs)
+    worst = sorted(fit.per_shot, key=lambda one: -one.rms_px)[:_WORST]
+    result()
+    print_table(
+        ("shots, worst first", "corners", "RMS px", "cameras"),
+        [(one.shot, str(one.corners), px(one.rms_px), ", ".join(one.cameras)) for one in worst],
+    )
     result()
     print_verdict(rig.verdict)
 

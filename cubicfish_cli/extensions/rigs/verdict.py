@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ def _find_uncertain(rig: Rig) -> Iterator[Finding]:
     size = max(apart, default=0.0)
     near = np.tan(np.deg2rad(_TURN_DEG)) * _distance(rig.fit)
     limits = near if size < near[0] else np.multiply(_SHIFT_SHARE, size or np.inf)
-    found = []
+    found, units = [], rig.units or "of the target's units"
     for camera in cameras:
         turn, shift = camera.turn_sigma_deg, camera.shift_sigma
         care, bad = (
@@ -64,7 +65,9 @@ def _find_uncertain(rig: Rig) -> Iterator[Finding]:
         )
         if care:
             severity = Severity.BAD if bad else Severity.CARE
-            found.append((camera.name, severity, {"turn_deg": turn, "shift": shift}))
+            found.append(
+                (camera.name, severity, {"turn_deg": turn, "shift": shift, "units": units})
+            )
     yield from _join(Code.PLACE_UNCERTAIN, found, "turn_deg")
 
 
@@ -76,7 +79,7 @@ def _distance(fit: RigFit) -> float:
 
 
 def _join(
-    code: Code, found: Sequence[tuple[str, Severity, Mapping[str, float]]], worst: str
+    code: Code, found: Sequence[tuple[str, Severity, Mapping[str, Any]]], worst: str
 ) -> Iterator[Finding]:
     """One finding of all cameras of one severity, with the figures of the worst, which is first."""
     for severity in dict.fromkeys(severity for _, severity, _ in found):

@@ -339,7 +339,7 @@ def test_photos_are_matched_by_times_in_a_table(
         for n in range(1, 9)
         for camera, late in (("left", 0), ("right", 0.004))
     ]
-    (tmp_path / "times.csv").write_text("camera,image,time\n" + "\n".join(rows) + "\n")
+    (tmp_path / "times.csv").write_text("camera,image,seconds\n" + "\n".join(rows) + "\n")
     args = [
         "rig",
         "calibrate",
@@ -349,8 +349,8 @@ def test_photos_are_matched_by_times_in_a_table(
         folder / "target.yaml",
     ]
     args += ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
-    args += ["--shots", tmp_path / "times.csv", "-o", tmp_path / "rig"]
-    record = json.loads(run(*args, "--json").stdout)
+    args += ["--times", tmp_path / "times.csv", "-o", tmp_path / "rig"]
+    record = json.loads(run(*args, "--tolerance", "5ms", "--json").stdout)
     assert record["pairs"][0]["shots"] == 8
     said = run(*args, "--tolerance", "1ms", "--overwrite", code=1).stderr
     assert "no two cameras have photos within 1 ms" in " ".join(said.split())

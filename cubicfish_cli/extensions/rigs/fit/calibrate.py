@@ -49,7 +49,6 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.identification.identified import Detection
-from cubicfish_cli.extensions.rigs.fit.clocks import Clocks, Moving, fitted_clocks
 from cubicfish_cli.extensions.rigs.fit.evaluate import camera_pairs, shot_errors
 from cubicfish_cli.extensions.rigs.fit.faults import (
     Moved,
@@ -61,8 +60,17 @@ from cubicfish_cli.extensions.rigs.fit.names import agreeing
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
 from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged, start_rig
+from cubicfish_cli.extensions.rigs.fit.times import (
+    Clocks,
+    Motion,
+    Moving,
+    Timing,
+    clocks_of,
+    on_time,
+)
 from cubicfish_cli.extensions.rigs.fit.views import (
     Alone,
+    Seen,
     calibrate_alone,
     joined_views,
     set_apart,
@@ -74,8 +82,8 @@ _WIDE_HUBER_PX = 50.0
 _ROUGH_DECREASE = 1e-5
 _FINE_DECREASE = 1e-9
 _RAYS = 300
-# The way back to a shot's moment is a step along the motion, and is taken a few times.
-_CLOCK_ROUNDS = 4
+# How the target moves follows from its shots, whose poses follow from that.
+_TIMED_ROUNDS = 3
 # Shots are set apart for a camera that moved where that explains more than so much of what shots
 # have against its one place: they may be of different moments, too.
 _CLEAR_MOVE = 0.5
@@ -107,8 +115,9 @@ def calibrate_rig(
         shots: which photos are of one shot: those of the same ``name`` (without folder and
             ending), those of one ``time``, or rows (shot, camera, photo).
         tolerance: how far apart photos of one time may be, seconds.
-        times: by camera and photo, seconds on one clock; by default as photos' names say.
-        moving: by camera, how its corners move: clocks that differ are then fitted too.
+        times: by camera and photo, when it was taken, seconds on one clock; by default as photos'
+            names say.
+        moving: by camera, how its corners move; by default as shots beside each other say.
         known: cameras that are calibrated already; their lenses stay as they are.
         hold_lenses: leave all lenses as each camera alone has them; only places and shots are
             fitted together.
@@ -149,14 +158,11 @@ def calibrate_rig(
         )
     progress("all cameras together", 0.8)
     lens, views, pairs, seen = joined_views(singly, matched)
-    moves = None
+    when = Motion.of_names(names, matched.names, matched.photos, times)
     if moving:
-        moves = Moving.of_cameras(
-            [(one.seen, moving.get(name)) for name, one in zip(names, singly, strict=True)],
-            lens.camera[pairs.image],
-            pairs,
-        )
-        pairs = replace(pairs, pixel=moves.at_once(pairs.pixel, moves.late))
+        moves = [(one.seen, moving.get(name)) for name, one in zip(names, singly, strict=True)]
+        flow = Moving.of_cameras(moves, lens.camera[pairs.image], pairs)
+        when = when.with_flow(flow, moves)
     if target is not None:
         views, pairs = agreeing(lens, views, pairs, target.moved(-origin), scale)
     try:
@@ -167,6 +173,7 @@ def calibrate_rig(
     lens, poses, seen = set_apart(
         replace(lens, places=start.places), start.shots, views, seen, np.flatnonzero(start.apart)
     )
+    units = None if target is None else target.units
     level: Level = "off"
     if target is not None:
         level = max((one.level for one in singly), key=LEVELS.index)
@@ -175,24 +182,26 @@ def calibrate_rig(
     nominal = NominalTarget(target=target and target.moved(-origin), pairs=pairs, scale=scale)
     moved: list[Moved] = []
     while True:
-        fit, on_time, clocks = _fit(singly, lens, poses, nominal, moves, level)
+        fit, pairs, clocks = _fit(singly, lens, poses, nominal, when, seen, level)
         evidence = RigEvidence(
             names=names,
             fit=fit,
-            pairs=on_time.with_world(fit.world.points),
+            pairs=pairs.with_world(fit.world.points),
             moved=tuple(moved),
             clocks=clocks,
             start=start,
             photos=seen.photo,
             shots=seen.shot,
             scale=scale,
+            units=units,
         )
         found = moved_camera(evidence)
-        if found is None:
+        # What two places explain little better has another cause, and is told by that.
+        if found is None or found.share <= _CLEAR_MOVE:
             break
-        # It stands in one place: where it stood in most shots.
         apart = set_apart(fit.lens, fit.poses, views, seen, found.apart)
-        if found.share <= _CLEAR_MOVE or not connected(apart[0].common_shots):
+        if not connected(apart[0].common_shots):
+            # It stands in one place: where it stood in most shots.
             mean = replace(found, apart=found.apart[:0])
             evidence = replace(evidence, moved=(*moved, mean))
             break
@@ -203,15 +212,14 @@ def calibrate_rig(
     if nominal.target is not None and fit.world.free:
         nearby = fit.world.refined_target(nominal.target, evidence.pairs, scale=scale)
         refined = nearby.moved(origin)
-    units = None if target is None else target.units
-    places, poses = _places(evidence, singly, origin)
+    placed, poses = _places(evidence, singly, origin)
     held_out = _held_out(fit, evidence.shots)
     tells = fit.pairs.tells_error
     errors = error_statistics(fit.errors, len(fit.residual))
     vectors, shifts = poses.rotation_vector.tolist(), poses.translation.tolist()
     return Rig(
         units=units,
-        cameras=tuple(_cameras(evidence, singly, places, poses, held_out, level, units)),
+        cameras=tuple(_cameras(evidence, singly, placed, held_out, level, units)),
         pairs=tuple(camera_pairs(names, fit.lens, evidence.pairs, fit.residual)),
         fit=RigFit(
             **vars(errors),
@@ -241,23 +249,22 @@ def _fit(
     lens: RigLens,
     poses: Poses,
     nominal: NominalTarget,
-    moving: Moving | None,
+    when: Motion,
+    seen: Seen,
     level: Level,
 ) -> tuple[Adjustment[RigLens], Observations, Clocks | None]:
-    """Places, shots and clocks first, the lenses held; then all at once.
+    """Places, shots and the photos' times first, the lenses held; then all at once.
 
     Returns:
-        The fit, in which photos count by their noise; the pairs as of their shots' moments, which
-        all count alike, and what clocks say.
+        The fit, in which photos count by their noise; the pairs, which all count alike; and what
+        the photos' times say of clocks.
 
     """
     pairs, rough = nominal.pairs, _ROUGH_DECREASE
     held = lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
     fit = adjust(held, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=rough)
     fit = fit.again(pairs, relative_decrease=rough)
-    clocks = None
-    if moving is not None:
-        fit, pairs, clocks = _on_time(fit, pairs, moving)
+    fit, timing = on_time(fit, when, seen.shot, seen.photo)
     pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
@@ -268,49 +275,49 @@ def _fit(
     pairs = weighed(pairs, fit.residual)
     if level != "off":
         fit, _ = estimate_spread(fit, pairs, spread)
-    if any(isinstance(one.lens, CubicFit) for one in singly):
+    lenses = [one.lens for one in singly]
+    while any(isinstance(one, CubicFit) for one in lenses):
         joint = adjust(
-            fit.lens.with_lenses([one.lens for one in singly]),
+            fit.lens.with_lenses(lenses),
             fit.poses,
             pairs,
             huber_px=huber_px(fit.errors),
             world=fit.world,
             relative_decrease=rough,
         )
-        joint = _finely(joint, weighed(alike, joint.residual))
-        cameras = (one.as_camera(own) for own, one in zip(joint.lens.lenses, singly, strict=True))
-        if all(check_validity(one.P, one.max_angle_deg).valid for one in cameras):
-            return joint, alike, clocks
-    return _finely(fit, pairs), alike, clocks
+        joint = _finely(joint, weighed(alike, joint.residual), timing)
+        spoilt = [
+            number
+            for number, (own, one) in enumerate(zip(joint.lens.lenses, singly, strict=True))
+            if isinstance(own, CubicFit) and not _is_valid(one.as_camera(own))
+        ]
+        if not spoilt:
+            return joint, alike, clocks_of(joint, timing)
+        for number in spoilt:  # these alone stay as their own photos have them
+            lenses[number] = held.lenses[number]
+    fit = _finely(fit, pairs, timing)
+    return fit, alike, clocks_of(fit, timing)
 
 
-def _finely(fit: Adjustment[RigLens], pairs: Observations) -> Adjustment[RigLens]:
+def _is_valid(camera: CubicCamera) -> bool:
+    return bool(check_validity(camera.P, camera.max_angle_deg).valid)
+
+
+def _finely(
+    fit: Adjustment[RigLens], pairs: Observations, timing: Timing | None
+) -> Adjustment[RigLens]:
+    if timing is not None:
+        for _ in range(_TIMED_ROUNDS):
+            fit = timing.again(fit).again(pairs, relative_decrease=_ROUGH_DECREASE)
     return fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px)
-
-
-def _on_time(
-    fit: Adjustment[RigLens], pairs: Observations, moving: Moving
-) -> tuple[Adjustment[RigLens], Observations, Clocks]:
-    """The fit with corners where they were at their shot's moment, and what clocks say of it."""
-    camera = fit.lens.camera[pairs.image]
-    late = np.zeros(len(fit.lens.lenses))
-    for _ in range(_CLOCK_ROUNDS):
-        found = fitted_clocks(fit, pairs, moving)
-        if not found.late.any():
-            break
-        late += found.late
-        pairs = replace(pairs, pixel=moving.at_once(pairs.pixel, found.late[camera]))
-        fit = fit.again(pairs, relative_decrease=_ROUGH_DECREASE)
-    effect_px = np.abs(late) * moving.speeds(camera, len(late))
-    return fit, pairs, Clocks(late=late, sigma=found.sigma, effect_px=effect_px)
 
 
 def _places(
     evidence: RigEvidence, singly: Sequence[Alone], origin: FloatArray
-) -> tuple[tuple[list[CubicCamera], Poses], Poses]:
-    """The cameras in their references' frames, their places, and the shots, in the target's units.
+) -> tuple[tuple[list[CubicCamera], Poses, Poses], Poses]:
+    """The cameras in their references' frames, their places, the views and the shots.
 
-    Places are from the frame of the first camera.
+    All are in the target's units; places are from the frame of the first camera.
     """
     cameras, parts = [], []
     for number, (own, one) in enumerate(zip(evidence.lens.lenses, singly, strict=True)):
@@ -320,24 +327,28 @@ def _places(
         cameras.append(camera.scaled(evidence.scale))
         parts.append(place)
     zero, places = parts[0], Poses.joined(parts)
-    poses = (zero @ evidence.fit.poses).scaled(evidence.scale).of_world(origin)
+    shots, lens = evidence.fit.poses, evidence.lens
+    poses, at_views = (
+        (zero @ one).scaled(evidence.scale).of_world(origin)
+        for one in (shots, lens.at_views(shots))
+    )
     places = places @ zero.inverse()
     places.rotation[0], places.translation[0] = np.eye(3), 0.0
-    return (cameras, places.scaled(evidence.scale)), poses
+    places = places.scaled(evidence.scale)
+    return (cameras, places, places[lens.camera] @ at_views), poses
 
 
 def _cameras(
     evidence: RigEvidence,
     singly: Sequence[Alone],
-    placed: tuple[list[CubicCamera], Poses],
-    poses: Poses,
+    placed: tuple[list[CubicCamera], Poses, Poses],
     held_out: FloatArray | None,
     level: Level,
     units: str | None,
 ) -> Iterator[RigCamera]:
     """The rig's cameras, with their errors and how surely they stand where they do."""
     fit, lens, clocks = evidence.fit, evidence.lens, evidence.clocks
-    cameras, places = placed
+    cameras, places, views = placed
     covariance = place_covariances(
         fit,
         [cone_rays(one.covered, _RAYS) for one in singly],
@@ -346,8 +357,8 @@ def _cameras(
     )
     in_units = np.repeat([1.0, evidence.scale], 3)
     covariance = covariance * in_units[:, None] * in_units
-    views, tells = places[lens.camera] @ poses[lens.shot], fit.pairs.tells_error
     own_views, camera_of = lens.views(fit.poses), lens.camera[fit.pairs.image]
+    tells, known_ms = fit.pairs.tells_error, clocks is not None and clocks.in_seconds
     for number, (name, one) in enumerate(zip(evidence.names, singly, strict=True)):
         own, taken = camera_of == number, np.flatnonzero(lens.camera == number)
         known = own & tells if (own & tells).any() else own
@@ -386,8 +397,10 @@ def _cameras(
                 images=len(taken),
                 held_out_rms_px=out,
                 alone_rms_px=rms_px(alone.residual[known[own]]),
-                late_ms=NAN if clocks is None else 1e3 * float(clocks.late[number]),
-                late_sigma_ms=NAN if clocks is None else 1e3 * float(clocks.sigma[number]),
+                late_ms=NAN if clocks is None or not known_ms else 1e3 * float(clocks.late[number]),
+                late_sigma_ms=NAN
+                if clocks is None or not known_ms
+                else 1e3 * float(clocks.sigma[number]),
             ),
         )
 
@@ -397,6 +410,10 @@ def _held_out(fit: Adjustment[RigLens], shots: Sequence[str]) -> FloatArray | No
     count = len(fit.poses)
     if count < MIN_PHOTOS:
         return None
+    if fit.lens.times is not None:
+        # A photo's time is its own, as its pose is.
+        known = replace(fit.lens, times=replace(fit.lens.times, known=True))
+        fit = _finely(replace(fit, lens=known), fit.pairs, None)
     groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = fit.lens.shot[fit.pairs.image]
     found = np.empty_like(fit.residual)

@@ -29,6 +29,7 @@ from cubicfish_cli.corners.identification.identified import Detection
 from cubicfish_cli.extensions.rigs.fit.names import agreeing
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.start import place_shots
+from cubicfish_cli.extensions.rigs.fit.times import Motion, on_time
 from cubicfish_cli.extensions.rigs.fit.views import Placed, joined_views
 from cubicfish_cli.extensions.rigs.rig import CameraPair, Rig, ShotErrors
 
@@ -174,6 +175,9 @@ def evaluate_rig(
     if of is not None:
         views, joint = agreeing(lens, views, joint, of, 1.0, known=True)
     fit = adjust(lens, place_shots(lens, views, joint)[0], joint, huber_px=_WIDE_HUBER_PX)
+    fit = fit.again(joint)
+    when = Motion.of_names(list(cameras), matched.names, matched.photos, times)
+    fit, _ = on_time(fit, when, seen.shot, seen.photo)
     fit = fit.again(joint)
     names, camera_of = list(cameras), lens.camera[joint.image]
     return RigEvaluation(

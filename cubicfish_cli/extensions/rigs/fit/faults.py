@@ -17,8 +17,8 @@ from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.extensions.rigs.fit.clocks import Clocks
 from cubicfish_cli.extensions.rigs.fit.start import RigStart
+from cubicfish_cli.extensions.rigs.fit.times import Clocks
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5
@@ -78,6 +78,7 @@ class RigEvidence:
         photos: of each view, its photo's name.
         shots: the shots' names, in the order in which they were taken.
         scale: the target's units in one unit of the pairs.
+        units: of the target; None where they are not known.
 
     """
 
@@ -90,6 +91,7 @@ class RigEvidence:
     photos: Sequence[str]
     shots: Sequence[str]
     scale: float
+    units: str | None
 
     @property
     def lens(self) -> RigLens:
@@ -195,6 +197,7 @@ def camera_moved(evidence: RigEvidence) -> list[Finding]:
             figures={
                 "turn_deg": float(np.rad2deg(np.linalg.norm(moved.step[:3]))),
                 "shift": float(np.linalg.norm(moved.step[3:])) * evidence.scale,
+                "units": evidence.units or "of the target's units",
                 "effect_px": moved.effect_px,
                 "photos": len(moved.apart),
                 "part": ("before" if moved.before else "after") if len(moved.apart) else "none",
@@ -223,7 +226,7 @@ def not_at_once(evidence: RigEvidence) -> list[Finding]:
         return []
     worst = off.max(axis=0)
     usual = float(np.median(worst[shared]))
-    if usual > max(_OFF * noise, _LEAST_PX):
+    if evidence.clocks is None and usual > max(_OFF * noise, _LEAST_PX):
         whom = int(np.argmax(np.sum(np.square(off), axis=1) / np.maximum((off > 0).sum(axis=1), 1)))
         return [_off(Code.NOT_AT_ONCE, names, (whom,), (), usual)]
     limit = max(_APART * noise, _STANDS_OUT * usual, _LEAST_PX)
@@ -274,6 +277,26 @@ def clocks_differ(evidence: RigEvidence) -> list[Finding]:
     ]
 
 
+def free_running(evidence: RigEvidence) -> list[Finding]:
+    """Cameras that take the photos of a shot at moments of their own: each photo has its time."""
+    clocks = evidence.clocks
+    if clocks is None:
+        return []
+    limit = max(noise_px(evidence.fit.residual), _LEAST_PX)
+    cameras = np.flatnonzero(clocks.scatter_px > limit).tolist()
+    if not cameras:
+        return []
+    return [
+        Finding(
+            code=Code.NOT_AT_ONCE,
+            severity=Severity.CARE,
+            case="fitted",
+            cameras=tuple(evidence.names[camera] for camera in cameras),
+            figures={"off_px": float(clocks.scatter_px.max())},
+        )
+    ]
+
+
 def mismatched(evidence: RigEvidence) -> list[Finding]:
     """Photos that are not of their shot."""
     names, start, lens = evidence.names, evidence.start, evidence.lens
@@ -317,6 +340,7 @@ def find_rig_faults(evidence: RigEvidence) -> list[Finding]:
     moved = camera_moved(evidence)
     return [
         *mismatched(evidence),
+        *free_running(evidence),
         *clocks_differ(evidence),
         *moved,
         *([] if moved else not_at_once(evidence)),

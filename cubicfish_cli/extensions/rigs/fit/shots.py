@@ -69,32 +69,40 @@ def match_shots(
     return shots_of_table(names, own, shots)
 
 
-def load_shots(path: Path) -> tuple[list[Row] | None, Times | None]:
-    """Which photos are of one shot, by a table: rows or else times for :func:`calibrate_rig`.
+def load_shots(path: Path) -> list[Row]:
+    """Which photos are of one shot, by a table: rows for :func:`calibrate_rig`.
 
     Args:
-        path: a CSV file with the columns ``shot,camera,image``, or ``camera,image,time`` (seconds).
+        path: a CSV file with the columns ``shot,camera,image``.
 
     Raises:
         CorrespondenceError: it is none.
 
     """
-    table = read_table(
-        path,
-        required=("camera", "image"),
-        optional=("shot", "time"),
-        error=CorrespondenceError,
-    )
-    columns = table.columns
-    if "shot" in columns:
-        return list(zip(columns["shot"], columns["camera"], columns["image"], strict=True)), None
-    if "time" not in columns:
-        raise CorrespondenceError(f"{path} has neither a column shot nor a column time: add one")
+    names = ("shot", "camera", "image")
+    columns = read_table(path, required=names, optional=(), error=CorrespondenceError).columns
+    return list(zip(*(columns[name] for name in names), strict=True))
+
+
+def load_times(path: Path, cameras: Sequence[str]) -> Times:
+    """When photos were taken, by a table with the columns ``camera,image,seconds``.
+
+    Raises:
+        CorrespondenceError: it is none, or names none of the cameras.
+
+    """
+    names = ("camera", "image", "seconds")
+    table = read_table(path, required=names, optional=(), error=CorrespondenceError)
+    rows = zip(table.columns["camera"], table.columns["image"], strict=True)
     times: dict[str, dict[str, float]] = {}
-    seconds = table.floats("time").tolist()
-    for camera, image, time in zip(columns["camera"], columns["image"], seconds, strict=True):
+    for (camera, image), time in zip(rows, table.floats("seconds").tolist(), strict=True):
         times.setdefault(camera, {})[image] = time
-    return None, times
+    if not set(times) & set(cameras):
+        raise CorrespondenceError(
+            f"{path} has times of {', '.join(map(quoted, sorted(times)[:5]))} and of none of the "
+            f"cameras {', '.join(cameras)}: write their names into its column camera"
+        )
+    return times
 
 
 def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Shots:
