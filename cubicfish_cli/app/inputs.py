@@ -132,12 +132,13 @@ def load_inputs(
     else:
         # Tables need no finder of corners, and begin at once without it.
         from cubicfish_cli.app.detection import find_corners
-        from cubicfish_cli.app.films.frame_search import choose_photos
 
         target_file = target.fingerprint()
         targets = target.load(run.listener)
         photos, ended = named_photos(inputs, run.listener), None
         if most is not None and len(photos) > most:
+            from cubicfish_cli.app.films.frame_search import choose_photos
+
             count = len(photos)
             photos, ended = choose_photos(photos, targets, run, most=most)
             run.listener.tell(Event.PHOTOS_CHOSEN, chosen=len(photos), photos=count, ended=ended)

@@ -12,6 +12,7 @@ from cubicfish_cli.app.terminal.figures import hold_gate, print_figure, print_sp
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
+from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def compare_files(asked: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     """Say how far apart two cameras see the same rays, as ``cubicfish compare`` does.
 
     Raises:
+        UsageError: files may be replaced, and none is written.
         CameraFileError: a file cannot be used.
         FitError: the cameras have no field in common.
         OutputError: the picture exists and may not be replaced, or cannot be written.
@@ -81,6 +83,8 @@ def compare_files(asked: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     if path is not None:
         refuse_existing(path, overwrite=run.overwrite)
         check_suffix(path)
+    elif run.overwrite:
+        raise UsageError("--overwrite goes with --picture, which writes a file: leave it out")
     both = (load_camera(in_folder(Path(given))).camera for given in (asked.first, asked.second))
     comparison = compare(*both)
     if path is not None:

@@ -38,12 +38,14 @@ A symmetric lens model is given in the frame in which the camera looks most symm
 from the frame of camera.yaml is printed, and poses in the file are turned with it.
 """
 
+MAX_ERROR = 1.0
+"""Pixels that a lens may be off where nobody asks for another bound."""
+
 max_error_option: Any = option(
     "--max-error PX",
     "Write nothing if the format's lens is farther than this from the camera anywhere up to where "
-    "the calibration's corners reach. Beyond, the error is only printed.",
+    "the calibration's corners reach. Beyond, the error is only printed. [default: 1]",
     FloatRange(min=0, min_open=True),
-    1.0,
 )
 max_angle_option: Any = option(
     "--max-angle DEG",
@@ -61,7 +63,7 @@ class ExportOptions:
         camera: its file, or the folder of that.
         to: the format: a name of ``cubicfish export --help``.
         output: where it goes; by default the format's usual name, in the current folder.
-        max_error: as for :func:`export_camera`.
+        max_error: as for :func:`export_camera`; 1 where it is None.
         max_angle_deg: likewise.
 
     """
@@ -76,7 +78,7 @@ class ExportOptions:
     output: StrPath | None = options.output_option(
         "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
-    max_error: float = max_error_option
+    max_error: float | None = max_error_option
     max_angle_deg: float | None = max_angle_option
 
 
@@ -118,6 +120,10 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     from cubicfish_cli.core.views.maps import build_map, save_map
 
     to, path = asked.to, in_folder(Path(asked.camera))
+    for name, given in (("--max-error", asked.max_error), ("--max-angle", asked.max_angle_deg)):
+        if to == "maps" and given is not None:
+            raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
+    max_error = MAX_ERROR if asked.max_error is None else asked.max_error
     goal = Path(asked.output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
     refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(path)
@@ -127,9 +133,9 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
         return ExportedFiles(files=[goal], record={"file": goal, "format": to})
     run.listener.progress("Fitting the other lens")
-    lens = export_camera(loaded, to, max_error=asked.max_error, max_angle_deg=asked.max_angle_deg)
+    lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=asked.max_angle_deg)
     write_files({goal: lens.text}, overwrite=run.overwrite)
-    warning = lens.warning(asked.max_error)
+    warning = lens.warning(max_error)
     return ExportedFiles(
         files=[goal],
         record={"file": goal, "format": to, **lens.as_record()},

@@ -38,7 +38,7 @@ NOBODY = "tcp://127.0.0.1:9"  # a port where nothing listens
 COMMON = {"--help", "--verbose", "--quiet", "--debug", "--report", "--tags"}
 FITS = {"photos", "film", "corners", "pairs", "point", "board"}
 SEARCHED = {"photos", "film", "board"}
-QUICK = {"target check", "corners", "project", "unproject"}
+QUICK = {"target check", "corners", "project", "unproject", "info"}
 
 
 @dataclass(frozen=True)
@@ -238,6 +238,34 @@ CASES = {
             "--overwrite": (None, {"one", "several"}),
             "--json": (None, {"one", "several"}),
         },
+    ),
+    "export": Case(
+        lines={
+            "lens": "{camera} --to opencv -o {out}/c.yaml",
+            "maps": "{camera} --to maps -o {out}/m.npz",
+        },
+        used={
+            "--model": ("{small}", set()),
+            "--to": ("ros", {"lens", "maps"}),
+            "--output": ("{out}/d.npz", {"lens", "maps"}),
+            "--max-error": ("1e-9", {"lens"}),
+            "--max-angle": ("40", {"lens"}),
+            "--overwrite": (None, {"lens", "maps"}),
+            "--json": (None, {"lens", "maps"}),
+        },
+    ),
+    "compare": Case(
+        lines={"alone": "{camera} {true}", "drawn": "{camera} {true} --picture {out}/d.png"},
+        used={
+            "--picture": ("{out}/e.png", {"alone", "drawn"}),
+            "--max-rms": ("1e-9", {"alone", "drawn"}),
+            "--overwrite": (None, {"drawn"}),
+            "--json": (None, {"alone", "drawn"}),
+        },
+    ),
+    "info": Case(
+        lines={"folder": "{camera}"},
+        used={"--model": ("{small}", set()), "--json": (None, {"folder"})},
     ),
     "project": Case(
         lines={"rays": "0.4,0.1,5 -m {near}", "point": "100,60,0 -m {point}"},

@@ -12,7 +12,12 @@ from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.commands.export import max_angle_option, max_error_option, print_exported
+from cubicfish_cli.commands.export import (
+    MAX_ERROR,
+    max_angle_option,
+    max_error_option,
+    print_exported,
+)
 from cubicfish_cli.core.errors import FitError, UsageError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_argument
@@ -50,7 +55,7 @@ class Asked:
     output: Path | None = options.output_option(
         "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
-    max_error: float = max_error_option
+    max_error: float | None = max_error_option
     max_angle_deg: float | None = max_angle_option
     pair: tuple[str, str] | None = pair_option
 
@@ -75,7 +80,7 @@ def export_rig_files(
     output: StrPath | None = None,
     *,
     pair: tuple[str, str] | None = None,
-    max_error: float = 1.0,
+    max_error: float | None = None,
     max_angle_deg: float | None = None,
     run: Run = RUN,
 ) -> ExportedFiles:
@@ -86,7 +91,7 @@ def export_rig_files(
         to: the format: a name of ``cubicfish rig export --help``.
         output: where it goes; by default the format's usual name, in the current folder.
         pair: two of its cameras; by default all.
-        max_error: as for :func:`export_camera`, of each camera.
+        max_error: as for :func:`export_camera`, of each camera; 1 where it is None.
         max_angle_deg: likewise.
         run: how the work is done.
 
@@ -102,6 +107,7 @@ def export_rig_files(
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
+    max_error = MAX_ERROR if max_error is None else max_error
     path = rig_file(rig)
     known = load_rig(path)
     chosen = known.cameras if pair is None else tuple(map(known.camera, pair))
