@@ -8,7 +8,7 @@ from math import comb
 from typing import Literal
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import fdtrc, ndtri
 
 from cubicfish_cli.app.diagnosis.photo_lenses import (
     BY_CHANCE,
@@ -37,9 +37,9 @@ from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 # Two lenses make a wrong camera where they differ by so many times what is stated of it, and by
 # more than a camera may be that counts as certain. They are sure where they would be found by
 # chance so seldom, the seldomer where the camera of most photos is off by less; where they explain
-# more along the way from one to the other than the best two groups do of photos that differ in one
-# thing, as focus (of n such photos that is 2/π, and 2/π + 1/√n in one of a thousand sets); and
-# where they take this share of the squared error away.
+# more along the way from one to the other than such groups do of n photos that differ in one thing,
+# as focus (2/π of it where they are as many, and 2/π + 1/√n in one of a thousand sets); and where
+# they take this share of the squared error away.
 _BEYOND_STATED = 2.0
 _SURE = 1e-3
 _CLEAR_MARGIN = 0.1
@@ -341,7 +341,10 @@ def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> fl
     group_means = [np.average(place[one], weights=known_of_way[one]) for one in (~second, second)]
     within = known_of_way @ np.square(place - np.where(second, group_means[1], group_means[0]))
     in_all = known_of_way @ np.square(place - np.average(place, weights=known_of_way))
-    return float(1 - within / in_all - 2 / np.pi - 1 / np.sqrt(len(own)))
+    # What a cut explains of a normal distribution, with such a share beyond it.
+    share = float(np.mean(second))
+    of_one_thing = np.exp(-(ndtri(share) ** 2)) / (2 * np.pi * share * (1 - share))
+    return float(1 - within / in_all - of_one_thing - 1 / np.sqrt(len(own)))
 
 
 def _sum_scatter(own: FloatArray, weight: FloatArray) -> float:

@@ -415,6 +415,17 @@ def test_two_lenses_explain_nearly_all_on_the_way_from_one_to_the_other(way):
     assert split.along < 0
 
 
+def test_a_few_of_many_photos_need_not_be_half_of_what_differs():
+    """Groups of photos that differ in one thing are about as large: a small one is no such cut."""
+    rng = np.random.default_rng(5)
+    own = np.column_stack([rng.normal(0, 1, 400), np.zeros((400, 2))])
+    weight = np.tile(np.eye(3), (400, 1, 1))
+    for share in (0.1, 0.5):
+        second = own[:, 0] > np.quantile(own[:, 0], 1 - share)
+        along = two_lenses._explain_along(own, weight, second)
+        assert along == pytest.approx(-1 / np.sqrt(400), abs=0.04)
+
+
 def test_what_is_stated_of_a_camera_is_what_its_record_has():
     stated, nan = two_lenses._read_stated_px, np.nan
     assert stated(UncertaintyGrid(median_px=0.3, principal_point_px=(0.2, 0.4))) == 0.4
