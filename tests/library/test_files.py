@@ -86,10 +86,10 @@ def test_a_target_in_memory_is_written_beside_its_camera(tmp_path: Path, quick_f
 
 
 def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--compare is of cameras with rays"):
+    with pytest.raises(UsageError, match="--refine-target goes with --lift ray"):
         calibrate_files(
             CalibrateOptions(
-                inputs=CORNERS, target=TARGET, folder=tmp_path, lift="point", compare=True
+                inputs=CORNERS, target=TARGET, folder=tmp_path, lift="point", refine_target="shape"
             )
         )
     with pytest.raises(UsageError, match="name the target that the photos show"):

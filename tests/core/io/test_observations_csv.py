@@ -237,6 +237,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_corners(tmp_path / "no.csv", TARGET)
 
 
+@pytest.mark.slow
 @given(st.text(max_size=60))
 def test_any_text_below_the_header_is_read_or_refused_in_one_line(
     tmp_path_factory: Any, text: str
