@@ -90,7 +90,9 @@ class View(ABC):
     def __post_init__(self) -> None:
         width, height = self.size
         if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
-            raise ViewError(f"a view's size is 1 to {MAX_SIDE} pixels a side, not {width}x{height}")
+            raise ViewError(
+                f"a view's size is from 1 to {MAX_SIDE} pixels a side, not {width}x{height}"
+            )
 
     @abstractmethod
     def rays(self, pixel: npt.ArrayLike) -> FloatArray:

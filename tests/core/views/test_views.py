@@ -111,6 +111,6 @@ def test_json_has_all_of_the_view(size, focal, rotation):
 
 @pytest.mark.parametrize("size", [(0, 3), (40_000, 3), (4, -1)])
 def test_a_size_that_no_picture_has_is_refused_in_one_line(size):
-    with pytest.raises(ViewError, match="size is 1 to 32766 pixels") as caught:
+    with pytest.raises(ViewError, match="size is from 1 to 32766 pixels") as caught:
         CentralView(kind="perspective", size=size, focal=2.0)
     assert "\n" not in str(caught.value)
