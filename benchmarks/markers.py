@@ -29,7 +29,6 @@ from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.detection.markers import find_marked_corners
-from cubicfish_cli.corners.detection.markers_pieces import How
 from cubicfish_cli.extensions.simulation.simulate import render
 
 LENS = AsymmetricLens(
@@ -186,7 +185,6 @@ def measure(target: Target, poses: tuple[Pose, ...]) -> dict[str, list]:
         name = "cv2 CharucoDetector" if charuco else "cv2 ArucoDetector"
         for label, named, spent in (
             (name, theirs, seconds),
-            ("corners of read markers", _part(ours, ours.how == How.MARKER), own_seconds),
             ("all named corners", _part(ours, every), own_seconds),
         ):
             rows.setdefault(label, []).append((*score(seen, named), spent, seen))

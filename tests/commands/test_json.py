@@ -256,7 +256,7 @@ def test_export_and_import(run: Run, model: Path, tmp_path: Path) -> None:
     one, other = records(
         run,
         ("export", "--to", "ocamcalib", "-o", lens, *near),
-        ("export", "--to", "maps", "-o", tmp_path / "m.npz", *near),
+        ("export", "--to", "maps", "-o", tmp_path / "m.npz", "-m", model),
     )
     assert one["file"] == str(lens)
     assert other == {"file": str(tmp_path / "m.npz"), "format": "maps"}

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +28,6 @@ from cubicfish_cli.core.placement import TURNS
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray
 from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.identification.ends import Ends
 from cubicfish_cli.corners.identification.identified import (
     CODES,
     FEWEST_CORNERS,
@@ -35,6 +35,9 @@ from cubicfish_cli.corners.identification.identified import (
     GridReport,
     Identified,
 )
+
+if TYPE_CHECKING:
+    from cubicfish_cli.corners.identification.ends import Ends  # it loads pictures
 
 # Counting squares shows in so many photos of the whole board.
 _WHOLE_BOARDS = 3

@@ -112,7 +112,8 @@ def test_a_program_makes_the_same_rig(
     )
     assert same_records(by_call.rig.as_record()["cameras"], made[1]["cameras"])
     assert [path.relative_to(tmp_path) for path in by_call.files] == [
-        Path("rig.yaml"), Path("left/camera.yaml"), Path("right/camera.yaml")
+        Path("rig.yaml"), Path("left/camera.yaml"), Path("right/camera.yaml"),
+        Path("left/corners.csv"), Path("right/corners.csv"),
     ]  # fmt: skip
 
 
