@@ -44,7 +44,6 @@ from cubicfish_cli.app.terminal.figures import (
 )
 from cubicfish_cli.app.terminal.options import (
     DEFAULT_MODEL,
-    IntRange,
     as_command,
     option,
     record,
@@ -152,7 +151,7 @@ class CalibrateOptions:
         "--most N",
         "Calibrate from at most N photos or frames, those that add most. [default: all "
         f"photos, and of films {MOST} frames]",
-        IntRange(min=1),
+        click.IntRange(min=1),
     )
     report: bool = options.report_option
 

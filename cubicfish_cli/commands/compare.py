@@ -18,7 +18,6 @@ from cubicfish_cli.core.files import refuse_existing
 if TYPE_CHECKING:
     from cubicfish_cli.app.comparison import Comparison
 
-_BOTH = "two cameras are needed: 'cubicfish compare a.yaml b.yaml'"
 _DRAWN_PIXELS = 150_000
 
 
@@ -34,12 +33,10 @@ class CompareOptions:
     """
 
     first: StrPath = options.argument(
-        "The camera.yaml, or its folder, in whose pixels differences are.",
-        metavar="A",
-        missing=_BOTH,
+        "The camera.yaml, or its folder, in whose pixels differences are.", metavar="A"
     )
     second: StrPath = options.argument(
-        "The camera.yaml, or its folder, that is compared with it.", metavar="B", missing=_BOTH
+        "The camera.yaml, or its folder, that is compared with it.", metavar="B"
     )
     picture: StrPath | None = option(
         "--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE

@@ -18,7 +18,7 @@ from cubicfish_cli.core.views.options import ViewOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.files import Content
-    from cubicfish_cli.core.views.choose import ChosenView, SeenField
+    from cubicfish_cli.core.views.choose import ChosenView
     from cubicfish_cli.core.views.maps import UndistortMap
     from cubicfish_cli.core.views.view import View
 
@@ -55,7 +55,6 @@ class MapOptions:
     output: StrPath = options.argument(
         "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
         metavar="OUT",
-        missing="OUT is needed: 'cubicfish map undistort.npz', or a name in .exr, .png or .pgm",
     )
     camera: StrPath = options.model_options
     view: View | ViewOptions | None = view_options
@@ -75,7 +74,6 @@ class MapFiles:
         written: all files.
         image_size: (width, height) of the photos.
         view: what the maps show.
-        seen: what the camera sees of it; None where that is not asked.
 
     """
 
@@ -84,7 +82,6 @@ class MapFiles:
     written: list[Path]
     image_size: tuple[int, int]
     view: ChosenView
-    seen: SeenField | None = None
 
     @property
     def ffmpeg(self) -> list[str]:
@@ -136,7 +133,6 @@ def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
         written=write_maps(plan, maps, goal, run),
         image_size=there.image_size,
         view=chosen,
-        seen=None if asked.redistort else chosen.seen,
     )
 
 
@@ -185,6 +181,8 @@ def write_maps(
 def command(made: MapFiles, given: MapOptions, how: How) -> None:
     """See ``_HELP``."""
     print_maps(made, how)
+    if not (how.as_json or given.redistort):
+        say_what_is_unseen(made.view)
 
 
 def print_maps(made: MapFiles, how: How, more: str = "") -> None:
@@ -192,7 +190,6 @@ def print_maps(made: MapFiles, how: How, more: str = "") -> None:
     if how.print(made):
         return
     result(f"wrote {made.written[0]}: {made.view.describe()}")
-    say_what_is_unseen(made.seen)
     print_wrote(made.written[1:])
     if more:
         result(more)

@@ -18,7 +18,7 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.views.choose import ChosenView, SeenField
+from cubicfish_cli.core.views.choose import ChosenView
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions
@@ -35,7 +35,6 @@ class UndistortedFiles:
         skipped: those whose results were there already.
         model: the file of the camera; None of one that is in none.
         view: what was rendered of the first; None where none was done.
-        seen: what the camera sees of the view's field; None where it has none.
         extras: masks, virtual cameras and tables that were written.
 
     """
@@ -46,7 +45,6 @@ class UndistortedFiles:
     skipped: tuple[str, ...] = ()
     model: Path | None = None
     view: ChosenView | None = None
-    seen: SeenField | None = None
     extras: Sequence[Path] = ()
 
     @property
@@ -230,18 +228,13 @@ def write_pictures(
             why = "is gone again: was its folder removed or renamed meanwhile?"
             failures[job.name] = OutputError(f"{missing} {why}")
     written = {job.name: tuple(job.outputs.values()) for job in left if job.name not in failures}
-    view = seen = None
     done = next((job.source for job in left if job.name in written), None)
-    if done is not None:
-        view = views.chosen(done, size_of(done))
-        seen = view.seen
     return UndistortedFiles(
         kind=kind,
         written=written,
         failures=failures,
         skipped=tuple(job.name for job in skipped),
         model=model,
-        view=view,
-        seen=seen,
+        view=None if done is None else views.chosen(done, size_of(done)),
         extras=extras,
     )

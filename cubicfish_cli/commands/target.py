@@ -55,7 +55,6 @@ class CheckOptions:
     target: StrPath = options.argument(
         "The target.yaml.",
         metavar="TARGET",
-        missing="name the target: 'cubicfish target check target.yaml'",
     )
     drawing: StrPath | None = option(
         "--draw FILE.svg",

@@ -14,7 +14,7 @@ import click
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, named_photos, paths_of
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record
+from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say, tell
 from cubicfish_cli.app.words.phrases import plural
@@ -74,7 +74,7 @@ class PictureOptions:
     quality: int | None = option(
         "--quality 1-100",
         "Quality of JPEG and lossy WebP files. [default: the photo's own]",
-        IntRange(1, 100),
+        click.IntRange(1, 100),
     )
     mask: StrPath | None = option(
         "--mask FILE",
@@ -158,8 +158,6 @@ class UndistortOptions(PictureOptions):
         nargs=-1,
         required=True,
         metavar="IN...",
-        missing="IN and OUT are both needed: 'cubicfish undistort in.png out.png', or for a folder "
-        "'cubicfish undistort photos/ flat/'",
     )
     output: StrPath = options.argument(
         "The picture or video that is made of one; of several, or without a suffix, a folder.",
@@ -170,7 +168,7 @@ class UndistortOptions(PictureOptions):
     crf: int | None = option(
         "--crf 0-63",
         "Quality of a video: a lower number is better, and makes a larger file. [default: 18]",
-        IntRange(0, 63),
+        click.IntRange(0, 63),
     )
 
     def __post_init__(self) -> None:
@@ -372,8 +370,7 @@ def _print(made: UndistortedFiles) -> None:
         say(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
     if made.view is not None:
         result(f"wrote {_wrote(made, made.view)}")
-        say_what_is_unseen(made.seen)
-        _warn_of_limit(made.view)
+        say_what_is_unseen(made.view)
     elif not made.failures:
         result("nothing to do")
     if not made.failures:
@@ -386,12 +383,3 @@ def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
     alone = len(made.files) == len(made.written) + len(made.failures) == 1
     there = made.files[0] if alone else f"{what} to {made.files[0].parent}"
     return f"{there}: {view.describe()}"
-
-
-def _warn_of_limit(view: ChosenView) -> None:
-    """Tell the user where the view ends before the camera's field does."""
-    if view.at_limit:
-        say(
-            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
-            "the view's own limit, and --view stereographic or equidistant shows all"
-        )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,6 @@ import click
 from cubicfish_cli.app.terminal.options import (
     SIZE,
     FloatRange,
-    Parsed,
     bundle,
     option,
     target_option,
@@ -24,54 +22,25 @@ from cubicfish_cli.core.views.options import KINDS, PlaneOptions, ViewOptions
 from cubicfish_cli.core.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
-    from cubicfish_cli.core.views.choose import SeenField
+    from cubicfish_cli.core.views.choose import ChosenView
 
 _PLANE = "plane:"
 _MUCH = 0.1  # of what a photo shows
 
 
-def _turn(text: str) -> tuple[float, ...]:
-    """Up to three angles with commas between them; what is left out is 0."""
+def _numbers(text: str, between: str) -> tuple[float | str, ...]:
+    """The numbers of a text; what is none stays as it is, for the view to refuse by its name."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        return tuple(map(float, re.split(between, text)))
     except ValueError:
-        numbers = []
-    if not 1 <= len(numbers) <= 3 or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{text!r} is not yaw,pitch,roll in degrees, such as -60,0,0")
-    return (*numbers, 0.0, 0.0)[:3]
+        return (text,)
 
 
-def _share(text: str) -> float | str:
-    """A share, or a word for one."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _field(text: str) -> tuple[float, ...]:
-    """``90`` -> (90,), ``360x70`` -> (360, 70)."""
-    parts = re.split("[xX×]", text)
-    try:
-        field = tuple(map(float, parts))
-    except ValueError:
-        field = ()
-    if not 1 <= len(field) <= 2 or not all(0 < angle <= 360 for angle in field):
-        raise ValueError(
-            f"{quoted(text)} is not a number of degrees above 0 and up to 360, such as 90, or two "
-            "of them, such as 360x70"
-        )
-    return field
-
-
-class _Kind(click.ParamType):
+class _Kind(click.Choice):
     """A kind of view, and where there may be planes also plane:BOARD."""
 
-    name = "kind"
-
     def __init__(self, planes: bool) -> None:
+        super().__init__(KINDS)
         self._planes = planes
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
@@ -81,30 +50,28 @@ class _Kind(click.ParamType):
             self.fail(f"{quoted(value)} is no view: {did_you_mean(value, KINDS)}", param, ctx)
         return str(value)
 
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """The kinds that begin so."""
-        return click.Choice(KINDS).shell_complete(ctx, param, incomplete)
-
 
 def _view_of(
     kind: str | None,
     size: tuple[int, int] | None,
-    field: tuple[float, ...] | None,
+    field: str | None,
     scale: float | None,
-    fit: float | str | None,
-    rotate: tuple[float, float, float] | None,
+    fit: str | None,
+    rotate: str | None,
     target: Path | None = None,
 ) -> ViewOptions | PlaneOptions:
     if kind is None or not kind.startswith(_PLANE):
         if target is not None:
             raise UsageError("--target goes with --view plane:BOARD: leave it out")
-        across, down = (*(field or ()), None, None)[:2]
-        asked: dict[str, Any] = {"fit": fit, "rotate_deg": rotate or (0.0, 0.0, 0.0)}
-        return ViewOptions(
-            kind=kind, size=size, hfov_deg=across, vfov_deg=down, focal=scale, **asked
-        )
+        across, *down = _numbers(field, "[xX×]") if field else (None,)
+        turn = _numbers(rotate, ",") if rotate else ()
+        asked: dict[str, Any] = {
+            "hfov_deg": across,
+            "vfov_deg": down[0] if len(down) == 1 else down or None,
+            "fit": _numbers(fit, "$")[0] if fit else None,
+            "rotate_deg": (*turn, *(0.0,) * (3 - len(turn))),
+        }
+        return ViewOptions(kind=kind, size=size, focal=scale, **asked)
     others = {"--size": size, "--hfov": field, "--fit": fit, "--rotate": rotate}
     for name, value in others.items():
         if value is not None:
@@ -132,7 +99,7 @@ def _view_bundle(*, planes: bool) -> Any:
             "Field of view across the width, in degrees; a second angle is the one down the "
             "height, and sets how high the picture is. [default: perspective keeps the photo's "
             "scale in its middle, up to 120 along the longer side; others take --fit outer]",
-            Parsed("DEG[xDEG]", _field),
+            click.STRING,
         ),
         scale=option(
             "--scale PX",
@@ -145,12 +112,12 @@ def _view_bundle(*, planes: bool) -> Any:
             "Field from what the camera sees: no empty pixel, nothing lost, or a share "
             "between (0 to 1); or the whole photo, extrapolated where the camera is not "
             "calibrated.",
-            Parsed("inner|outer|whole|SHARE", _share),
+            click.STRING,
         ),
         rotate=option(
             "--rotate YAW,PITCH,ROLL",
             "Turn the view to the right, then up, then clockwise, in degrees.",
-            Parsed("YAW,PITCH,ROLL", _turn),
+            click.STRING,
         ),
         **({"target": target_option} if planes else {}),
     )
@@ -163,8 +130,14 @@ view_or_plane_options: Any = _view_bundle(planes=True)
 """The same, or the plane of a board with its target, as a :class:`PlaneOptions`."""
 
 
-def say_what_is_unseen(seen: SeenField | None) -> None:
+def say_what_is_unseen(view: ChosenView) -> None:
     """Tell the user where the camera's field ends before the view's does, and what is lost."""
+    if view.at_limit:
+        say(
+            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
+            "the view's own limit, and --view stereographic or equidistant shows all"
+        )
+    seen = view.seen
     if seen is None:
         return
     if seen.describe():
@@ -180,7 +153,7 @@ def say_what_is_unseen(seen: SeenField | None) -> None:
             "calibrated: calibrate again with photos in which the target reaches the photo's "
             "edges, or have it extrapolated by --fit whole"
         )
-    if seen.cut_off > _MUCH:
+    if seen.cut_off > _MUCH and not view.at_limit:
         say(
             f"{100 * seen.cut_off:.0f} % of the photo lies beyond the picture's edges: "
             "--fit outer or --view equidistant shows more of it"

@@ -85,7 +85,7 @@ def test_numbers_beyond_sense_are_wrong_usage(
     run: Run, calibrated: Path, tmp_path: Path, option: tuple[object, ...]
 ) -> None:
     error = run("undistort", PHOTO, tmp_path / "a.png", "-m", calibrated, *option, code=2).stderr
-    assert "is not a number from" in error
+    assert "is not in the range" in error
 
 
 def test_corners_in_one_pixel_are_refused(run: Run, calibrated: Path, tmp_path: Path) -> None:

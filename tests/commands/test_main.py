@@ -180,24 +180,6 @@ def test_what_a_user_can_cause_has_an_exit_code(
     assert result.stdout == ""
 
 
-@pytest.mark.parametrize(
-    ("args", "shown"),
-    [
-        (["compare"], "cubicfish compare a.yaml b.yaml"),
-        (["compare", "a.yaml"], "cubicfish compare a.yaml b.yaml"),
-        (["import"], "cubicfish import camchain.yaml"),
-        (["target", "check"], "cubicfish target check target.yaml"),
-        (["corners"], "cubicfish corners corners.vnl --size 1920x1080"),
-    ],
-)
-def test_what_is_missing_is_shown_in_its_place(run: Run, args: list[str], shown: str) -> None:
-    said = run(*args, code=2).stderr
-    assert said.startswith(
-        f"Usage: cubicfish {' '.join(args[:2] if 'check' in args else args[:1])}"
-    )
-    assert said.endswith(f": '{shown}'\n")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("args", [[], ["target"]])
 def test_without_a_command_the_help_is_shown(args: list[str]) -> None:

@@ -490,7 +490,7 @@ def test_a_length_without_a_unit_is_said_to_be_in_millimetres(
     sources: dict[str, Path], tmp_path: Path
 ) -> None:
     line = ("calibrate", sources["corners"], "--board", "9x6", "-o", tmp_path / "c", "--square")
-    assert "--square 24.23 has no unit" in run_cli(*line, "24.23", code=1).stderr
+    assert "24.23 has no unit" in run_cli(*line, "24.23", code=1).stderr
     assert "has no unit" not in run_cli(*line, "24.23mm", code=1).stderr
 
 

@@ -55,6 +55,7 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
     )
     said = run("unproject", "-m", model, input="1,2\n", code=1).stderr
     assert "is of lift 'point', which has no rays" in said
+    assert "'undistort --view plane:BOARD' alone" in said
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Template
-from typing import Any, ClassVar, TypeVar, dataclass_transform
+from typing import Any, TypeVar, dataclass_transform
 
 import click
 
@@ -22,61 +22,17 @@ from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.wording import quoted
 
 
-class _Bounded(click.ParamType):
-    """A finite number within bounds, which a usage error says; click's kind comes behind it."""
-
-    what: ClassVar[str]
-    min: Any
-    max: Any
-    min_open: bool
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Parse, or fail as a usage error that says the bounds."""
-        try:
-            number = super().convert(value, param, ctx)
-        except click.BadParameter:
-            number = math.nan
-        if not math.isfinite(number):
-            self.fail(f"{quoted(str(value))} is not {self.what} {self._bounds}".rstrip())
-        return number
-
-    @property
-    def _bounds(self) -> str:
-        low, high = (None if end is None else f"{end:,}" for end in (self.min, self.max))
-        if low is None:
-            return "" if high is None else f"up to {high}"
-        if high is None:
-            return f"above {low}" if self.min_open else f"from {low} on"
-        return f"above {low} and up to {high}" if self.min_open else f"from {low} to {high}"
-
-
-class FloatRange(_Bounded, click.FloatRange):
+class FloatRange(click.FloatRange):
     """A finite number within bounds."""
-
-    what = "a number"
-
-
-class IntRange(_Bounded, click.IntRange):
-    """A whole number within bounds."""
-
-    what = "a whole number"
-
-
-class Seconds(click.ParamType):
-    """A length of time with its unit, such as 5ms, as seconds."""
-
-    name = "time"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """Parse, or fail as a usage error."""
-        if isinstance(value, float):
-            return value
-        found = re.fullmatch(r"([0-9]*\.?[0-9]+) *(us|ms|s)", str(value).strip())
-        if found is None or not float(found[1]) > 0:
-            self.fail(f"{quoted(str(value))} is no time: write 5ms, 200us or 0.01s", param, ctx)
-        return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not finite.", param, ctx)
+        return number
 
 
 Command = TypeVar("Command", bound=click.Command)
@@ -126,23 +82,12 @@ NAME = click.Path(readable=False)
 class Argument(click.Argument):
     """An argument with a meaning, in a few words, for the reference page docs/cli.md.
 
-    ``--help`` says it in the command's description. What is said when it is missing may be given,
-    where more than its name is needed to understand it.
+    ``--help`` says it in the command's description.
     """
 
-    def __init__(self, *args: Any, meaning: str, missing: str | None = None, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, meaning: str, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.meaning = meaning
-        self.missing = missing
-
-    def process_value(self, ctx: click.Context, value: Any) -> Any:
-        """As click does, but for what is said of a missing value."""
-        try:
-            return super().process_value(ctx, value)
-        except click.MissingParameter:
-            if self.missing is None:
-                raise
-            raise click.UsageError(self.missing, ctx) from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,21 +176,27 @@ class Parsed(click.ParamType):
             self.fail(str(problem), param, ctx)
 
 
-class _Length(click.ParamType):
+def _length(text: str) -> str:
     """A length with its unit, as text; that one without is in millimetres is said."""
+    from cubicfish_cli.app.terminal.terminal import say
 
-    name = "length"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Take it as it is."""
-        from cubicfish_cli.app.terminal.terminal import say
-
-        if param is not None and str(value).strip()[-1:].isdigit():
-            say(f"note: {param.opts[-1]} {value} has no unit and is taken as millimetres")
-        return value
+    if text.strip()[-1:].isdigit():
+        say(f"note: {text} has no unit and is taken as millimetres")
+    return text
 
 
-LENGTH = _Length()
+LENGTH = Parsed("length", _length)
+
+
+def _seconds(text: str) -> float:
+    found = re.fullmatch(r"([0-9]*\.?[0-9]+) *(us|ms|s)", text.strip())
+    if found is None or not float(found[1]) > 0:
+        raise ValueError(f"{quoted(text)} is no time: write 5ms, 200us or 0.01s")
+    return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
+
+
+SECONDS = Parsed("time", _seconds)
+"""A length of time with its unit, such as 5ms, as seconds."""
 
 
 def examples(*lines: str) -> str:
@@ -617,7 +568,7 @@ overwrite_option = option("--overwrite", "Replace files that exist.")
 jobs_option = option(
     "-j --jobs N",
     "Photos to work on at a time. [default: the number of processors]",
-    IntRange(min=1),
+    click.IntRange(min=1),
 )
 
 no_cache_option = option(

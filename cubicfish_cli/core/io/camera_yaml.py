@@ -283,7 +283,7 @@ def load_camera(path: Path | str) -> CameraFile:
     if isinstance(loaded, PointCameraFile):
         raise CameraFileError(
             f"{path} is of lift 'point', which has no rays: it serves 'project' and 'undistort "
-            "--plane' alone; calibrate with --lift ray for this"
+            "--view plane:BOARD' alone; calibrate with --lift ray for this"
         )
     return loaded
 

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, IntRange, as_command, option, record
+from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.app.words.phrases import plural
@@ -63,7 +65,10 @@ class AdviseOptions:
         FloatRange(min=0, min_open=True),
     )
     seed: int = option(
-        "--seed N", "Other poses are tried; the same seed gives the same proposals.", IntRange(0), 0
+        "--seed N",
+        "Other poses are tried; the same seed gives the same proposals.",
+        click.IntRange(0),
+        0,
     )
 
 

@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import IntRange, as_command, option, record, target_options
+from cubicfish_cli.app.terminal.options import as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, result
 from cubicfish_cli.app.words.phrases import plural
@@ -44,7 +46,7 @@ class FramesOptions:
         folder=True,
         required=True,
     )
-    most: int = option("--most N", "Choose at most N frames.", IntRange(min=1), MOST)
+    most: int = option("--most N", "Choose at most N frames.", click.IntRange(min=1), MOST)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,7 +49,6 @@ class CornersOptions:
         nargs=-1,
         required=True,
         metavar="FILES...",
-        missing="name what the detector wrote: 'cubicfish corners corners.vnl --size 1920x1080'",
     )
     target: Target | StrPath = options.needed_target
     table: StrPath = options.output_option("Where the corners go.", default="corners.csv")

@@ -45,7 +45,6 @@ class ImportOptions:
     path: StrPath = options.argument(
         "The other tool's camera file.",
         metavar="FILE",
-        missing="name the other tool's camera file: 'cubicfish import camchain.yaml'",
     )
     written_by: str | None = option(
         "--from FORMAT",

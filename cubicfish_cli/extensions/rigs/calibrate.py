@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from cubicfish_cli.app.asked import (
     RUN,
     Run,
@@ -24,8 +26,7 @@ from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
 from cubicfish_cli.app.terminal.options import (
     FILE,
-    IntRange,
-    Seconds,
+    SECONDS,
     option,
     record,
     target_options,
@@ -107,12 +108,12 @@ class RigOptions:
         "--tolerance TIME",
         "Photos taken within this are one shot, by the times in their names or in --times, such "
         "as 5ms. [default for films: half a frame]",
-        Seconds(),
+        SECONDS,
     )
     most: int | None = option(
         "--most N",
         f"Choose no more shots of films than these. [default: {MOST}]",
-        IntRange(min=1),
+        click.IntRange(min=1),
     )
     hold_lenses: bool = option(
         "--hold-lenses",

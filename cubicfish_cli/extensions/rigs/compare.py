@@ -18,18 +18,16 @@ from cubicfish_cli.extensions.rigs.options import as_rig_command
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera
 
-_BOTH = "two rigs are needed: 'cubicfish rig compare last_year/ rig/'"
-
 
 @record
 class Asked:
     """What is asked of ``cubicfish rig compare``."""
 
     first: Path = options.argument(
-        "The rig.yaml, or its folder, in whose frame differences are.", metavar="A", missing=_BOTH
+        "The rig.yaml, or its folder, in whose frame differences are.", metavar="A"
     )
     second: Path = options.argument(
-        "The rig.yaml, or its folder, that is compared with it.", metavar="B", missing=_BOTH
+        "The rig.yaml, or its folder, that is compared with it.", metavar="B"
     )
 
 

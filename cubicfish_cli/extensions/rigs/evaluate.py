@@ -36,8 +36,6 @@ class RigEvaluateOptions:
     rig: StrPath = options.argument(
         "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml.",
         metavar="RIG",
-        missing="name the rig, and new photos of its cameras: 'cubicfish rig evaluate rig left/ "
-        "right/'",
     )
     cameras: Sequence[StrPath] = options.argument(
         "Photos (a folder or a glob) or a corners.csv of each camera: called as the cameras are, "

@@ -34,7 +34,6 @@ class Asked:
     output: Path = options.argument(
         "Where the maps go: a name that ends in .npz, .exr, .png or .pgm.",
         metavar="OUT",
-        missing="OUT is needed: 'cubicfish rig map stereo.npz', or a name in .exr, .png or .pgm",
     )
     rig: Path = rig_option
     pair: tuple[str, str] | None = pair_option

@@ -53,8 +53,6 @@ class Asked:
         nargs=-1,
         required=True,
         metavar="IN...",
-        missing="IN and OUT are both needed: 'cubicfish rig undistort left/1.png right/1.png "
-        "all.png', or for many shots 'cubicfish rig undistort shots/ around/'",
     )
     output: Path = options.argument(
         "The picture that is made of one shot; of several, or without a suffix, a folder.",

@@ -14,7 +14,6 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath, target_in
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import (
     FloatRange,
-    IntRange,
     as_command,
     bundle,
     option,
@@ -67,7 +66,7 @@ look_options = bundle(
     seed=option(
         "--seed N",
         "Other poses and other noise; the same seed gives the same photos.",
-        IntRange(0),
+        click.IntRange(0),
         LookOptions.seed,
     ),
 )
@@ -118,7 +117,7 @@ class SimulateOptions:
         "--size", "Size of the photos, where the file of --lens does not say.", options.SIZE
     )
     number: int | None = option(
-        "-n --number N", "How many photos. [default: 12]", IntRange(1, _MOST_PHOTOS)
+        "-n --number N", "How many photos. [default: 12]", click.IntRange(1, _MOST_PHOTOS)
     )
     folder: StrPath = options.output_option(
         "Where the photos and their truth go.", default="simulated", folder=True
