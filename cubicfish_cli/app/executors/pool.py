@@ -100,33 +100,21 @@ class Work:
 
         """
         workers = workers_for(self.jobs, len(items))
-        answers: list[Answer] = []
+        answers: dict[int, Answer] = {}
         with one_opencv_thread():
-            found: Iterator[Answer] = map(work, items)
+            found: Iterator[tuple[int, Answer | CubicfishError]] = enumerate(map(work, items))
             if self.executor is not None:
-                found = _by_machines(work, items, self.executor)
+                found = self.executor.each(work, items)
             elif workers > 1:
-                found = by_processes(work, items, workers)
-            for answer in found:
-                answers.append(answer)
+                found = enumerate(by_processes(work, items, workers))
+            for number, answer in found:
+                if isinstance(answer, ClusterError):
+                    raise ClusterError(f"{items[number].name}: {answer}") from answer
+                if isinstance(answer, CubicfishError):
+                    raise answer
+                answers[number] = answer
                 self.progress(len(answers), len(items))
-        return answers
-
-
-def _by_machines(
-    work: Callable[[Photo], Answer], items: Sequence[Photo], executor: Executor
-) -> Iterator[Answer]:
-    early: dict[int, Answer] = {}
-    wanted = 0
-    for number, answer in executor.each(work, items):
-        if isinstance(answer, ClusterError):
-            raise ClusterError(f"{items[number].name}: {answer}") from answer
-        if isinstance(answer, CubicfishError):
-            raise answer
-        early[number] = answer
-        while wanted in early:
-            yield early.pop(wanted)
-            wanted += 1
+        return [answers[number] for number in range(len(items))]
 
 
 def by_processes(

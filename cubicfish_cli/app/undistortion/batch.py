@@ -1,29 +1,22 @@
-"""Many photos: decoded, remapped and encoded on several threads, a few in memory at a time.
-
-One thread more than work at a time: the disk takes as long as a tenth of the work, and while
-some wait for it the others go on.
-"""
+"""Many photos: decoded, remapped and encoded on several threads, a few in memory at a time."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from os.path import abspath
 from pathlib import Path
-from threading import BoundedSemaphore, RLock
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
 from cubicfish_cli.app.undistortion.images import (
-    check_outputs,
     encode_picture,
     naming,
     remap_picture,
-    render,
 )
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
 from cubicfish_cli.core.files import remove_orphans, write_files
@@ -40,8 +33,6 @@ Size = tuple[int, int]
 """(width, height), pixels."""
 MAKING = RLock()
 """Held while maps are made, which one thread does for all."""
-# Pixels of a view whose map, of nine bytes each, is not kept from one photo to the next.
-_MOST_KEPT = 30_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,14 +61,14 @@ Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
 
 
 Write = Callable[..., None]
-"""Called as (job, overwrite=..., slots=...), as :func:`write_one` is: its outputs are written."""
+"""Called as (job, overwrite=...), as :func:`write_one` is: its outputs are written."""
 
 
 class Views:
     """What a run renders of each photo; called, it renders one.
 
     A view from the camera's place is the same for all photos of a size, and its maps are made once,
-    from any thread, unless they are so large that each photo is rendered a few rows at a time.
+    from any thread.
     Sizes are (width, height), pixels.
     """
 
@@ -124,16 +115,11 @@ class Views:
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job, as :func:`write_many` asks for them."""
-        picture, how = photos[""], self.interpolation
-        size = picture.shape[1], picture.shape[0]
-        with MAKING:
-            view = self.chosen(job.source, size)
-        if view.camera is not None and math.prod(view.first.size) > _MOST_KEPT:
-            return {
-                part: render(picture, view.camera, view.views[part], how) for part in job.outputs
-            }
-        maps = self.maps(job.source, size)
-        return {part: remap_picture(picture, maps[part], how) for part in job.outputs}
+        picture = photos[""]
+        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
+        return {
+            part: remap_picture(picture, maps[part], self.interpolation) for part in job.outputs
+        }
 
 
 def write_many(
@@ -156,7 +142,8 @@ def write_many(
         overwrite: whether outputs may be replaced.
         progress: called with the number of photos done and of all.
         executor: who does the work instead of this process; ``write`` must then be picklable, and
-            ``workers`` says nothing.
+            ``workers`` says nothing. It may replace outputs: what it finds there is what a machine
+            wrote that was lost before it could say so.
 
     Returns:
         Name of each that failed, in the order of ``jobs``, and why.
@@ -167,12 +154,11 @@ def write_many(
     """
     work = partial(_problem_of, write)
     if executor is not None:
-        answers = _by_executor(partial(work, overwrite=True), jobs, executor, overwrite=overwrite)
+        answers = _by_executor(partial(work, overwrite=True), jobs, executor)
     elif workers == 1 or len(jobs) == 1:
         answers = ((number, work(job, overwrite=overwrite)) for number, job in enumerate(jobs))
     else:
-        slots = BoundedSemaphore(workers)
-        answers = _by_threads(partial(work, overwrite=overwrite, slots=slots), jobs, workers)
+        answers = _by_threads(partial(work, overwrite=overwrite), jobs, workers)
     problems: dict[int, CubicfishError | None] = {}
     progress(0, len(jobs))
     with closing(answers):
@@ -189,7 +175,6 @@ def write_one(
     *,
     quality: int | None = None,
     overwrite: bool,
-    slots: AbstractContextManager[object] | None = None,
 ) -> None:
     """Write the pictures of one photo or shot.
 
@@ -198,7 +183,6 @@ def write_one(
         render: makes pictures of it.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         overwrite: whether outputs may be replaced.
-        slots: entered while there is work for a processor, and left to wait for the disk.
 
     Raises:
         PhotoError: a photo cannot be read.
@@ -207,22 +191,18 @@ def write_one(
             hold such a picture.
 
     """
-    outputs = list(job.outputs.values())
-    check_outputs(outputs, overwrite=overwrite)
     data = {camera: read_file(path) for camera, path in job.photos.items()}
-    with slots or nullcontext():
-        photos = {
-            camera: decode_picture(job.photos[camera], content, floats=True)
-            for camera, content in data.items()
-        }
-        like = next(iter(data.values()))
-        with naming(job.source) if "" in job.photos else nullcontext():
-            pictures = render(job, photos)
-        files = {
-            path: encode_picture(path, pictures[part], quality=quality, like=like)
-            for part, path in job.outputs.items()
-        }
-        del data, photos, pictures  # the disk may take its time
+    photos = {
+        camera: decode_picture(job.photos[camera], content, floats=True)
+        for camera, content in data.items()
+    }
+    with naming(job.source) if "" in job.photos else nullcontext():
+        pictures = render(job, photos)
+    like = next(iter(data.values()))
+    files = {
+        path: encode_picture(path, pictures[part], quality=quality, like=like)
+        for part, path in job.outputs.items()
+    }
     write_files(files, overwrite=overwrite)
 
 
@@ -242,7 +222,7 @@ def _by_threads(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
     """Do the work here; OpenCV's own threads gain only where nothing else works beside it."""
-    with one_opencv_thread(), ThreadPoolExecutor(workers + 1) as threads:
+    with one_opencv_thread(), ThreadPoolExecutor(workers) as threads:
         try:
             numbers = {threads.submit(work, job): number for number, job in enumerate(jobs)}
             for future in as_completed(numbers):
@@ -252,37 +232,17 @@ def _by_threads(
 
 
 def _by_executor(
-    work: Callable[[Job], CubicfishError | None],
-    jobs: Sequence[Job],
-    executor: Executor,
-    *,
-    overwrite: bool,
+    work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], executor: Executor
 ) -> Answers:
-    """Have an executor do the work.
-
-    What may be written is decided here, before the work: what a machine finds there later is
-    what another one wrote that was lost before it could say so.
-    """
-    free: dict[int, Job] = {}
-    for number, job in enumerate(jobs):
-        try:
-            check_outputs(list(job.outputs.values()), overwrite=overwrite)
-        except CubicfishError as refused:
-            yield number, refused
-        else:
-            free[number] = _absolute(job)
-    if not free:
-        return
-    numbers = list(free)
-    folders = {path.parent for job in free.values() for path in job.outputs.values()}
+    folders = {path.parent for job in jobs for path in job.outputs.values()}
     any_done = False
     try:
-        for index, problem in executor.each(work, list(free.values())):
+        for number, problem in executor.each(work, list(map(_absolute, jobs))):
             if isinstance(problem, ClusterError):  # which does not know the photo
-                about = shown(jobs[numbers[index]].source)
+                about = shown(jobs[number].source)
                 problem = ClusterError(str(problem), about=about, apart=True)
             any_done = True
-            yield numbers[index], problem
+            yield number, problem
     except ClusterError as error:
         if not any_done:
             raise

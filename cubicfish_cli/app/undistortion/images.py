@@ -9,9 +9,8 @@ the thumbnail in it, which would show the old picture.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,17 +21,16 @@ import numpy.typing as npt
 
 from cubicfish_cli.app.photos import Picture, jpeg_segments, quiet_stderr, shown
 from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import (
     UndistortMap,
     build_map,
     camera_for_photos,
-    rows_per_block,
 )
 from cubicfish_cli.core.views.options import INTERPOLATIONS, Interpolation
-from cubicfish_cli.core.views.view import PointProjector, View
+from cubicfish_cli.core.views.view import View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 CV2_FLAGS = dict(
@@ -60,8 +58,6 @@ _HOLDS = {
 
 
 _TIFF_LZW = 5
-# Of rows at a time: a map of some two million pixels.
-_BLOCKS = 32
 
 
 def remap_picture(
@@ -103,21 +99,6 @@ def remap_picture(
     if wide:
         out[undistort_map.empty] = 0
     return out
-
-
-def render(
-    picture: Picture, camera: PointProjector, view: View, interpolation: str = "linear"
-) -> Picture:
-    """The same without a map of all of it in memory: some rows after the others."""
-    width, height = view.size
-    flat = np.empty((height, width, *picture.shape[2:]), picture.dtype)
-    step = _BLOCKS * rows_per_block(view)
-    for top in range(0, height, step):
-        rows = range(top, min(height, top + step))
-        flat[rows.start : rows.stop] = remap_picture(
-            picture, build_map(camera, view, rows), interpolation
-        )
-    return flat
 
 
 def undistort(
@@ -189,13 +170,6 @@ def part_name(path: Path, part: str) -> Path:
     return path.with_name(f"{path.stem}_{part}{path.suffix}") if part else path
 
 
-def check_outputs(paths: Sequence[Path], *, overwrite: bool) -> None:
-    """Raise :class:`OutputError` when pictures cannot be written under these names."""
-    for path in paths:
-        check_suffix(path)
-    refuse_existing(*paths, overwrite=overwrite)
-
-
 def check_suffix(path: Path) -> None:
     """Raise :class:`OutputError` when pictures cannot be written under this name."""
     if path.suffix.lower() not in _HOLDS:
@@ -247,12 +221,9 @@ def encode_picture(
             f"write {'.tif' if depth == 32 else '.png or .tif'}"
         )
     options: list[int] = []
-    segments: tuple[bytes, ...] = ()
+    segments = b""
     if suffix in (".jpg", ".jpeg"):
-        options = [cv2.IMWRITE_JPEG_QUALITY, quality or DEFAULT_QUALITY]
-        nature = jpeg_nature(like)
-        if nature is not None:
-            options, segments = nature.encode_options(quality), nature.segments
+        options, segments = jpeg_like(like, quality)
     elif suffix == ".webp" and quality is not None:
         options = [cv2.IMWRITE_WEBP_QUALITY, quality]
     elif depth == 32:  # else some versions of OpenCV take LogLuv, which loses
@@ -276,66 +247,44 @@ _EXIF, _PROFILE = b"Exif\0\0", b"ICC_PROFILE\0"
 _SAMPLINGS = {0x111111, 0x211111, 0x221111, 0x121111, 0x411111}
 
 
-@dataclass(frozen=True, kw_only=True)
-class JpegNature:
-    """How a JPEG file was made.
+def jpeg_like(data: bytes, quality: int | None = None) -> tuple[list[int], bytes]:
+    """What makes a JPEG file like another one.
 
-    Attributes:
-        quality: 1 to 100, of the standard tables that are nearest to the file's.
-        sampling: the components' sampling factors as OpenCV has them; None when unusual.
-        progressive: whether it is.
-        segments: its EXIF record and colour profile, as whole segments.
+    Args:
+        data: the other file; one that is no JPEG tells nothing.
+        quality: 1 to 100; None for that of the standard tables that are nearest to the file's.
+
+    Returns:
+        Options for ``cv2.imencode``; and the file's EXIF record and colour profile, as segments.
 
     """
-
-    quality: int
-    sampling: int | None
-    progressive: bool
-    segments: tuple[bytes, ...]
-
-    def encode_options(self, quality: int | None) -> list[int]:
-        """For ``cv2.imencode``; ``quality`` if that is given."""
-        options = [cv2.IMWRITE_JPEG_QUALITY, quality or self.quality]
-        if self.sampling is not None:
-            options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, self.sampling]
-        if self.progressive:
-            options += [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
-        return options
-
-
-def jpeg_nature(data: bytes) -> JpegNature | None:
-    """How a file was made; None for what is no JPEG."""
-    if not data.startswith(b"\xff\xd8\xff"):
-        return None
-    tables: dict[int, tuple[int, ...]] = {}
-    sampling, progressive, kept = None, False, []
+    kept, nearest, options = b"", DEFAULT_QUALITY, []
     try:
-        for marker, body in _segments(data):
+        for marker, body in _segments(data) if data.startswith(b"\xff\xd8\xff") else ():
             if marker == _DQT:
-                tables.update(_tables(body))
+                tables = dict(_tables(body))
+                nearest = _nearest_quality(tables[0]) if 0 in tables else nearest
             elif marker in _FRAMES:
-                progressive = marker == _PROGRESSIVE
-                sampling = _sampling(body)
+                options += _sampling(body)
+                if marker == _PROGRESSIVE:
+                    options += [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
             elif (marker == _APP1 and body.startswith(_EXIF)) or (
                 marker == _APP2 and body.startswith(_PROFILE)
             ):
-                kept.append(_segment(marker, _without_thumbnail(body)))
+                kept += _segment(marker, _without_thumbnail(body))
     except (struct.error, IndexError):  # damaged here; its pixels may be whole all the same
         pass
-    quality = _nearest_quality(tables[0]) if 0 in tables else DEFAULT_QUALITY
-    return JpegNature(
-        quality=quality, sampling=sampling, progressive=progressive, segments=tuple(kept)
-    )
+    return [cv2.IMWRITE_JPEG_QUALITY, quality or nearest, *options], kept
 
 
-def with_segments(data: bytes, segments: tuple[bytes, ...]) -> bytes:
+def with_segments(data: bytes, segments: bytes) -> bytes:
     """A JPEG file with further segments, where readers expect them."""
     if not segments:
         return data
     at = 2
     if data[2:4] == bytes([0xFF, _APP0]):
         at = 4 + int(struct.unpack_from(">H", data, 4)[0])
-    return data[:at] + b"".join(segments) + data[at:]
+    return data[:at] + segments + data[at:]
 
 
 def _segment(marker: int, body: bytes) -> bytes:
@@ -359,11 +308,12 @@ def _tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:
         at += 1 + size
 
 
-def _sampling(body: bytes) -> int | None:
+def _sampling(body: bytes) -> list[int]:
+    """The option that samples colours as a file's frame says; none where that is unusual."""
     if body[5] != 3:
-        return None
+        return []
     factors = body[7] << 16 | body[10] << 8 | body[13]
-    return factors if factors in _SAMPLINGS else None
+    return [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, factors] if factors in _SAMPLINGS else []
 
 
 @cache
@@ -384,8 +334,6 @@ def _nearest_quality(table: tuple[int, ...]) -> int:
 
 def _without_thumbnail(body: bytes) -> bytes:
     """An EXIF record whose first directory is its last: the second would lead to the thumbnail."""
-    if not body.startswith(_EXIF):
-        return body
     tiff = len(_EXIF)
     order = {b"II": "<", b"MM": ">"}.get(body[tiff : tiff + 2])
     if order is None:

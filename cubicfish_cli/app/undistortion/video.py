@@ -53,25 +53,6 @@ _CENTRED = frozenset(["mjpeg"])
 # Planes of green, blue and red. They are kept where no loss is asked for: H.264 has them by an
 # encoder of its own, others by themselves.
 _RGB = "gbrp"
-# Pixel format -> bits, and columns and rows of brightness for one sample of colour
-# (0 for no colour).
-_PLANAR: dict[str, tuple[int, int, int]] = {
-    "gray": (8, 0, 0),
-    "yuv420p": (8, 2, 2),
-    "yuvj420p": (8, 2, 2),
-    "yuv422p": (8, 2, 1),
-    "yuvj422p": (8, 2, 1),
-    "yuv444p": (8, 1, 1),
-    "yuvj444p": (8, 1, 1),
-    "gray10le": (10, 0, 0),
-    "yuv420p10le": (10, 2, 2),
-    "yuv422p10le": (10, 2, 1),
-    "yuv444p10le": (10, 1, 1),
-    "yuv420p12le": (12, 2, 2),
-    "yuv422p12le": (12, 2, 1),
-    "yuv444p12le": (12, 1, 1),
-    _RGB: (8, 1, 1),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +204,7 @@ class _Writer:
         context = self._stream.codec_context
         width, height = undistort_map.view.size
         self.pixel_format = _RGB if rgb else self._pixel_format(stream.codec_context.pix_fmt)
-        _, across, down = _PLANAR[self.pixel_format]
+        _, across, down = _layout_of(self.pixel_format)
         if (across and width % across) or (down and height % down):
             self._container.close()
             raise ViewError(
@@ -248,7 +229,7 @@ class _Writer:
         """The source's own where the encoder takes it, or what is nearest."""
         usable = {one.name for one in self._stream.codec_context.codec.video_formats or []}
         deep = ["yuv420p10le"] if "10" in wanted or "12" in wanted else []
-        known = [wanted] if wanted in _PLANAR else []
+        known = [wanted] if _has_planes(wanted) else []
         return next((name for name in [*known, *deep] if name in usable), "yuv420p")
 
     def write(self, item: Any) -> None:
@@ -301,7 +282,7 @@ class _PlaneRemapper:
         codec: str,
     ) -> None:
         """Prepare for frames of a codec."""
-        bits, across, down = _PLANAR[pixel_format]
+        bits, across, down = _layout_of(pixel_format)
         self._format, self._size = pixel_format, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
         self._bits = bits
@@ -342,6 +323,21 @@ class _PlaneRemapper:
             plane.height, plane.line_size // self._dtype.itemsize
         )
         return rows[:, : plane.width]
+
+
+def _has_planes(pixel_format: str) -> bool:
+    """Whether brightness and both colours have a plane each, or there is brightness alone."""
+    kind = library().VideoFormat(pixel_format)
+    planes = sorted(part.plane for part in kind.components)
+    return planes in ([0], [0, 1, 2]) and not kind.is_big_endian
+
+
+def _layout_of(pixel_format: str) -> tuple[int, int, int]:
+    """Bits, and columns and rows of brightness for one sample of colour (0 for no colour)."""
+    brightness, *colours = library().VideoFormat(pixel_format, 64, 64).components
+    if not colours:
+        return brightness.bits, 0, 0
+    return brightness.bits, 64 // colours[0].width, 64 // colours[0].height
 
 
 def _chroma_maps(

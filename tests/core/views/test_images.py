@@ -3,20 +3,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from lenses import cubic_camera
 from synthetic import lens_of_size
 
 from cubicfish_cli.app.photos import decode_picture, read_picture
-from cubicfish_cli.app.undistortion import images
 from cubicfish_cli.app.undistortion.batch import Job, write_one
 from cubicfish_cli.app.undistortion.images import (
     encode_picture,
-    jpeg_nature,
+    jpeg_like,
     remap_picture,
     with_segments,
     write_picture,
 )
-from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
+from cubicfish_cli.core.errors import OutputError, ViewError
 from cubicfish_cli.core.views.maps import build_map, save_map
 from cubicfish_cli.core.views.view import CentralView
 
@@ -81,13 +79,6 @@ def test_nothing_is_overwritten_unasked(tmp_path):
     assert out.read_text() == "kept"
     undistort_picture_file(source, out, MAP, overwrite=True)
     assert read_picture(out).shape == (50, 70)
-
-
-def test_an_unwritable_name_is_refused_before_any_work(tmp_path):
-    with pytest.raises(OutputError, match=r"out\.gif.*\.png"):
-        undistort_picture_file(tmp_path / "absent.png", tmp_path / "out.gif", MAP, overwrite=False)
-    with pytest.raises(PhotoError, match="absent"):
-        undistort_picture_file(tmp_path / "absent.png", tmp_path / "out.png", MAP, overwrite=False)
 
 
 def test_jpeg_has_quality_95(tmp_path):
@@ -204,25 +195,12 @@ def test_a_jpegs_nature_goes_from_the_photo_to_the_picture(tmp_path):
     segment = b"\xff\xe1" + (len(body) + 2).to_bytes(2, "big") + body
     options = [cv2.IMWRITE_JPEG_QUALITY, 71, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111]
     data = cv2.imencode(".jpg", picture(channels=3), options)[1].tobytes()
-    source.write_bytes(with_segments(data, (segment,)))
+    source.write_bytes(with_segments(data, segment))
     undistort_picture_file(source, out, MAP, overwrite=False)
-    nature = jpeg_nature(out.read_bytes())
-    assert nature == jpeg_nature(source.read_bytes())
-    assert nature.segments == (segment,)
+    assert jpeg_like(out.read_bytes()) == jpeg_like(source.read_bytes())
+    assert jpeg_like(out.read_bytes())[1] == segment
     # Undistorted as the sensor saw it; only who looks at it turns it: 8 is a quarter turn.
     assert read_picture(out).shape[:2] == (50, 70)
     assert cv2.imread(str(out)).shape[:2] == (70, 50)
     undistort_picture_file(source, out, MAP, 30, overwrite=True)
-    assert jpeg_nature(out.read_bytes()).quality == 30
-
-
-@pytest.mark.parametrize("depth", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("interpolation", ["nearest", "linear", "cubic", "lanczos"])
-def test_a_picture_is_the_same_some_rows_at_a_time(monkeypatch, depth, interpolation):
-    monkeypatch.setattr(images, "_BLOCKS", 1)
-    camera = cubic_camera(100.0)
-    width, height = camera.image_size
-    photo = (200 * np.random.default_rng(3).random((height, width, 3))).astype(depth)
-    view = CentralView.with_field("perspective", 150, (601, 431))
-    whole = images.remap_picture(photo, build_map(camera, view), interpolation)
-    np.testing.assert_array_equal(images.render(photo, camera, view, interpolation), whole)
+    assert jpeg_like(out.read_bytes())[0][1] == 30

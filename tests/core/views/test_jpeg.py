@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish_cli.app.undistortion.images import jpeg_nature, with_segments
+from cubicfish_cli.app.undistortion.images import jpeg_like, with_segments
 
 RNG = np.random.default_rng(4)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 255, (40, 56, 3)).astype(np.uint8), (0, 0), 2)
@@ -41,15 +41,16 @@ def exif(order: str = "<", *, orientation: int = 6, thumbnail: bytes = b"") -> b
 PROFILE = b"\xff\xe2" + struct.pack(">H", 2 + 12 + 2 + 30) + b"ICC_PROFILE\0\1\1" + bytes(range(30))
 
 
+def options_of(data: bytes, quality: int | None = None) -> dict[int, int]:
+    options = jpeg_like(data, quality)[0]
+    return dict(zip(options[::2], options[1::2], strict=True))
+
+
 @given(st.integers(1, 100))
 def test_the_quality_is_found(quality):
-    nature = jpeg_nature(encoded(cv2.IMWRITE_JPEG_QUALITY, quality))
-    again = jpeg_nature(encoded(*nature.encode_options(None)))
+    source = encoded(cv2.IMWRITE_JPEG_QUALITY, quality)
     # The lowest qualities share their tables.
-    assert nature.quality == quality or encoded(cv2.IMWRITE_JPEG_QUALITY, quality) == encoded(
-        cv2.IMWRITE_JPEG_QUALITY, nature.quality
-    )
-    assert again == nature
+    assert encoded(*jpeg_like(source)[0]) == source
 
 
 @pytest.mark.parametrize("sampling", [0x111111, 0x211111, 0x221111, 0x411111])
@@ -57,24 +58,25 @@ def test_the_quality_is_found(quality):
 def test_sampling_and_order_are_found(sampling, progressive):
     options = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
     options += [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive, cv2.IMWRITE_JPEG_QUALITY, 77]
-    nature = jpeg_nature(encoded(*options))
-    assert nature.sampling == sampling
-    assert nature.progressive == bool(progressive)
-    assert encoded(*nature.encode_options(None)) == encoded(*options)
-    assert jpeg_nature(encoded(*nature.encode_options(33))).quality == 33
+    source = encoded(*options)
+    assert encoded(*jpeg_like(source)[0]) == source
+    again = options_of(source, 33)
+    assert again[cv2.IMWRITE_JPEG_QUALITY] == 33
+    assert again[cv2.IMWRITE_JPEG_SAMPLING_FACTOR] == sampling
+    assert (cv2.IMWRITE_JPEG_PROGRESSIVE in again) == bool(progressive)
 
 
 def test_grey_files_have_no_sampling():
-    assert jpeg_nature(encoded(picture=COLOUR[..., 0].copy())).sampling is None
+    assert list(options_of(encoded(picture=COLOUR[..., 0].copy()))) == [cv2.IMWRITE_JPEG_QUALITY]
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_exif_and_profile_go_along(order):
-    source = with_segments(encoded(), (exif(order), PROFILE))
-    nature = jpeg_nature(source)
-    assert nature.segments == (exif(order), PROFILE)
-    made = with_segments(encoded(cv2.IMWRITE_JPEG_QUALITY, 50), nature.segments)
-    assert jpeg_nature(made).segments == nature.segments
+    source = with_segments(encoded(), exif(order) + PROFILE)
+    segments = jpeg_like(source)[1]
+    assert segments == exif(order) + PROFILE
+    made = with_segments(encoded(cv2.IMWRITE_JPEG_QUALITY, 50), segments)
+    assert jpeg_like(made)[1] == segments
     # A reader that turns pictures upright finds the orientation: 6 is a quarter turn.
     assert cv2.imdecode(np.frombuffer(made, np.uint8), cv2.IMREAD_COLOR).shape == (56, 40, 3)
     assert made[:4] == b"\xff\xd8\xff\xe0"
@@ -83,21 +85,21 @@ def test_exif_and_profile_go_along(order):
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_the_old_thumbnail_is_not_found_any_more(order):
     thumbnail = b"\xff\xd8old picture\xff\xd9"
-    source = with_segments(encoded(), (exif(order, thumbnail=thumbnail),))
+    source = with_segments(encoded(), exif(order, thumbnail=thumbnail))
     assert b"old picture" in source
-    (segment,) = jpeg_nature(source).segments
+    segment = jpeg_like(source)[1]
     plain = exif(order)
     assert segment[4 : len(plain)] == plain[4:]  # the same, with no way on from its end
 
 
 def test_what_is_no_jpeg_has_no_nature():
-    assert jpeg_nature(b"") is None
-    assert jpeg_nature(cv2.imencode(".png", COLOUR)[1].tobytes()) is None
+    for data in (b"", cv2.imencode(".png", COLOUR)[1].tobytes()):
+        assert jpeg_like(data) == ([cv2.IMWRITE_JPEG_QUALITY, 95], b"")
 
 
 @given(st.data())
 def test_damage_is_never_an_error(data):
-    source = bytearray(with_segments(encoded(), (exif(thumbnail=b"xxxx"), PROFILE)))
+    source = bytearray(with_segments(encoded(), exif(thumbnail=b"xxxx") + PROFILE))
     at = data.draw(st.integers(3, 300))
     source[at] = data.draw(st.integers(0, 255))
-    jpeg_nature(bytes(source[: data.draw(st.integers(4, len(source)))]))
+    jpeg_like(bytes(source[: data.draw(st.integers(4, len(source)))]))
