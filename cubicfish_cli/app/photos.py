@@ -122,8 +122,8 @@ def find_photos(
 
     Args:
         arguments: folders, files and patterns.
-        remarks: a line is added for each kind of what was passed over and may be missed: raw
-            files, videos, photos whose names cannot be used.
+        remarks: a line is added about what was passed over and may be missed: raw files, videos,
+            photos whose names cannot be used.
 
     Raises:
         PhotoError: an argument does not exist or holds no photo, or the name of a photo that was
@@ -142,8 +142,8 @@ def find_photos(
             paths.setdefault(_identity(path), path)
     if not paths:
         raise _not_plain(missed[0].name, "file")
-    if remarks is not None:
-        remarks += _missed(missed)
+    if remarks is not None and missed:
+        remarks.append(_missed(missed))
     ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
     names = _names(ordered)
     for name in names:
@@ -160,24 +160,20 @@ def _not_plain(name: str, what: str) -> PhotoError:
     return PhotoError(f"{quoted(name)}: a photo's name must be plain text: rename the {what}")
 
 
-def _missed(paths: Iterable[Path]) -> list[str]:
-    """A line for each kind of file that was passed over."""
-    kinds: dict[str, list[str]] = {}
-    for path in dict.fromkeys(paths):
-        suffix = path.suffix.lower()
-        if suffix in VIDEO_SUFFIXES:
-            kind = "{} left out: frames have to be taken from a video first ('cubicfish frames')"
-        elif suffix in SUFFIXES:
-            kind = "{} left out: a photo's name must be plain text, so rename"
-        else:
-            kind = "{} left out: save as PNG or JPEG, in full size and without lens correction"
-        kinds.setdefault(kind, []).append(shown(path.name))
-    lines = []
-    for kind, names in kinds.items():
-        files = f"{len(names)} file{'s' * (len(names) > 1)}"
-        more = f" and {len(names) - _FEW_NAMES} more" * (len(names) > _FEW_NAMES)
-        lines.append(kind.format(f"{files} ({', '.join(names[:_FEW_NAMES])}{more})"))
-    return lines
+def _missed(paths: Sequence[Path]) -> str:
+    """A line about the files that were passed over."""
+    names = [shown(path.name) for path in dict.fromkeys(paths)]
+    files = f"{len(names)} file{'s' * (len(names) > 1)}"
+    return (
+        f"{files} left out ({_first(names)}): photos are {_READABLE} files with plain names; save "
+        "others so, in full size, and take frames from videos with 'cubicfish frames'"
+    )
+
+
+def _first(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
+    more = f" and {len(names) - _FEW_NAMES} more" * (len(names) > _FEW_NAMES)
+    return ", ".join(names[:_FEW_NAMES]) + more
 
 
 def expanded(name: str | os.PathLike[str]) -> list[Path]:
@@ -195,16 +191,16 @@ def _expand(argument: str, missed: list[Path]) -> list[Path]:
     try:
         if path.is_dir():
             return _in_folder(path, missed)
-        if os.path.lexists(path):
-            return [path]
         matches = expanded(argument)
     except PhotoError:  # an OSError too
         raise
     except (OSError, ValueError) as problem:  # no permission; a name that no file can have
         what = getattr(problem, "strerror", None) or problem
         raise PhotoError(f"{shown(argument)} cannot be read: {what}") from problem
-    if not glob.has_magic(argument):
-        raise PhotoError(f"{shown(argument)} {MISSING}")
+    if matches == [path]:
+        if not os.path.lexists(path):
+            raise PhotoError(f"{shown(argument)} {MISSING}")
+        return matches
     photos = [match for match in matches if is_photo_name(match) and not match.is_dir()]
     if not photos:
         raise PhotoError(f"{shown(argument)} matches no photo: photos are {_READABLE} files")
@@ -223,19 +219,10 @@ def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
     photos = [path for path in files if is_photo_name(path)]
     if not photos:
         others = sorted({path.suffix.lower() for path in files if path.suffix})
-        there = f", only {', '.join(others[:5])}" if others else ""
-        if not (OTHER_SUFFIXES | RAW_SUFFIXES).isdisjoint(others):
-            raise PhotoError(
-                f"{shown(folder)} holds no photos that can be read{there}: save photos as PNG or "
-                "JPEG, in full size and without lens correction"
-            )
         below = [shown(path) for path in entries if path.is_dir() and path.name[:1] != "."]
+        there = f", only {', '.join(others[:5])}" if others else ""
         if below and not others:
-            more = f" and {len(below) - _FEW_NAMES} more" * (len(below) > _FEW_NAMES)
-            raise PhotoError(
-                f"{shown(folder)} holds no photos, only folders: name one of "
-                f"{', '.join(below[:_FEW_NAMES])}{more}"
-            )
+            there = f", only folders ({_first(below)})"
         raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
     missed += [path for path in files if _may_be_missed(path)]
     return photos

@@ -78,7 +78,7 @@ def test_equal_names_become_paths_below_the_common_folder(tmp_path):
         ("absent.png", "does not exist"),
         ("", "empty"),
         ("*.png", "matches no photo"),
-        ("raw", r"holds no photos that can be read, only \.cr2, \.txt: save photos as PNG or JPEG"),
+        ("raw", r"holds no photos, only \.cr2, \.txt: photos are PNG, JPEG"),
         ("none", "holds no photos: photos are"),
         ("a\n\0b", r"a\\n\\x00b does not exist"),
     ],
