@@ -38,7 +38,6 @@ class Event(StrEnum):
     FITTING = "fitting"
     NO_MAP = "no_map"
     NO_PAGE = "no_page"
-    PAGE_TOOK = "page_took"
     PRINTED_AS_DRAWN = "printed_as_drawn"
     AMBIGUOUS = "ambiguous"
     WITHOUT_POSE = "without_pose"

@@ -7,7 +7,6 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
@@ -366,7 +365,6 @@ def _output(
     A camera that was hard to come by is not lost because a page about it cannot be made: then
     there is none, and that is told.
     """
-    start = perf_counter()
     run.listener.progress("Making the report")
     try:
         with extra.quiet():
@@ -376,7 +374,6 @@ def _output(
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]
         run.listener.tell(Event.NO_PAGE, problem=what)
         return None
-    run.listener.tell(Event.PAGE_TOOK, seconds=perf_counter() - start)
     return content
 
 

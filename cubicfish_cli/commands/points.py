@@ -17,7 +17,7 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import say
+from cubicfish_cli.app.terminal.terminal import echo, say
 from cubicfish_cli.core.errors import CorrespondenceError, UsageError
 from cubicfish_cli.core.reading import read_bytes
 from cubicfish_cli.core.wording import quoted
@@ -130,7 +130,7 @@ def print_points(points: Points, columns: Sequence[str]) -> None:
     lines = [",".join(columns)] if points.has_header else []
     lines += [",".join(map(repr, row)) for row in points.values.tolist()]
     if lines:
-        click.echo("\n".join(lines))
+        echo("\n".join(lines), sys.stdout)
 
 
 @record

@@ -13,7 +13,6 @@ from click.testing import CliRunner
 from running import SAMPLE, Run
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.terminal import terminal
 from cubicfish_cli.app.terminal.main import COMMANDS, cli
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.io import camera_yaml
@@ -188,16 +187,6 @@ def test_without_a_command_the_help_is_shown(args: list[str]) -> None:
     assert lines[0].startswith(" ".join(["Usage: cubicfish", *args]))
     assert "Commands:" in lines
     assert max(map(len, lines)) <= 80
-
-
-def test_wrong_usage_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    args = ["undistort", "a.png", "b.png", "--hfov", "200"]
-    plain = run(*args, code=2).stderr
-    assert max(map(len, plain.splitlines())) > 100
-    monkeypatch.setattr(terminal, "columns_of", lambda stream: 60)
-    lines = run(*args, code=2).stderr.splitlines()
-    assert max(map(len, lines)) <= 60
-    assert " ".join(lines).split() == plain.split()
 
 
 def test_no_help_has_lost_its_lines(run: Run) -> None:

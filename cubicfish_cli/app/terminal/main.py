@@ -6,14 +6,11 @@ work inside their bodies: help and usage errors answer at once.
 
 from __future__ import annotations
 
-import io
-import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import click
@@ -22,7 +19,7 @@ from cubicfish_cli import __version__
 from cubicfish_cli.app.extensions import extension_commands, load_place
 from cubicfish_cli.app.terminal.options import DEBUG_KEY, common_options, examples
 from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, asked
-from cubicfish_cli.app.terminal.terminal import Failure, safe, say_interrupted, tell
+from cubicfish_cli.app.terminal.terminal import Failure, lead_nowhere, safe, say_interrupted, tell
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.wording import did_you_mean
 
@@ -43,35 +40,6 @@ COMMANDS = {
     "transform": "commands.transform:command",
 }
 """The commands in the order of the work, and where each is."""
-
-
-# What newer releases of click raise where a command is missing: its message is the help.
-_HelpInstead: type[click.UsageError] | tuple[()] = getattr(
-    click.exceptions, "NoArgsIsHelpError", ()
-)
-
-
-@contextmanager
-def _harmless() -> Iterator[None]:
-    """What click says of a command line may repeat a file's name, which may steer a terminal."""
-    try:
-        yield
-    except _HelpInstead:
-        raise  # all of it is ours
-    except click.ClickException as error:
-        vars(error)["message"] = safe(error.message)
-        if isinstance(error, click.UsageError):
-            vars(error)["show"] = partial(_show_usage_error, error)
-        raise
-
-
-def _show_usage_error(error: click.UsageError, file: Any = None) -> None:
-    """As click does, but with lines that fit the terminal."""
-    shown = io.StringIO()
-    type(error).show(error, shown)
-    usage, word, what = shown.getvalue().rstrip("\n").partition("Error: ")
-    click.echo(usage, file=file, err=True, nl=False)
-    tell(word + what)
 
 
 class LazyGroup(click.Group):
@@ -119,14 +87,12 @@ class Program(LazyGroup):
     """All commands; what goes wrong in them is told in one line."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        """As click does, with what is wrong said harmlessly."""
+        """As click does; see :meth:`invoke`."""
         try:
-            with _harmless():
-                return super().make_context(*args, **kwargs)
+            return super().make_context(*args, **kwargs)
         except KeyboardInterrupt:
             _end_as_asked()
 
-    @_harmless()
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what a user can cause ends in one line and an exit code."""
         try:
@@ -138,16 +104,15 @@ class Program(LazyGroup):
             if asked() is not None:
                 _end_as_asked()
             if isinstance(error, BrokenPipeError):
-                # The reader has gone. Python flushes stdout once more on exit: give it a place
-                # to go.
-                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                # The reader has gone. Python flushes stdout once more on exit.
+                lead_nowhere(sys.stdout)
                 ctx.exit(EXIT_BROKEN_PIPE)
             why = _why(error)
             if why is None:
                 raise
             if ctx.meta.get(DEBUG_KEY):
                 traceback.print_exception(error)
-            raise Failure(why) from error
+            raise Failure(safe(why)) from error
         return result
 
 
@@ -198,12 +163,17 @@ def cli() -> None:
 def tell_why_it_ended(error: Exception) -> int:
     """Tell what ended the program before or after its command, and return the exit code."""
     if isinstance(error, click.ClickException):
-        error.show()
+        # What click says of a command line may repeat a file's name, which may steer a terminal.
+        vars(error)["message"] = "\n".join(map(safe, error.message.split("\n")))
+        with suppress(OSError):
+            error.show()
         return error.exit_code
     if isinstance(error, click.Abort):  # click's word for a signal
         _end_as_asked()
     why = _why(error)
     if why is None:
         raise error
-    tell(f"Error: {why}")  # such as help that cannot be printed
+    if isinstance(error, OSError):  # such as help that cannot be printed
+        lead_nowhere(sys.stdout)
+    tell(f"Error: {safe(why)}")
     return 1

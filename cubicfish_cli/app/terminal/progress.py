@@ -24,7 +24,6 @@ from cubicfish_cli.app.terminal.terminal import (
     ERRORS,
     as_shown,
     can_redraw,
-    detail,
     print_json,
     safe,
     say,
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
 
 # What is done sooner shows no line: it would only flash.
 _PATIENCE_SECONDS = 0.4
-# What is said with --verbose only.
-_DETAILS = {"page_took"}
 # The ^C that a terminal echoes must not begin a second line.
 _SPARE = 3
 _BAR, _LEAST_FOR_BAR = 24, 100
@@ -66,7 +63,7 @@ class _Shown(Listener):
 
     def tell(self, event: Event, **figures: Any) -> None:
         self.end()
-        (detail if event.value in _DETAILS else say)(event.line(**figures))
+        say(event.line(**figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
         self.end()

@@ -118,7 +118,7 @@ def print_json(value: Mapping[str, Any]) -> None:
     text = json.dumps(plain, allow_nan=False, ensure_ascii=False)
     if safe(as_shown(text, sys.stdout)) != text:  # JSON has escapes of its own
         text = json.dumps(plain, allow_nan=False)
-    click.echo(text)
+    echo(text, sys.stdout)
 
 
 def _jsonable(value: Any) -> Any:
@@ -203,14 +203,7 @@ def columns_of(stream: TextIO) -> int | None:
     """How many columns a stream's terminal has; None where it is none."""
     if not stream.isatty():
         return None
-    try:
-        columns = int(os.environ["COLUMNS"])
-    except (KeyError, ValueError):
-        try:
-            columns = os.get_terminal_size(stream.fileno()).columns
-        except (OSError, ValueError):
-            columns = 0
-    return max(columns, _FEWEST_COLUMNS) if columns > 0 else shutil.get_terminal_size().columns
+    return max(shutil.get_terminal_size().columns, _FEWEST_COLUMNS)
 
 
 def can_redraw(stream: TextIO) -> bool:
@@ -235,8 +228,15 @@ def painted(text: str, style: Style | None, stream: TextIO) -> str:
 
 
 def echo(text: str, stream: TextIO) -> None:
-    """Print what is laid out and painted already."""
-    click.echo(text, file=stream, color=True if has_colour(stream) else None)
+    """Print what is laid out and painted already; what cannot be said on stderr is not said."""
+    try:
+        click.echo(text, file=stream, color=True if has_colour(stream) else None)
+    except BrokenPipeError:  # the reader has seen enough
+        raise
+    except OSError as error:
+        lead_nowhere(stream)
+        if stream is sys.stdout:
+            raise OSError(error.errno, error.strerror, "standard output") from error
 
 
 def wrapped(line: str, columns: int) -> str:
@@ -278,64 +278,22 @@ def as_shown(text: str, stream: TextIO) -> str:
 _STDIN, _STDOUT, _STDERR = 0, 1, 2
 
 
-class _Talk(io.FileIO):
-    """Standard error: what cannot be said is not said."""
-
-    def write(self, data: Any, /) -> int:
-        """As a file does, whatever happens."""
-        try:
-            return super().write(data)
-        except OSError:
-            return memoryview(data).nbytes
-
-
-class _Results(io.FileIO):
-    """Standard output: that it cannot be written is an error, once."""
-
-    lost = False
-
-    def write(self, data: Any, /) -> int:
-        """As a file does.
-
-        Raises:
-            OSError: it cannot be written, for the first time; the error names the stream.
-
-        """
-        if self.lost:
-            return memoryview(data).nbytes
-        try:
-            return super().write(data)
-        except BrokenPipeError:  # the reader has seen enough
-            raise
-        except OSError as error:
-            self.lost = True
-            raise OSError(error.errno, error.strerror, "standard output") from error
-
-
 def settle_streams() -> None:
-    """Open closed streams to nowhere, so that no file takes their place, and guard the others."""
+    """Open closed streams to nowhere, so that no file takes their place."""
     for descriptor in (_STDIN, _STDOUT, _STDERR):
         try:
             os.fstat(descriptor)
         except OSError:
             # The lowest number that is free: this one, since those below are open.
             os.open(os.devnull, os.O_RDONLY if descriptor == _STDIN else os.O_WRONLY)
-    if sys.stdin is None:
-        sys.stdin = io.TextIOWrapper(io.FileIO(_STDIN, closefd=False), encoding="utf-8")
-    sys.stdout = _guarded(sys.stdout, _Results, _STDOUT)
-    sys.stderr = _guarded(sys.stderr, _Talk, _STDERR)
+    sys.stdin = sys.stdin or os.fdopen(_STDIN, closefd=False)
+    sys.stdout = sys.stdout or os.fdopen(_STDOUT, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(_STDERR, "w", closefd=False)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=ERRORS)
 
 
-def _guarded(stream: TextIO | None, kind: type[io.FileIO], descriptor: int) -> TextIO:
-    if stream is not None and not isinstance(stream, io.TextIOWrapper):
-        return stream  # somebody's own
-    if stream is not None and stream.isatty():  # Windows writes to consoles in its own way
-        stream.reconfigure(errors=ERRORS)
-        return stream
-    return io.TextIOWrapper(
-        io.BufferedWriter(kind(descriptor, "wb", closefd=False)),
-        encoding="utf-8" if stream is None else stream.encoding,
-        errors=ERRORS,
-        newline=None,
-        line_buffering=descriptor == _STDERR,
-    )
+def lead_nowhere(stream: TextIO) -> None:
+    """Throw away what is written to a stream from now on, which cannot be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
