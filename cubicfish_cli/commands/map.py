@@ -124,7 +124,7 @@ def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
     loaded = load_camera(path).camera
     there = camera_for_photos(loaded, asked.photo_size or loaded.image_size)
     chosen = chosen_view(there, view)
-    maps = chosen.maps()
+    maps = chosen.maps
     if asked.redistort:
         maps = {name: build_redistort_map(there, one) for name, one in chosen.views.items()}
     return MapFiles(

@@ -222,11 +222,6 @@ def write_pictures(
         progress=counted or (lambda done, total: None),
         executor=run.executor if left else None,
     )
-    for job in left if run.executor is None else ():
-        missing = next((path for path in job.outputs.values() if not path.is_file()), None)
-        if missing is not None and job.name not in failures:  # somebody removed their folder
-            why = "is gone again: was its folder removed or renamed meanwhile?"
-            failures[job.name] = OutputError(f"{missing} {why}")
     written = {job.name: tuple(job.outputs.values()) for job in left if job.name not in failures}
     done = next((job.source for job in left if job.name in written), None)
     return UndistortedFiles(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.io.camera_yaml import Calibrated, PointCameraFile
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import ChosenView
-from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
+from cubicfish_cli.core.views.maps import camera_for_photos
 from cubicfish_cli.core.views.options import PlaneOptions
 from cubicfish_cli.core.views.plane import board_with_plane, build_plane
 from cubicfish_cli.core.views.view import PointProjector, matrix_of_rotation
@@ -90,10 +90,6 @@ class PlaneViews(Views):
             pixels_per_unit=self._plane.pixels_per_unit,
         )
         return ChosenView(views={"": plane}, camera=camera, unit=self._target.units)
-
-    def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
-        """Another one for each photo."""
-        return self.chosen(source, size).maps()
 
     def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
         """A camera, and the rotation and the translation from the world to its frame."""

@@ -23,14 +23,13 @@ from cubicfish_cli.commands.view_options import (
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.core.errors import OutputError, PhotoError, UsageError
+from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
 from cubicfish_cli.core.views.options import (
     INTERPOLATIONS,
     Interpolation,
     PlaneOptions,
     ViewOptions,
 )
-from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.batch import Job, Views
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.views.view import View
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
-_CAMERA_FILES = {".yaml", ".yml"}
 _FEW = 10
 
 
@@ -58,9 +56,6 @@ class PictureOptions:
         virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
             flat.view.opencv.yaml.
         skip_existing: leaves out what has its result already.
-
-    Raises:
-        UsageError: one is not usable.
 
     """
 
@@ -89,14 +84,6 @@ class PictureOptions:
     )
     skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists already.")
 
-    def __post_init__(self) -> None:
-        if self.interpolation not in INTERPOLATIONS:
-            raise UsageError(
-                f"interpolation {quoted(self.interpolation)} is not known: "
-                f"{did_you_mean(str(self.interpolation), INTERPOLATIONS)}"
-            )
-        _refuse_beyond("--quality", self.quality, 1, 100)
-
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
@@ -120,13 +107,6 @@ class PictureOptions:
             )
         if len(self.parts) > 1 and kind != "photo":
             raise UsageError(f"--view cube is for photos of one camera: choose another for {kind}s")
-        if self.virtual_camera is not None:
-            beside = Path(self.virtual_camera)
-            if beside.is_dir() or (beside.is_file() and beside.suffix.lower() in _CAMERA_FILES):
-                raise UsageError(
-                    f"--camera says where the camera of the result is written, and {beside} is "
-                    "there already: --model names the camera to use"
-                )
         if self.quality is not None and not _WITH_QUALITY & {end.lower() for end in suffixes}:
             instead = "use --crf" if kind == "video" else "leave it out"
             raise UsageError(
@@ -146,9 +126,6 @@ class UndistortOptions(PictureOptions):
         camera: its file or the folder of that, or the camera or a fit.
         view: also the plane of a board, of photos.
         crf: of videos: lower is better and larger; by default 18.
-
-    Raises:
-        UsageError: one is not usable.
 
     """
 
@@ -171,21 +148,11 @@ class UndistortOptions(PictureOptions):
         click.IntRange(0, 63),
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _refuse_beyond("--crf", self.crf, 0, 63)
-
     def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
         """Refuse what says nothing about such sources and results; see the class above."""
         if self.crf is not None and kind != "video":
             raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
         super().refuse_unused(kind, suffixes)
-
-
-def _refuse_beyond(name: str, value: int | None, low: int, high: int) -> None:
-    """Refuse a number that is given and is not whole and within bounds."""
-    if value is not None and value not in range(low, high + 1):
-        raise UsageError(f"{name} must be a whole number from {low} to {high}, not {quoted(value)}")
 
 
 def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
@@ -269,35 +236,37 @@ def _named_sources(
     return "video" if videos else "photo", sources, alone
 
 
-def _write_video(job: Job, views: Views, asked: UndistortOptions, run: Run, **how: object) -> None:
-    """Write one video, telling how far that is.
+def _write_video(
+    job: Job, views: Views, asked: UndistortOptions, run: Run, *, overwrite: bool
+) -> CubicfishError | None:
+    """Write one video, telling how far that is; as :func:`write_one` writes pictures.
 
-    Raises:
-        PhotoError: it is cut short; what there is is written all the same.
-        CubicfishError: it cannot be done.
-
+    One that is cut short is an error, and what there is of it is written all the same.
     """
     from cubicfish_cli.app.photos import shown
     from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, undistort_video
 
     output = job.outputs[""]
-    done = undistort_video(
-        job.source,
-        output,
-        lambda size: views.maps(job.source, size)[""],
-        asked.interpolation,
-        crf=DEFAULT_CRF if asked.crf is None else asked.crf,
-        overwrite=run.overwrite,
-        progress=run.listener.counting(job.name),
-    )
+    try:
+        done = undistort_video(
+            job.source,
+            output,
+            lambda size: views.maps(job.source, size)[""],
+            asked.interpolation,
+            crf=DEFAULT_CRF if asked.crf is None else asked.crf,
+            overwrite=overwrite,
+            progress=run.listener.counting(job.name),
+        )
+    except CubicfishError as problem:
+        return problem
     if done.turned_deg:
         run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
-    if done.missing:
-        raise PhotoError(
-            f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} "
-            f"frames and has {done.frames:,}, which {shown(output)} holds: copy it again if "
-            "you can"
-        )
+    if not done.missing:
+        return None
+    return PhotoError(
+        f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} frames and "
+        f"has {done.frames:,}, which {shown(output)} holds: copy it again if you can"
+    )
 
 
 @as_command(

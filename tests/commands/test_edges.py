@@ -14,7 +14,6 @@ from running import SAMPLE, Run
 
 from cubicfish_cli.app.look import GridCache
 from cubicfish_cli.app.terminal.options import FOLDER
-from cubicfish_cli.commands import pictures
 from cubicfish_cli.corners.detection.grids import FoundGrids
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
@@ -203,23 +202,6 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
     assert cache.load(one) is not None
     (tmp_path / f"{one}.npz").rename(tmp_path / f"{other}.npz")
     assert cache.load(other) is None
-
-
-def test_results_whose_folder_was_removed_are_not_counted(
-    run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flat, real = tmp_path / "flat", pictures.write_many
-
-    def remove_one(*args: object, **options: object) -> object:
-        failures = real(*args, **options)  # type: ignore[arg-type]
-        (flat / "corner_03.jpg").unlink()
-        return failures
-
-    monkeypatch.setattr(pictures, "write_many", remove_one)
-    line = ("undistort", SAMPLE / "photos", flat, "-m", calibrated, "--size", "64x48")
-    said = run(*line, code=1)
-    assert "wrote 9 pictures" in said.stdout
-    assert "corner_03.jpg is gone again" in said.stderr
 
 
 def test_photos_of_another_camera_are_refused_before_they_are_searched(

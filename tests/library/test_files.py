@@ -4,7 +4,6 @@ import contextlib
 import io
 import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +48,6 @@ from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.target import target_text
 from tests.extensions.rigs.test_export import made_rig
 
-A_PHOTO = partial(UndistortOptions, photos="a.png", output="b.png", camera="c.yaml")
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
 
 
@@ -235,9 +233,6 @@ def test_a_board_that_there_is_not_is_refused(calibrated: Path, tmp_path: Path) 
         (ViewOptions, {"kind": "cubes"}, "did you mean 'cube'"),
         (ViewOptions, {"focal": 100, "fit": 0.5}, "--scale and --fit say the same thing twice"),
         (ViewOptions, {"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less"),
-        (A_PHOTO, {"quality": 101}, "--quality must be a whole number from 1 to 100"),
-        (A_PHOTO, {"crf": -1}, "--crf must be a whole number from 0 to 63"),
-        (A_PHOTO, {"interpolation": "linaer"}, "did you mean 'linear'"),
     ],
 )
 def test_options_that_cannot_be_are_refused(kind: Any, asked: dict[str, Any], said: str) -> None:

@@ -60,8 +60,8 @@ Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
 """(job, its photos by their cameras' names) -> the pictures of all parts that it wants."""
 
 
-Write = Callable[..., None]
-"""Called as (job, overwrite=...), as :func:`write_one` is: its outputs are written."""
+Write = Callable[..., CubicfishError | None]
+"""Called as :func:`write_one`, (job, overwrite=...) -> why its outputs could not be written."""
 
 
 class Views:
@@ -85,11 +85,10 @@ class Views:
         """
         self._camera, self._asked, self.interpolation = camera, asked, interpolation
         self._chosen: dict[Size, ChosenView] = {}
-        self._made: dict[Size, Mapping[str, UndistortMap]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Travel without the maps, which are quicker made than sent."""
-        return {**vars(self), "_made": {}}
+        return {**vars(self), "_chosen": {}}
 
     def group(self, source: Path, size: Size) -> Hashable:
         """Photos with the same group have the same view and maps."""
@@ -109,14 +108,13 @@ class Views:
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """Part of the view -> its map."""
         with MAKING:
-            if size not in self._made:
-                self._made[size] = self.chosen(source, size).maps()
-            return self._made[size]
+            return self.chosen(source, size).maps
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job, as :func:`write_many` asks for them."""
         picture = photos[""]
-        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
+        with MAKING:
+            maps = self.chosen(job.source, (picture.shape[1], picture.shape[0])).maps
         return {
             part: remap_picture(picture, maps[part], self.interpolation) for part in job.outputs
         }
@@ -152,13 +150,12 @@ def write_many(
         ClusterError: ``executor`` cannot do the work.
 
     """
-    work = partial(_problem_of, write)
     if executor is not None:
-        answers = _by_executor(partial(work, overwrite=True), jobs, executor)
+        answers = _by_executor(partial(write, overwrite=True), jobs, executor)
     elif workers == 1 or len(jobs) == 1:
-        answers = ((number, work(job, overwrite=overwrite)) for number, job in enumerate(jobs))
+        answers = ((number, write(job, overwrite=overwrite)) for number, job in enumerate(jobs))
     else:
-        answers = _by_threads(partial(work, overwrite=overwrite), jobs, workers)
+        answers = _by_threads(partial(write, overwrite=overwrite), jobs, workers)
     problems: dict[int, CubicfishError | None] = {}
     progress(0, len(jobs))
     with closing(answers):
@@ -170,12 +167,8 @@ def write_many(
 
 
 def write_one(
-    job: Job,
-    render: Render,
-    *,
-    quality: int | None = None,
-    overwrite: bool,
-) -> None:
+    job: Job, render: Render, *, quality: int | None = None, overwrite: bool
+) -> CubicfishError | None:
     """Write the pictures of one photo or shot.
 
     Args:
@@ -184,31 +177,26 @@ def write_one(
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         overwrite: whether outputs may be replaced.
 
-    Raises:
-        PhotoError: a photo cannot be read.
-        ViewError: there are no pictures of photos of this size; ``render`` may raise others.
-        OutputError: an output exists and ``overwrite`` is false, or cannot be written, or cannot
-            hold such a picture.
+    Returns:
+        Why that could not be done: a :class:`PhotoError` of a photo that cannot be read, a
+        :class:`ViewError` where there are no pictures of such photos, an :class:`OutputError` where
+        an output exists, cannot be written, or cannot hold such a picture; None where it is done.
 
     """
-    data = {camera: read_file(path) for camera, path in job.photos.items()}
-    photos = {
-        camera: decode_picture(job.photos[camera], content, floats=True)
-        for camera, content in data.items()
-    }
-    with naming(job.source) if "" in job.photos else nullcontext():
-        pictures = render(job, photos)
-    like = next(iter(data.values()))
-    files = {
-        path: encode_picture(path, pictures[part], quality=quality, like=like)
-        for part, path in job.outputs.items()
-    }
-    write_files(files, overwrite=overwrite)
-
-
-def _problem_of(write: Write, job: Job, **how: Any) -> CubicfishError | None:
     try:
-        write(job, **how)
+        data = {camera: read_file(path) for camera, path in job.photos.items()}
+        photos = {
+            camera: decode_picture(job.photos[camera], content, floats=True)
+            for camera, content in data.items()
+        }
+        with naming(job.source) if "" in job.photos else nullcontext():
+            pictures = render(job, photos)
+        like = next(iter(data.values()))
+        files = {
+            path: encode_picture(path, pictures[part], quality=quality, like=like)
+            for part, path in job.outputs.items()
+        }
+        write_files(files, overwrite=overwrite)
     except CubicfishError as problem:
         return problem
     return None

@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, cast
 
 import numpy as np
@@ -425,6 +425,7 @@ class ChosenView:
         uncalibrated, cut_off = lost_shares(own, view)
         return replace(seen, uncalibrated=uncalibrated, cut_off=cut_off)
 
+    @cached_property
     def maps(self) -> dict[str, UndistortMap]:
         """Part of the view -> its map for the camera's photos."""
         assert self.camera is not None

@@ -200,7 +200,7 @@ def test_the_whole_photo_is_shown_beyond_what_is_calibrated(kind):
     camera = cubic_camera(85.0)
     narrow = replace(camera, max_angle_deg=40.0)
     chosen = chosen_view(narrow, ViewOptions(kind=kind, fit="whole", size=SIZE))
-    made, own = chosen.maps()[""], build_map(narrow, chosen.first)
+    made, own = chosen.maps[""], build_map(narrow, chosen.first)
     true = build_map(camera, chosen.first)
     assert chosen.seen is not None
     assert chosen.seen.whole

@@ -30,7 +30,9 @@ def undistort_picture_file(source, out, made, quality=None, *, overwrite):
     def render(job, photos):
         return {"": remap_picture(photos[""], made)}
 
-    write_one(job, render, quality=quality, overwrite=overwrite)
+    problem = write_one(job, render, quality=quality, overwrite=overwrite)
+    if problem is not None:
+        raise problem
 
 
 def picture(dtype=np.uint8, channels=1):
