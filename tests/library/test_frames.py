@@ -31,8 +31,7 @@ def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
         shown = [at for at, one in enumerate(seen) if one.corners]
         order = [at for at in shown if adds[at]][:most]
         ended = "asked" if len(order) == most else "enough" if len(order) < len(shown) else "all"
-        none = np.zeros(len(seen))
-        return Choice(order=tuple(order), gain=none, why_not=("",) * len(seen), ended=ended)
+        return Choice(order=tuple(order), gain=(0.0,) * len(order), ended=ended)
 
     monkeypatch.setattr(frame_search, "choose", choose)
     return Search(

@@ -7,7 +7,7 @@ taken.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -106,16 +106,13 @@ class Choice:
 
     Attributes:
         order: indices of the chosen pictures, the one that adds most first.
-        gain: (N,) what each picture added when it was chosen, or would add to them all; NaN where
-            it shows nothing.
-        why_not: (N,) a few words each; "" for those chosen.
+        gain: what each of them added when it was chosen.
         ended: why no more were chosen.
 
     """
 
     order: tuple[int, ...]
-    gain: FloatArray
-    why_not: tuple[str, ...]
+    gain: tuple[float, ...]
     ended: Ended = "all"
 
 
@@ -220,22 +217,23 @@ def choose_shots(
     scales = []
     for own, still in zip(zip(*pictures, strict=True), still_px, strict=True):
         scales.append(Scale.of([one for one in own if one.corners] or [nothing], still))
-    why, spoilt, usable = [""] * len(shots), {}, []
+    spoilt: list[int] = []
+    usable: list[int] = []
     quality = np.zeros((len(shots), len(sizes)))
     for index, shot in enumerate(pictures):
-        words = [scale.spoilt(one) for one, scale in zip(shot, scales, strict=True) if one.corners]
-        if not words:
-            why[index] = "no corners"
+        pairs = list(zip(shot, scales, strict=True))
+        is_spoilt = [scale.is_spoilt(one) for one, scale in pairs if one.corners]
+        if not is_spoilt:
             continue
         usable.append(index)
-        bad = None not in words
+        bad = all(is_spoilt)
         if bad:
-            spoilt[index] = str(words[0])
-        for camera, (one, scale) in enumerate(zip(shot, scales, strict=True)):
-            if one.corners and (bad or scale.spoilt(one) is None):
+            spoilt.append(index)
+        for camera, (one, scale) in enumerate(pairs):
+            if one.corners and (bad or not scale.is_spoilt(one)):
                 quality[index, camera] = scale.quality(one)
     if not usable:
-        return Choice(order=(), gain=np.full(len(shots), np.nan), why_not=tuple(why))
+        return Choice(order=(), gain=())
 
     def apart(one: int, other: int) -> float:
         pairs = zip(pictures[one], pictures[other], sizes, strict=True)
@@ -244,7 +242,7 @@ def choose_shots(
     gains = gains_of(quality) or Coverage(pictures, sizes, quality)
     # What moved no farther than a picture that counts as still is that picture again.
     copy = min(still / float(np.hypot(*size)) for still, size in zip(still_px, sizes, strict=True))
-    return _greedy(usable, why, spoilt, gains, apart, copy, most)
+    return _greedy(usable, spoilt, gains, apart, copy, most)
 
 
 def _shown_at_once(
@@ -262,8 +260,7 @@ def _shown_at_once(
 
 def _greedy(
     usable: Sequence[int],
-    why: list[str],
-    spoilt: Mapping[int, str],
+    spoilt: Sequence[int],
     gains: Gains,
     apart: Callable[[int, int], float],
     copy: float,
@@ -273,21 +270,20 @@ def _greedy(
 
     Args:
         usable: those that show something.
-        why: a few words for each of the others.
-        spoilt: a word for each of those that are worse than the others.
+        spoilt: those of them that are worse than the others.
         gains: what they add.
         apart: how far apart two views are, as a share of the picture's diagonal.
         copy: views that are less apart are never taken both.
         most: how many may be taken.
 
     """
-    gain = np.full(len(why), np.nan)
     order: list[int] = []
+    gain: list[float] = []
     good = [index for index in usable if index not in spoilt]
     nearest = dict.fromkeys(usable, np.inf)
     ended: Ended = "all"
     few = min(FEWEST, most)
-    passes = ((good, most, _SAME_VIEW), (good, most, copy), (list(spoilt), few, copy))
+    passes = ((good, most, _SAME_VIEW), (good, most, copy), (spoilt, few, copy))
     for pool, enough, least in passes:
         left = [one for one in pool if one not in order and nearest[one] >= least]
         while left and len(order) < enough:
@@ -296,20 +292,13 @@ def _greedy(
                 ended = "enough"
                 break
             order.append(best)
-            gain[best] = value
+            gain.append(value)
             gains.take(best)
             nearest = {one: min(near, apart(best, one)) for one, near in nearest.items()}
             left = [one for one in left if one != best and nearest[one] >= least]
         if left and len(order) >= most:
             ended = "asked"
-    for index in usable:
-        if index in order:
-            why[index] = ""
-            continue
-        gain[index] = gains.of(index)
-        near = "nearly the same view as one that was chosen" if nearest[index] < copy else ""
-        why[index] = near or spoilt.get(index) or "adds less than those chosen"
-    return Choice(order=tuple(order), gain=gain, why_not=tuple(why), ended=ended)
+    return Choice(order=tuple(order), gain=tuple(gain), ended=ended)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,11 +322,9 @@ class Scale:
             still=max(still_px, float(np.quantile([one.motion for one in pictures], 0.25))),
         )
 
-    def spoilt(self, picture: Seen) -> str | None:
-        """Why a picture is clearly worse than the others; None where it is not."""
-        if picture.sharpness < _BLURRED * self.sharp:
-            return "blurred"
-        return "moving" if picture.motion > _MOVING * self.still else None
+    def is_spoilt(self, picture: Seen) -> bool:
+        """Whether a picture is blurred or moving, clearly more than the others."""
+        return picture.sharpness < _BLURRED * self.sharp or picture.motion > _MOVING * self.still
 
     def quality(self, picture: Seen) -> float:
         """How much its corners weigh beside those of a good one: 0 to 1."""

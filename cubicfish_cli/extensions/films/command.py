@@ -41,8 +41,7 @@ class FramesOptions:
     )
     target: TargetSource | Target | StrPath | None = target_options
     folder: StrPath = options.output_option(
-        "Where the frames (PNG, with their time in the name), frames.csv and contact_sheet.html "
-        "go.",
+        "Where the frames (PNG, with their time in the name) and contact_sheet.html go.",
         folder=True,
         required=True,
     )
@@ -55,7 +54,6 @@ class ChosenFrames:
 
     Attributes:
         photos: the pictures that were written, in the films' order.
-        table: frames.csv.
         sheet: the contact sheet.
         frames: how many frames the films have.
         looked_at: in how many of them corners were looked for.
@@ -67,7 +65,6 @@ class ChosenFrames:
     """
 
     photos: tuple[Path, ...]
-    table: Path
     sheet: Path
     frames: int
     looked_at: int
@@ -76,15 +73,13 @@ class ChosenFrames:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish frames --json`` prints."""
-        record = vars(self).copy()
-        return record | {"file": record.pop("table")}
+        return dict(vars(self))
 
 
 def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
-    They are written as PNG, with their time in the name, beside frames.csv and a contact sheet, or
-    nothing is.
+    They are written as PNG, with their time in the name, beside a contact sheet, or nothing is.
 
     Raises:
         PhotoError: a film cannot be used.
@@ -97,13 +92,12 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     from cubicfish_cli.app.films.source import open_films
     from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
-    from cubicfish_cli.extensions.films.written import SHEET, TABLE, write_chosen
+    from cubicfish_cli.extensions.films.written import SHEET, write_chosen
 
     folder, source = Path(asked.folder), TargetSource.of(asked.target)
     targets = source.load(run.listener) if source.is_known else None
     films = open_films(_expanded(asked.films))
-    table, sheet = folder / TABLE, folder / SHEET
-    refuse_existing(table, sheet, overwrite=run.overwrite)
+    refuse_existing(folder / SHEET, overwrite=run.overwrite)
     with room_for_frames(folder) as room:
         measured = scanned(films, room, asked.most, run.listener)
         chosen = chosen_of(measured, targets, asked.most, run)
@@ -111,8 +105,7 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
         write_chosen(folder, chosen, overwrite=run.overwrite)
     return ChosenFrames(
         photos=tuple(folder / frame.photo.name for frame in chosen.taken),
-        table=table,
-        sheet=sheet,
+        sheet=folder / SHEET,
         frames=sum(map(len, measured)),
         looked_at=chosen.looked_at,
         ended=chosen.ended,
@@ -211,7 +204,7 @@ def _print(chosen: ChosenFrames, given: FramesOptions) -> None:
         f"for in {chosen.looked_at}"
     )
     result(chosen.ended)
-    result(f"wrote {given.folder}: frames, {chosen.table.name} and {chosen.sheet.name}")
+    result(f"wrote {given.folder}: frames and {chosen.sheet.name}")
     if isinstance(target, TargetSource) and target.path is not None:
         photos = ["calibrate", str(given.folder), "--target", str(target.path)]
         print_next(shlex.join(["cubicfish", *photos]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cubicfish_cli.app.asked import Run
@@ -30,10 +30,8 @@ _EVERY = 15
 _ROUND = 24
 _MOST_NAMED = 4
 
-_ENOUGH = "not looked at: others of all times had no more to add"
 
-
-@dataclass(kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
     """A frame that may be chosen.
 
@@ -41,8 +39,7 @@ class Candidate:
         film, index: the film's number, and the frame's place in it.
         photo: its picture, until the choice is made.
         seen: what was measured of it, and what it shows where it was looked at.
-        gain: what it adds; None where nobody looked, NaN where it shows nothing.
-        why_not: why it was not chosen; "" where it was.
+        gain: what it adds, where it was chosen.
 
     """
 
@@ -50,8 +47,7 @@ class Candidate:
     index: int
     photo: Photo
     seen: Seen
-    gain: float | None = None
-    why_not: str = ""
+    gain: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,24 +56,16 @@ class Chosen:
 
     Attributes:
         measured: a record a film.
-        frames: those that might be chosen, in the films' order.
+        taken: those that were chosen, in the films' order.
+        looked_at: in how many frames corners were looked for.
         ended: why no more were chosen, in a sentence.
 
     """
 
     measured: Sequence[Measured]
-    frames: Sequence[Candidate]
+    taken: Sequence[Candidate]
+    looked_at: int
     ended: str
-
-    @property
-    def taken(self) -> list[Candidate]:
-        """The frames that were chosen."""
-        return [frame for frame in self.frames if not frame.why_not]
-
-    @property
-    def looked_at(self) -> int:
-        """In how many frames corners were looked for."""
-        return sum(frame.gain is not None for frame in self.frames)
 
 
 def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -> list[Measured]:
@@ -111,7 +99,7 @@ def chosen_of(
     """
     frames, size = _candidates(measured), measured[0].film.size
     scale = Scale.of([frame.seen for frame in frames], still_px(size))
-    why = [scale.spoilt(frame.seen) for frame in frames]
+    worse = [at for at, frame in enumerate(frames) if scale.is_spoilt(frame.seen)]
     search = Search(
         photos=[frame.photo for frame in frames],
         seen=[frame.seen for frame in frames],
@@ -124,10 +112,7 @@ def chosen_of(
         glances=1,
     )
     try:
-        search.look(
-            [at for at, word in enumerate(why) if word is None],
-            [at for at, word in enumerate(why) if word is not None],
-        )
+        search.look([at for at in range(len(frames)) if at not in worse], worse)
         if not search.choice.order:
             raise DetectionError(
                 f"no board was found in {plural(len(search.looked_at), 'frame')} from all over: is "
@@ -135,11 +120,13 @@ def chosen_of(
             )
     except DetectionError as error:
         raise DetectionError(f"no frame can be chosen of {listed(measured)}: {error}") from error
-    for at, frame in enumerate(frames):
-        frame.seen, frame.why_not = search.seen[at], why[at] or _ENOUGH
-        if at in search.looked_at:
-            frame.gain, frame.why_not = search.choice.gain[at], search.choice.why_not[at]
-    return Chosen(measured=measured, frames=frames, ended=why_ended(search.choice, "frame"))
+    gains = sorted(zip(search.choice.order, search.choice.gain, strict=True))
+    return Chosen(
+        measured=measured,
+        taken=[replace(frames[at], seen=search.seen[at], gain=gain) for at, gain in gains],
+        looked_at=len(search.looked_at),
+        ended=why_ended(search.choice, "frame"),
+    )
 
 
 def _candidates(measured: Sequence[Measured]) -> list[Candidate]:

@@ -99,7 +99,6 @@ def test_spoilt_pictures_come_last_and_only_where_good_ones_are_too_few() -> Non
     bad = [at(300, 240, sharp=0.3), at(180, 140, moved=9.0)]
     made = choose([*bad, *good], SIZE, 20, 0.6, lambda quality: Fixed([0.5] * 12))
     assert sorted(made.order) == list(range(2, 12))
-    assert made.why_not[:2] == ("blurred", "moving")
     made = choose([*bad, *good[:-1]], SIZE, 20, 0.6, lambda quality: Fixed([0.5] * 11))
     assert set(made.order[: FEWEST - 1]) == set(range(2, 11))
     assert len(made.order) == FEWEST
@@ -110,12 +109,9 @@ def test_near_copies_are_never_chosen_and_what_is_new_comes_first() -> None:
     made = choose(seen, SIZE, 9, 0.6)
     assert len(made.order) == 3
     assert made.order.index(3) == 1  # after the first, what is elsewhere
-    (copy,) = {0, 1} - set(made.order)
-    assert made.why_not[copy] == "nearly the same view as one that was chosen"
-    assert made.why_not[4] == "no corners"
-    assert np.isnan(made.gain[4])
-    assert made.gain[3] > made.gain[made.order[2]]
-    assert "adds less than those chosen" in choose(seen, SIZE, 2, 0.6).why_not
+    assert {2, 3} < set(made.order) < {0, 1, 2, 3}
+    assert made.gain[1] > made.gain[2]
+    assert choose(seen, SIZE, 2, 0.6).order == made.order[:2]
 
 
 def test_near_views_come_after_all_others_and_while_they_add_something() -> None:
