@@ -455,7 +455,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
         fit.per_image, fit.dropped_corners, camera.image_size, corners_by_board(pairs), lost
     )
     everything = str(made.files["camera"])
-    print_photo_table(rows, pairs.boards, fit, everything=everything, apart=True)
+    print_photo_table(rows, pairs.boards, everything=everything, apart=True)
     result()
     _print_object(calibration)
     print_wrote(made.files.values())
@@ -510,7 +510,7 @@ def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
     """Print the photos, the errors, what P means and what was written."""
     camera, pairs, fit = calibration.camera, calibration.pairs, calibration.fit
     rows = fitted_rows(fit.per_image, (), camera.image_size, corners_by_board(pairs), {})
-    print_photo_table(rows, pairs.boards, fit)
+    print_photo_table(rows, pairs.boards)
     result(
         f"\n{plural(fit.images, 'photo')}, {plural(fit.corners, 'corner')} used, "
         f"{fit.dropped} dropped\n"

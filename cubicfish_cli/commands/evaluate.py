@@ -192,7 +192,7 @@ def _print(made: EvaluatedFiles) -> None:
     lost |= why_lost(made.inputs.detection)
     by_board = corners_by_board(known.pairs)
     rows = fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
-    print_photo_table(rows, pairs.boards, known.errors)
+    print_photo_table(rows, pairs.boards)
     photos = plural(len(known.pairs.images), "photo")
     result(f"\n{photos}, {plural(known.errors.corners, 'corner')}\n")
     print_errors(known.errors, [])

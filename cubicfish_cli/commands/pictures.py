@@ -197,15 +197,16 @@ def write_pictures(
     left, skipped = jobs
     files: dict[Path, Content] = {}
     if (asked.mask is not None or asked.virtual_camera is not None) and (left or skipped):
-        sizes = {job.source: size_of(job.source) for job in (*left, *skipped)}
-        if len({views.group(source, size) for source, size in sizes.items()}) > 1:
+        sources = [job.source for job in (*left, *skipped)]
+        views_of = [views.chosen(source, size_of(source)) for source in sources]
+        if any(one is not views_of[0] for one in views_of):
             raise ViewError(
                 "these photos have a mask and a virtual camera each, since their sizes or planes "
                 "differ: do them one at a time"
             )
         from cubicfish_cli.app.undistortion.map_formats import view_files
 
-        maps = views.maps(*next(iter(sizes.items())))
+        maps = views.maps(sources[0], size_of(sources[0]))
         mask, virtual_camera = path_or_none(asked.mask), path_or_none(asked.virtual_camera)
         files = view_files(maps, mask=mask, beside=virtual_camera)
         if asked.skip_existing:

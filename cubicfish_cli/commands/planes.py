@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +53,6 @@ class PlaneViews(Views):
             raise UsageError(str(problem)) from None
         self._poses = _poses_of(fit)
         self._photos = {Path(photo.image).name for photo in fit.per_image}
-
-    def group(self, source: Path, size: Size) -> Hashable:
-        """The photo itself."""
-        return source
 
     def find_poses(self, sources: Sequence[Path], run: Run) -> None:
         """Find the poses of photos that the camera's file does not place, from corners in them.

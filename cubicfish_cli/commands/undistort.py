@@ -53,8 +53,7 @@ class PictureOptions:
         interpolation: how pixels are blended.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
         mask: also writes where the results may be trusted: 255, and 0 elsewhere.
-        virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml and
-            flat.view.opencv.yaml.
+        virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml.
         skip_existing: leaves out what has its result already.
 
     """
@@ -78,8 +77,7 @@ class PictureOptions:
     )
     virtual_camera: StrPath | None = option(
         "--camera FILE",
-        "Also write the virtual camera that took the result: for flat.png, flat.view.yaml and "
-        "flat.view.opencv.yaml.",
+        "Also write the virtual camera that took the result: for flat.png, flat.view.yaml.",
         options.FILE,
     )
     skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists already.")

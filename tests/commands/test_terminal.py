@@ -229,8 +229,7 @@ def test_a_photo_that_takes_no_part_has_its_row(show) -> None:  # type: ignore[n
         ("a.jpg", "1 dropped", "care"),
         ("b.jpg", "left out", "bad"),
     ]
-    last = show(rows, 120).splitlines()[-1]
-    assert last.split()[:7] == ["all", "2", "100", "-", "100", "-", "3"]
+    assert show(rows, 120).splitlines()[-1].split()[:2] == ["b.jpg", "-"]
 
 
 def test_names_that_do_not_fit_go_on_below(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -212,7 +212,6 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
     assert read(a) == read(b)
     assert made.files == (b / "flat.png",)
     assert sorted(file.name for file in made.extras) == [
-        "flat.view.opencv.yaml",
         "flat.view.yaml",
         "m.png",
     ]

@@ -6,10 +6,8 @@ come as PyAV has them, so that what reads films reads these too.
 
 from __future__ import annotations
 
-import mmap
 import re
 import struct
-import zlib
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -34,8 +32,6 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 _PLAIN, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NANOSECOND = Fraction(1, 10**9)
-# Of MCAP files: the records DataEnd and Footer, with 8 bytes behind (mcap.dev/spec).
-_DATA_END, _FOOTER = struct.Struct("<BQI"), struct.Struct("<BQQQI")
 # Encoding -> bytes per number, numbers per pixel, and how OpenCV makes grey or BGR of it.
 _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     "mono8": (1, 1, None),
@@ -186,9 +182,6 @@ class Recording:
         if path.suffix.lower() == ".db3":  # which its folder describes
             path = path.parent
         try:
-            for file in path.glob("*.mcap") if path.is_dir() else [path]:
-                if file.suffix.lower() == ".mcap":
-                    _check_mcap(file)
             reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
             reader.open()
         except _damage() as problem:
@@ -232,32 +225,6 @@ def _of_raw(message: Any, where: str) -> Picture:
     picture = rows.reshape((height, width, numbers) if numbers > 1 else (height, width))
     picture = np.ascontiguousarray(picture)
     return picture if conversion is None else np.asarray(cv2.cvtColor(picture, conversion))
-
-
-def _check_mcap(path: Path) -> None:
-    """Hold an MCAP file's data and summary to the checksums that it has of them.
-
-    Those of its chunks are checked by rosbags as it reads them.
-
-    Raises:
-        ValueError: bytes of the file are others than they were.
-
-    """
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        footer = len(data) - _FOOTER.size - 8
-        if footer < _DATA_END.size:
-            return  # rosbags says what is wrong with it
-        _, _, summary, _, of_summary = _FOOTER.unpack_from(data, footer)
-        end = min(summary or footer, footer) - _DATA_END.size
-        kind, _, of_data = _DATA_END.unpack_from(data, max(end, 0))
-        with memoryview(data) as view:
-            # Some writers leave out the magic bytes before the data.
-            known = kind == 0x0F and of_data
-            if known and of_data not in (zlib.crc32(view[:end]), zlib.crc32(view[8:end])):
-                raise ValueError("its data differ from their checksum")
-            known = summary and of_summary
-            if known and of_summary != zlib.crc32(view[summary : footer + _FOOTER.size - 4]):
-                raise ValueError("its summary differs from its checksum")
 
 
 def _damage() -> tuple[type[Exception], ...]:

@@ -195,7 +195,6 @@ def fitted_rows(
 def print_photo_table(
     rows: Sequence[PhotoRow],
     boards: Sequence[str],
-    total_errors: ErrorStatistics | None = None,
     *,
     everything: str = "--json",
     apart: bool = False,
@@ -205,7 +204,6 @@ def print_photo_table(
     Args:
         rows: the photos.
         boards: names of the boards, in the target's order.
-        total_errors: the same figures of all photos together; None for corners alone.
         everything: where all photos are, for who sees a few of them.
         apart: whether something stands before it; on a terminal something does in any case.
 
@@ -220,15 +218,10 @@ def print_photo_table(
     if width < _ROOMY:
         chosen = [replace(row, words=row.short or row.words) for row in chosen]
     columns = _columns(rows, boards, width)
-    total = None
-    if len(rows) > 1:
-        every = _together(rows, boards, total_errors)
-        total = [cell(every) for cell in columns.values()]
     print_table(
         list(columns),
         [[cell(row) for cell in columns.values()] for row in chosen],
         styles=[row.level for row in chosen],
-        total=total,
     )
     if len(chosen) < len(rows):
         result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
@@ -263,18 +256,3 @@ def _columns(
 
 def _of_board(row: PhotoRow, board: str) -> str:
     return str(row.boards.get(board, "-"))
-
-
-def _together(
-    rows: Sequence[PhotoRow], boards: Sequence[str], errors: ErrorStatistics | None
-) -> PhotoRow:
-    found = {board: sum(row.boards.get(board, 0) for row in rows) for board in boards}
-    return PhotoRow(
-        name=f"all {len(rows):,}",
-        words="",
-        level="good",
-        boards={board: number for board, number in found.items() if number},
-        corners=sum(row.corners or 0 for row in rows),
-        dropped=sum(row.dropped for row in rows),
-        errors=errors,
-    )

@@ -157,7 +157,6 @@ def print_table(
     rows: Sequence[Sequence[str]],
     *,
     styles: Sequence[Style] = (),
-    total: Sequence[str] | None = None,
 ) -> None:
     """Print a table to stdout; columns of numbers, empty cells and dashes are aligned to the right.
 
@@ -168,7 +167,6 @@ def print_table(
         titles: of its columns.
         rows: a cell a column.
         styles: of each row's last cell; none for plain ones.
-        total: a row that sums up the others, for terminals only.
 
     """
     from rich.console import Console
@@ -186,8 +184,6 @@ def print_table(
     for cells, style in zip_longest(texts[1:], styles):
         *parts, last = map(Text, cells)
         table.add_row(*parts, Text(last.plain, _RICH.get(style, "")))
-    if total is not None and room is not None:
-        table.add_row(*map(Text, total), style="bold")
     width = room or _NO_TERMINAL
     console = Console(file=stream, width=width, force_terminal=colour, no_color=not colour)
     with console.capture() as shown:

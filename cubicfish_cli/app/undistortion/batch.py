@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
@@ -89,10 +89,6 @@ class Views:
     def __getstate__(self) -> dict[str, Any]:
         """Travel without the maps, which are quicker made than sent."""
         return {**vars(self), "_chosen": {}}
-
-    def group(self, source: Path, size: Size) -> Hashable:
-        """Photos with the same group have the same view and maps."""
-        return size
 
     def chosen(self, source: Path, size: Size) -> ChosenView:
         """The view of a photo of ``size``, and the camera that took it.

@@ -3,7 +3,7 @@
 All hold, for each pixel of the result, where it comes from in the source. What comes from
 nowhere is negative, or beyond the frame where a format has no negative numbers.
 
-The virtual camera of a view as files: plain YAML, and what OpenCV's FileStorage reads.
+The virtual camera of a view as a file in plain YAML.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -23,7 +22,7 @@ from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, write_npz
-from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, PlaneView, View
+from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, View
 
 Floats = npt.NDArray[np.float32]
 Shorts = npt.NDArray[np.uint16]
@@ -190,10 +189,8 @@ def view_files(
         if mask is not None:
             files[part_name(mask, part)] = encode_picture(mask, np.uint8(255) * made.valid)
         if beside is not None:
-            output = part_name(beside, part)
-            files[output.with_suffix(".view.yaml")] = view_text(made.view)
-            opencv = output.with_suffix(".view.opencv.yaml")
-            files[opencv] = partial(write_opencv_view, view=made.view)
+            path = part_name(beside, part).with_suffix(".view.yaml")
+            files[path] = view_text(made.view)
     return files
 
 
@@ -215,34 +212,3 @@ def view_text(view: View) -> str:
     else:
         lines += [f"{key}: {value}" for key, value in view.parameters().items()]
     return "\n".join(lines) + "\n"
-
-
-def write_opencv_view(path: Path, view: View) -> None:
-    """The virtual camera as OpenCV's FileStorage YAML.
-
-    A perspective view is a pinhole without distortion, an equidistant one OpenCV's fisheye
-    without coefficients; other kinds have no camera in OpenCV, and ``model`` says so.
-    """
-    width, height = view.size
-    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_FORMAT_YAML)
-    try:
-        storage.write("image_width", width)
-        storage.write("image_height", height)
-        model, coefficients = _opencv_model(view)
-        storage.write("model", model)
-        if isinstance(view, CentralView):
-            storage.write("camera_matrix", view.camera_matrix)
-            storage.write("distortion_coefficients", np.zeros((coefficients, 1)))
-            storage.write("camera_from_view", view.camera_from_view)
-        elif isinstance(view, PlaneView):
-            storage.write("camera_from_pixel", view.camera_from_pixel)
-    finally:
-        storage.release()
-
-
-def _opencv_model(view: View) -> tuple[str, int]:
-    if view.kind == "perspective":
-        return "pinhole", 5
-    if view.kind == "equidistant":
-        return "fisheye", 4
-    return view.kind, 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,10 +40,6 @@ class RigViews(Views):
     def __getstate__(self) -> dict[str, Any]:
         """Travel without the maps, which are quicker made than sent."""
         return {**vars(self), "_joined": None}
-
-    def group(self, source: Path, size: Size) -> Hashable:
-        """There is but one."""
-        return None
 
     def chosen(self, source: Path, size: Size) -> ChosenView:
         """The view that is asked for."""

@@ -77,7 +77,7 @@ QUICK = (
     _step("evaluate calibration/corners.csv --target {sample}/target.yaml"),
     _step("undistort {sample}/photos/corner_01.jpg flat.png --mask mask.png",
           "flat.png", "mask.png"),
-    _step("map map.npz", "map.npz", "map.view.yaml", "map.view.opencv.yaml"),
+    _step("map map.npz", "map.npz", "map.view.yaml"),
     _step("export --to mrcal -o camera.cameramodel", "camera.cameramodel"),
     _step("import camera.cameramodel -o imported.yaml", "imported.yaml"),
     _step("compare calibration/camera.yaml imported.yaml --picture off.png", "off.png"),
