@@ -10,13 +10,15 @@ from __future__ import annotations
 import re
 import sys
 import textwrap
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from string import Template
 
 import click
 
 from cubicfish_cli.app.terminal.main import cli
-from cubicfish_cli.app.terminal.options import Argument, JsonOption
+from cubicfish_cli.app.terminal.options import Argument
 from cubicfish_cli.core.codes import Code, Remedy
 
 PAGE = Path(__file__).with_name("cli.md")
@@ -108,6 +110,13 @@ def example_lines(command: click.Command) -> list[str]:
     return [line.strip() for line in lines if line.strip()]
 
 
+def json_keys(command: str) -> dict[str, str]:
+    """Key -> meaning of what a command prints with ``--json``, such as ``target-check``."""
+    tables = tomllib.loads(PAGE.with_name("json_keys.toml").read_text(encoding="utf-8"))
+    parts = tables["parts"]
+    return {key: Template(text).substitute(parts) for key, text in tables[command].items()}
+
+
 def page() -> str:
     """The whole page."""
     commands = list(walk())
@@ -158,14 +167,13 @@ def _command(path: tuple[str, ...], command: click.Command) -> list[str]:
     if options:
         parts += ["**Options**\n", _list([_option_words(option) for option in options])]
     parts.append("And the [common options](#common-options).\n")
-    for option in options:
-        if isinstance(option, JsonOption):
-            keys = [f"`{key}`: {_text(meaning)}" for key, meaning in option.keys.items()]
-            parts += [
-                "**JSON**\n",
-                "The keys of what `--json` prints, [as everywhere](#json):\n",
-                _list(keys),
-            ]
+    if _has(command, "--json"):
+        keys = json_keys("-".join(path[1:]))
+        parts += [
+            "**JSON**\n",
+            "The keys of what `--json` prints, [as everywhere](#json):\n",
+            _list([f"`{key}`: {_text(meaning)}" for key, meaning in keys.items()]),
+        ]
     parts += ["**Examples**\n", _code(*example_lines(command))]
     codes = [code for code in EXIT_CODES if code != 3 or _has(command, "--max-rms")]
     if isinstance(command, click.Group):
@@ -251,8 +259,6 @@ def _option_words(option: click.Option) -> str:
     if metavar:
         names = f"{names[:-1]} {metavar}`"
     text = option.help or ""
-    if isinstance(option, JsonOption):
-        text = text.split(" Its keys: ")[0]
     if option.show_default is True and "[default: " not in text:
         text = f"{text} [default: {_default(option)}]"
     words = [_with_default(_text(text)), _range(option)]

@@ -252,7 +252,6 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     "cubicfish target check target.yaml --draw object.svg",
     do=check_target_files,
     how=("overwrite", "as_json"),
-    json="target-check",
 )
 def check(checked: TargetCheck, given: CheckOptions, how: How) -> None:
     """Check TARGET, a target.yaml, before you take photos.

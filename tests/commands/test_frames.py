@@ -12,10 +12,10 @@ pytest.importorskip("av")
 
 import av
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film, write_sound
+from json_keys import keys_of
 from running import Run
 
 from cubicfish_cli.app.films import frame_search
-from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.core.frame_names import film_and_time
 from cubicfish_cli.core.io.camera_yaml import load_camera
 

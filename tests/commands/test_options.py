@@ -500,12 +500,3 @@ def test_quiet_prints_results_alone(sources: dict[str, Path], tmp_path: Path) ->
     said = run_cli(*line)
     assert said.stderr == ""
     assert "Next" not in said.stdout
-
-
-def test_a_camera_that_is_there_is_not_where_another_is_written(
-    sources: dict[str, Path], tmp_path: Path
-) -> None:
-    camera = sources["camera"] / "camera.yaml"
-    line = ("undistort", PHOTOS[0], tmp_path / "a.png", "-m", camera, "--camera", camera)
-    assert "--model names the camera" in run_cli(*line, code=2).stderr
-    assert list(tmp_path.iterdir()) == []

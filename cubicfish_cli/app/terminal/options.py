@@ -8,11 +8,9 @@ import os
 import re
 import shlex
 import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from string import Template
 from typing import Any, TypeVar, dataclass_transform
 
 import click
@@ -210,8 +208,6 @@ def as_command(
     *lines: str,
     do: Callable[..., Any],
     how: Sequence[str] = (),
-    json: str = "",
-    keys: Path = Path(__file__).parent,
     **more: Any,
 ) -> Callable[[Callable[..., None]], click.Command]:
     """Make a command of a function that prints what was made.
@@ -225,8 +221,6 @@ def as_command(
         lines: command lines that show it at work.
         do: does the work: takes the record and, as ``run``, how, and returns what it made.
         how: the options of ``how`` that the command has.
-        json: what json_keys.toml calls it, where that is not its name.
-        keys: the folder of that file.
         more: as click has it.
 
     """
@@ -250,9 +244,6 @@ def as_command(
                 raise click.UsageError(str(problem)) from problem
 
         params = asked.parameters() + ways.parameters()
-        for parameter in params:
-            if isinstance(parameter, JsonOption):
-                parameter.of(json or name, keys)
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
         return common_options(click.command(name, params=params, **shown)(command))
 
@@ -308,11 +299,8 @@ def option(words: str, help: str, type: Any = None, default: Any = None, **more:
     if default is not None:
         more = {"default": default, "show_default": True, **more}
 
-    cls = more.pop("cls", click.Option)
-
     def make(name: str) -> click.Parameter:
-        parameter: click.Parameter = cls([*names, name], type=type, help=help, **more)
-        return parameter
+        return click.Option([*names, name], type=type, help=help, **more)
 
     several, needed = more.get("multiple", False), more.get("required", False)
     return Option(make=make, default=() if several else unsaid, is_required=needed)
@@ -528,39 +516,7 @@ def output_option(
     return option(f"-o --output {words}", help, kind, default, **more)
 
 
-class JsonOption(click.Option):
-    """``--json``, and what the object holds: key -> meaning."""
-
-    keys: Mapping[str, str]
-
-    def of(self, command: str, folder: Path) -> None:
-        """Tell the keys of the object that a command prints."""
-        self.keys = keys_of(command, folder)
-        self.help = f"{self.help} Its keys: {', '.join(self.keys)}."
-
-
-_HERE = Path(__file__).parent
-
-
-@functools.cache
-def _json_keys(folder: Path) -> Mapping[str, Mapping[str, str]]:
-    return tomllib.loads((folder / "json_keys.toml").read_text(encoding="utf-8"))
-
-
-def keys_of(command: str, folder: Path = _HERE) -> Mapping[str, str]:
-    """Key -> meaning of what a command prints with ``--json``.
-
-    Args:
-        command: its name in json_keys.toml.
-        folder: where that file is.
-
-    """
-    parts, data = _json_keys(_HERE)["parts"], _json_keys(folder)[command]
-    return {key: Template(text).substitute(parts) for key, text in data.items()}
-
-
-json_option = option("--json", "Print one JSON object to stdout, and nothing else.", cls=JsonOption)
-"""``--json``; :func:`as_command` adds the keys."""
+json_option = option("--json", "Print one JSON object to stdout, and nothing else.")
 
 
 overwrite_option = option("--overwrite", "Replace files that exist.")

@@ -212,7 +212,6 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     "cubicfish target print target.yaml --paper Letter -o pages/",
     do=print_target_files,
     how=("overwrite", "as_json"),
-    json="target-print",
 )
 def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
     """Print the boards of TARGET, or those of a new target that fits the paper.

@@ -27,6 +27,7 @@ from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
 from cubicfish_cli.app.terminal.options import (
     FILE,
     SECONDS,
+    as_command,
     option,
     record,
     target_options,
@@ -36,7 +37,6 @@ from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
@@ -297,7 +297,7 @@ def _match_shots(
     return {**wanted, "shots": load_shots(Path(shots))}, str(shots)
 
 
-@as_rig_command(
+@as_command(
     "calibrate",
     "Photos of several cameras on one body to where each camera stands.",
     "cubicfish rig calibrate left/ right/ --target target.yaml",

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.asked import StrPath
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import px
-from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
-from cubicfish_cli.extensions.rigs.options import as_rig_command
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera
@@ -31,7 +30,7 @@ class Asked:
     )
 
 
-@as_rig_command(
+@as_command(
     "compare",
     "How far apart two rigs are, camera by camera.",
     "cubicfish rig compare last_year/rig.yaml rig/rig.yaml",

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate
-from cubicfish_cli.app.terminal.options import record, target_options
+from cubicfish_cli.app.terminal.options import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_json, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.evaluate import say_unplaced
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.extensions.rigs.options import as_rig_command
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
     return evaluate_rig(known, pairs, loaded[own[0]].pairs.target)
 
 
-@as_rig_command(
+@as_command(
     "evaluate",
     "Measure a rig on other shots: only where it was is fitted.",
     "cubicfish rig evaluate rig left/ right/ --target target.yaml",

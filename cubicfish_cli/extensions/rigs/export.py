@@ -10,7 +10,7 @@ import click
 from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import option, record
+from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.export import (
     MAX_ERROR,
@@ -20,7 +20,7 @@ from cubicfish_cli.commands.export import (
 )
 from cubicfish_cli.core.errors import FitError, UsageError
 from cubicfish_cli.core.files import write_files
-from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_argument
+from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.export import ExportedFiles
@@ -60,7 +60,7 @@ class Asked:
     pair: tuple[str, str] | None = pair_option
 
 
-@as_rig_command(
+@as_command(
     "export",
     "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
     "cubicfish rig export --to kalibr-omni -o camchain.yaml",

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import StrPath
-from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
+from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class Asked:
     rig: Path = rig_argument
 
 
-@as_rig_command(
+@as_command(
     "info",
     "What a rig is: where its cameras stand, and how surely.",
     "cubicfish rig info",

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.map import photo_size_option, print_maps
 from cubicfish_cli.commands.view_options import view_options
 from cubicfish_cli.core.views.options import ViewOptions
-from cubicfish_cli.extensions.rigs.options import as_rig_command, pair_option, rig_option
+from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.pair_maps import PairMapFiles
@@ -47,7 +47,7 @@ def _map(asked: Asked, *, run: Run) -> PairMapFiles:
     return map_rig_files(**vars(asked), run=run)
 
 
-@as_rig_command(
+@as_command(
     "map",
     "Maps of two cameras, after which rows of their pictures agree: stereo.",
     "cubicfish rig map stereo.npz --pair left,right",

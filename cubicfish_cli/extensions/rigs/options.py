@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.terminal.options import FILE, Parsed, argument, as_command, option
-
-as_rig_command = partial(as_command, keys=Path(__file__).parent)
-"""A command whose ``--json`` is explained beside this module."""
+from cubicfish_cli.app.terminal.options import FILE, Parsed, argument, option
 
 rig_argument: Any = argument(
     "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml. [default: rig]",

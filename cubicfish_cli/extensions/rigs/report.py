@@ -9,11 +9,11 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import print_verdict
-from cubicfish_cli.app.terminal.options import record
+from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result
 from cubicfish_cli.core.files import refuse_existing, write_text
-from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_argument
+from cubicfish_cli.extensions.rigs.options import rig_argument
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.pages.report_files import ReportFiles
@@ -28,7 +28,7 @@ class Asked:
     page: Path | None = options.output_option("The page. [default: report.html beside the rig]")
 
 
-@as_rig_command(
+@as_command(
     "report",
     "One HTML page about a rig: is it good, and why.",
     "cubicfish rig report",

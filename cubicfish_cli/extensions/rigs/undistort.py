@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, bundle, option, record
+from cubicfish_cli.app.terminal.options import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import view_options
 from cubicfish_cli.core.views.options import ViewOptions
-from cubicfish_cli.extensions.rigs.options import as_rig_command, rig_option
+from cubicfish_cli.extensions.rigs.options import rig_option
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.pictures import UndistortedFiles
@@ -62,7 +62,7 @@ class Asked:
     asked: ShotOptions = bundle(ShotOptions)
 
 
-@as_rig_command(
+@as_command(
     "undistort",
     "The photos of each shot to one picture of all that they show.",
     "cubicfish rig undistort left/1.png right/1.png all.png",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from equality import same_records
+from json_keys import keys_of
 from running import Run, run_cli
 from simulated import CornerErrors
 from simulated_rig import simulated_rig
@@ -24,13 +25,11 @@ from cubicfish_cli import (
     save_corners,
     save_target,
 )
-from cubicfish_cli.app.terminal.options import keys_of
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.lift import lift_rotation
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.rigs import group
 from cubicfish_cli.extensions.rigs.inputs import named_by
 from cubicfish_cli.extensions.rigs.rig import ErrorsInRig, Rig
 
@@ -39,8 +38,6 @@ BOARDS = [
     ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
     ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
 ]
-
-RIGS = Path(group.__file__).parent
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +82,7 @@ def made(folder: Path) -> tuple[Path, dict[str, Any]]:
 @pytest.mark.slow
 def test_it_says_in_json_what_it_writes(made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
-    assert set(record) == set(keys_of("calibrate", RIGS))
+    assert set(record) == set(keys_of("rig-calibrate"))
     held = yaml.safe_load((rig / "rig.yaml").read_text())
     assert held["cubicfish_rig"] == 1
     assert held["cameras"] == record["cameras"]
@@ -131,7 +128,7 @@ def test_what_is_written_reads_back(made: tuple[Path, dict[str, Any]]) -> None:
 def test_info_knows_rigs(run: Run, made: tuple[Path, dict[str, Any]]) -> None:
     rig, record = made
     found = json.loads(run("rig", "info", rig / "rig.yaml", "--json").stdout)
-    assert set(found) <= set(keys_of("info", RIGS))
+    assert set(found) <= set(keys_of("rig-info"))
     assert found["rig"]["cameras"] == record["cameras"]
     said = run("rig", "info", rig).stdout
     assert "2 cameras, 8 shots" in said
@@ -250,7 +247,7 @@ def test_a_rig_is_evaluated_on_shots(
     rig, record = made
     args = [folder / "left.csv", folder / "right.csv", "-t", folder / "target.yaml"]
     found = json.loads(run("rig", "evaluate", rig / "rig.yaml", *args, "--json").stdout)
-    assert set(found) <= set(keys_of("evaluate", RIGS))
+    assert set(found) <= set(keys_of("rig-evaluate"))
     # The very shots that it was fitted to: no more error than then, and none less.
     assert found["rms_px"] == pytest.approx(record["fit"]["rms_px"], rel=0.02)
     assert found["alone_rms_px"] < found["rms_px"]
@@ -292,7 +289,7 @@ def test_two_rigs_are_compared(
         (tmp_path / name / "camera.yaml").write_text(text)
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(held, sort_keys=False))
     found = json.loads(run("rig", "compare", rig, tmp_path, "--json").stdout)
-    assert set(found) <= set(keys_of("compare", RIGS))
+    assert set(found) <= set(keys_of("rig-compare"))
     left, right = found["cameras"]
     assert left["shift"] == [0, 0, 0]
     assert left["sigmas"] is None

@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from json_keys import keys_of
 from running import Run
 from saved_maps import read_map
 
 from cubicfish_cli import load_rig
-from cubicfish_cli.app.terminal.options import keys_of
-from cubicfish_cli.extensions.rigs import group
 from tests.extensions.rigs.test_export import made_rig
-
-RIGS = Path(group.__file__).parent
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +25,7 @@ def test_maps_show_one_point_in_one_row(run: Run, pair: Path, tmp_path: Path, ki
     out = tmp_path / "out.npz"
     args = ["--pair", "left,right", "-m", pair, "--view", kind, "--scale", "150", "--json"]
     record = json.loads(run("rig", "map", out, *args).stdout)
-    assert set(record) <= set(keys_of("map", RIGS))
+    assert set(record) <= set(keys_of("rig-map"))
     assert [Path(file).name for file in record["files"]] == ["out_left.npz", "out_right.npz"]
     about = yaml.safe_load((tmp_path / "out.stereo.yaml").read_text())
     assert about == record["stereo"]

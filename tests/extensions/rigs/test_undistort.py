@@ -7,16 +7,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from json_keys import keys_of
 from running import Run
 
 from cubicfish_cli import load_rig
-from cubicfish_cli.app.terminal.options import keys_of
-from cubicfish_cli.extensions.rigs import group
 from tests.extensions.rigs.test_export import made_rig
 
 SMALL = ("--size", "120x60")
-
-RIGS = Path(group.__file__).parent
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +44,7 @@ def test_a_shot_becomes_a_panorama(run: Run, rig: Path, shots: Path, tmp_path: P
     photos = [shots / name / "0001.png" for name in ("right", "left")]
     args = ["-m", rig, "--mask", tmp_path / "mask.png", "--camera", out, "--json"]
     record = json.loads(run("rig", "undistort", *photos, out, *args).stdout)
-    assert set(record) <= set(keys_of("undistort", RIGS))
+    assert set(record) <= set(keys_of("rig-undistort"))
     assert record["view"]["kind"] == "equirectangular"
     assert record["files"] == [str(out)]
     picture = cv2.imread(str(out)).astype(float)
