@@ -323,8 +323,6 @@ def made_by_record(
     """
     from cubicfish_cli import __version__
 
-    for file in (*files, *([target] if target else [])):
-        file.refuse_changed()
     return {
         "version": __version__,
         "date": made_at(),

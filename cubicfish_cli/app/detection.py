@@ -21,7 +21,7 @@ from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.listener import SILENT, Event, Listener
 from cubicfish_cli.app.look import GridCache, Look, look_at, refused
-from cubicfish_cli.app.photos import MAX_PIXELS, Photo, Picture, find_photos
+from cubicfish_cli.app.photos import Photo, Picture, find_photos, refuse_no_picture
 from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.arrays import Refusal
@@ -48,8 +48,6 @@ from cubicfish_cli.corners.identification.second_pass import (
 )
 
 Image = npt.NDArray[Any]
-
-_CHANNELS = (1, 2, 3, 4)
 
 
 def detect(
@@ -206,30 +204,12 @@ def _photos(
     if not given:
         raise DetectionError("no photo was given: pass pictures, or the names of files")
     names = list(Refusal(error=DetectionError).names(names, "photos"))
+    for name, one in zip(names, given, strict=True):
+        refuse_no_picture(one, name, DetectionError, kinds=(np.uint8, np.uint16))
     return [
-        Photo(name=name, path=Path(name), picture=_picture(one, name))
+        Photo(name=name, path=Path(name), picture=np.ascontiguousarray(one))
         for name, one in zip(names, given, strict=True)
     ]
-
-
-def _picture(value: object, name: str) -> Image:
-    if not isinstance(value, np.ndarray):
-        raise DetectionError(
-            f"{name} is no array but {type(value).__name__}: pass either arrays or names of files"
-        )
-    if value.ndim not in (2, 3) or (value.ndim == 3 and value.shape[2] not in _CHANNELS):
-        raise DetectionError(
-            f"{name} has the shape {value.shape}, not (H, W) or (H, W, 1 to 4): "
-            "pass a list of pictures"
-        )
-    if value.dtype not in (np.uint8, np.uint16):
-        raise DetectionError(f"{name} holds {value.dtype} numbers: pass uint8 or uint16")
-    if not 0 < value.shape[0] * value.shape[1] <= MAX_PIXELS:
-        raise DetectionError(
-            f"{name} has {value.shape[1]}x{value.shape[0]} pixels: 1 to "
-            f"{MAX_PIXELS / 1e6:g} million are allowed"
-        )
-    return np.ascontiguousarray(value)
 
 
 _NOT_NAMED = "no corner can be named"

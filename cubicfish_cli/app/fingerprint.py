@@ -1,4 +1,4 @@
-"""What files held when they were read: their hashes, and whether they changed since."""
+"""What files held when they were read: their hashes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from cubicfish_cli.core.errors import MISSING, CubicfishError, OutputError
+from cubicfish_cli.core.errors import MISSING, CubicfishError
 
 MAX_BYTES = 2_000_000_000
 """Of any one file that is read; most kinds have bounds far below."""
@@ -19,24 +19,11 @@ class Fingerprint:
     Attributes:
         path: the file.
         sha256: of its bytes, 64 hexadecimal digits.
-        stamp: its size, times and place on the disk, which change when it is written to.
 
     """
 
     path: Path
     sha256: str
-    stamp: tuple[int, ...]
-
-    def refuse_changed(self) -> None:
-        """Raise :class:`OutputError` when the file is no longer what it was."""
-        try:
-            same = _stamp(self.path) == self.stamp
-        except OSError:
-            same = False
-        if not same:
-            raise OutputError(
-                f"{self.path} changed while it was being read, and nothing was written: run again"
-            )
 
 
 def fingerprint(path: Path) -> Fingerprint:
@@ -51,19 +38,13 @@ def fingerprint(path: Path) -> Fingerprint:
             raise CubicfishError(f"{path} is not a file: give the name of one")
         if path.stat().st_size > MAX_BYTES:
             raise CubicfishError(f"{path} is larger than {MAX_BYTES / 1e9:g} GB: is it right?")
-        stamp = _stamp(path)
-        return Fingerprint(path=path, sha256=sha256_of(path), stamp=stamp)
+        return Fingerprint(path=path, sha256=sha256_of(path))
     except FileNotFoundError as error:
         raise CubicfishError(f"{path} {MISSING}") from error
     except OSError as error:
         raise CubicfishError(
             f"{path} cannot be read ({error.strerror or error}): check its name and permissions"
         ) from error
-
-
-def _stamp(path: Path) -> tuple[int, ...]:
-    status = path.stat()
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def sha256_of(path: Path) -> str:

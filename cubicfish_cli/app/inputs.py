@@ -18,12 +18,9 @@ from cubicfish_cli.app.asked import (
 from cubicfish_cli.app.films.recordings import is_recording
 from cubicfish_cli.app.fingerprint import Fingerprint, fingerprint
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.photos import VIDEO_SUFFIXES, find_photos, photo_size
+from cubicfish_cli.app.photos import VIDEO_SUFFIXES
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import (
-    CorrespondenceError,
-    PhotoError,
-)
+from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
@@ -161,28 +158,6 @@ def load_inputs(
             f"all {plural(len(pixel), 'corner')} are at x {x:g}, y {y:g}: check the columns x and y"
         )
     return loaded
-
-
-def refuse_other_sizes(inputs: Sequence[Path], size: tuple[int, int]) -> None:
-    """Refuse photos none of which a camera is for, before they are searched.
-
-    Raises:
-        PhotoError: there are none that can be read, or all are of another size.
-
-    """
-    seen = None
-    for photo in find_photos(inputs) if not tables_among(inputs) else ():
-        try:
-            seen = photo_size(photo.path)
-        except PhotoError:  # a damaged one is left out with a word later
-            continue
-        if seen == size:
-            return
-    if seen is not None:
-        raise PhotoError(
-            "the photos have {}x{} pixels and the camera is for {}x{}: use photos of the camera's "
-            "own size, or name its camera with --model".format(*seen, *size)
-        )
 
 
 def films_among(inputs: Sequence[Path]) -> list[Path]:

@@ -22,10 +22,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.errors import MISSING, PhotoError
+from cubicfish_cli.core.errors import MISSING, CubicfishError, PhotoError
 from cubicfish_cli.core.files import on_host
 from cubicfish_cli.core.threads import Shared
-from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.core.wording import either, quoted
 from cubicfish_cli.corners.mosaic import evened
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -313,6 +313,32 @@ def grey(picture: Picture) -> Picture:
     if picture.shape[2] < 3:  # grey, with or without transparency
         return evened(np.ascontiguousarray(picture[..., 0]))
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+
+
+def refuse_no_picture(
+    value: object, name: str, error: type[CubicfishError], *, kinds: Sequence[type]
+) -> None:
+    """Refuse what a caller hands over and is no picture.
+
+    Args:
+        value: an array (H, W) or (H, W, 1 to 4) is one.
+        name: what it is called.
+        error: what is raised.
+        kinds: what its numbers may be.
+
+    """
+    if not isinstance(value, np.ndarray):
+        raise error(f"{name} is no array but {type(value).__name__}: read it first")
+    if value.ndim not in (2, 3) or (value.ndim == 3 and not 1 <= value.shape[2] <= 4):
+        raise error(f"{name} has the shape {value.shape}, not (H, W) or (H, W, 1 to 4)")
+    if value.dtype not in kinds:
+        names = either([kind.__name__ for kind in kinds])
+        raise error(f"{name} holds {value.dtype} numbers, not {names}")
+    if not 0 < value.shape[0] * value.shape[1] <= MAX_PIXELS:
+        raise error(
+            f"{name} has {value.shape[1]}x{value.shape[0]} pixels: 1 to {MAX_PIXELS / 1e6:g} "
+            "million are allowed"
+        )
 
 
 def thumbnail(picture: npt.NDArray[Any], longest: int) -> npt.NDArray[np.uint8]:

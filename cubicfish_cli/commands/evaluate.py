@@ -103,7 +103,7 @@ def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
     """
     paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
     check_inputs(paths, source, run, image_size=asked.image_size)
-    from cubicfish_cli.app.inputs import load_inputs, refuse_other_sizes
+    from cubicfish_cli.app.inputs import load_inputs
     from cubicfish_cli.core.assess.records import plain_record
     from cubicfish_cli.core.assess.verdict import evaluation_verdict
     from cubicfish_cli.core.fit.evaluate import evaluate
@@ -111,7 +111,6 @@ def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
 
     file = load_camera(in_folder(Path(asked.camera)))
     size = file.camera.image_size
-    refuse_other_sizes(paths, size)
     loaded = load_inputs(paths, source, run, image_size=asked.image_size or size)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)

@@ -291,22 +291,6 @@ def test_a_date_that_is_none_is_told_before_the_work(
     assert "SOURCE_DATE_EPOCH='yesterday' is not a time" in said
 
 
-def test_an_input_that_changes_meanwhile_stops_it(
-    run: Run, tmp_path: Path, fitted: fitting.Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    corners = tmp_path / "corners.csv"
-    corners.write_bytes(CORNERS.read_bytes())
-
-    def fit(pairs: object, **options: object) -> fitting.Calibration:
-        corners.write_text("image,board,column,row,x,y\n")
-        return fitted
-
-    monkeypatch.setattr(fitting, "calibrate", fit)
-    said = run("calibrate", corners, "--target", TARGET, "-o", tmp_path / "a", code=1).stderr
-    assert "corners.csv changed while it was being read" in said
-    assert not (tmp_path / "a").exists()
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick_fit")
 def test_what_an_earlier_calibration_left_goes_with_it(run: Run, tmp_path: Path) -> None:

@@ -118,8 +118,7 @@ def test_a_photo_with_an_odd_name_is_left_out_and_said(
         pytest.skip("no file can have this name here")
     said = run("undistort", photos, tmp_path / "flat", "-m", calibrated, "--size", "64x48")
     assert [path.name for path in (tmp_path / "flat").iterdir()] == ["good.jpg"]
-    assert "1 file (" in said.stderr
-    assert "left out: a photo's name must be plain text" in said.stderr
+    assert "1 file left out (" in said.stderr
 
 
 @pytest.mark.slow
@@ -141,7 +140,7 @@ def test_a_folder_of_folders_names_them(run: Run, tmp_path: Path) -> None:
     for name in ("cam0", "cam1"):
         (tmp_path / "rig" / name).mkdir(parents=True)
     error = run("detect", tmp_path / "rig", "-t", TARGET, "-o", tmp_path / "c.csv", code=1).stderr
-    assert f"only folders: name one of {tmp_path}/rig/cam0, {tmp_path}/rig/cam1" in error
+    assert f"only folders ({tmp_path}/rig/cam0, {tmp_path}/rig/cam1)" in error
 
 
 def test_several_photos_do_not_become_a_folder_with_a_files_name(
@@ -202,16 +201,6 @@ def test_entries_of_the_cache_that_were_exchanged_are_not_used(tmp_path: Path) -
     assert cache.load(one) is not None
     (tmp_path / f"{one}.npz").rename(tmp_path / f"{other}.npz")
     assert cache.load(other) is None
-
-
-def test_photos_of_another_camera_are_refused_before_they_are_searched(
-    run: Run, calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    photos = tmp_path / "photos"
-    run("undistort", SAMPLE / "photos", photos, "-m", calibrated, "--size", "640x480")
-    monkeypatch.setattr("cubicfish_cli.app.detection.find_corners", None)
-    error = run("evaluate", photos, "-t", TARGET, "-m", calibrated, code=1).stderr
-    assert "the photos have 640x480 pixels and the camera is for 960x720" in error
 
 
 @pytest.mark.usefixtures("quick_fit")

@@ -135,7 +135,7 @@ def test_command_lines_in_documents_parse(path: Path) -> None:
         "cubicfish export --to nowhere",
         "cubicfish target look target.yaml",
         "cubicfish target",
-        "ls | cubicfish undistort - flat/ --hfov wide",
+        "ls | cubicfish undistort - flat/ --size wide",
     ],
 )
 def test_a_wrong_command_line_is_seen(line: str) -> None:

@@ -86,13 +86,6 @@ class LazyGroup(click.Group):
 class Program(LazyGroup):
     """All commands; what goes wrong in them is told in one line."""
 
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        """As click does; see :meth:`invoke`."""
-        try:
-            return super().make_context(*args, **kwargs)
-        except KeyboardInterrupt:
-            _end_as_asked()
-
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what a user can cause ends in one line and an exit code."""
         try:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar, dataclass_transform
 
 import click
+from click.core import ParameterSource
 
 from cubicfish_cli.app.asked import TargetSource, in_folder
 from cubicfish_cli.core.errors import CameraFileError, UsageError
@@ -334,16 +335,12 @@ def common_options(command: Command) -> Command:
 
 def is_given(parameter: str) -> bool:
     """Whether the command line gives this parameter of the command, and not a default."""
-    from click.core import ParameterSource
-
     source = click.get_current_context().get_parameter_source(parameter)
     return source is ParameterSource.COMMANDLINE
 
 
 def command_line() -> str:
     """The command that is being run, without what is by default and what changes no camera."""
-    from click.core import ParameterSource
-
     from cubicfish_cli.app.asked import as_text
 
     context = click.get_current_context()

@@ -43,7 +43,6 @@ _TALK: Mapping[str, Style] = {
     "failed:": "bad",
     "Error:": "bad",
 }
-_RICH = {"good": "green", "care": "yellow", "bad": "red"}
 _NO_TERMINAL = 100_000
 """Columns of a pipe or a file."""
 
@@ -183,7 +182,7 @@ def print_table(
         table.add_column(Text(title), justify=justify, no_wrap=is_number, overflow="fold")
     for cells, style in zip_longest(texts[1:], styles):
         *parts, last = map(Text, cells)
-        table.add_row(*parts, Text(last.plain, _RICH.get(style, "")))
+        table.add_row(*parts, Text(last.plain, _STYLES[style]["fg"] if style else ""))
     width = room or _NO_TERMINAL
     console = Console(file=stream, width=width, force_terminal=colour, no_color=not colour)
     with console.capture() as shown:

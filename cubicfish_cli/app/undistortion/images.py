@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.photos import Picture, jpeg_segments, quiet_stderr, shown
+from cubicfish_cli.app.photos import Picture, jpeg_segments, quiet_stderr, refuse_no_picture, shown
 from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -128,7 +128,8 @@ def undistort(
             known.
 
     """
-    _refuse_no_picture(picture)
+    kinds = (np.uint8, np.uint16, np.float32)
+    refuse_no_picture(picture, "the picture", ViewError, kinds=kinds)
     if isinstance(by, UndistortMap):
         if view is not None:
             raise ViewError("a map has its view already: leave the view out, or pass the camera")
@@ -143,17 +144,6 @@ def undistort(
         undistort_map = build_map(camera, build_view(camera) if view is None else view)
     flat = remap_picture(np.ascontiguousarray(picture), undistort_map, interpolation)
     return flat.reshape((*flat.shape[:2], *picture.shape[2:]))
-
-
-def _refuse_no_picture(picture: object) -> None:
-    if not isinstance(picture, np.ndarray):
-        raise ViewError(f"the picture is no array but {type(picture).__name__}: read it first")
-    if picture.ndim not in (2, 3) or (picture.ndim == 3 and not 1 <= picture.shape[2] <= 4):
-        raise ViewError(f"the picture has the shape {picture.shape}, not (H, W) or (H, W, 1 to 4)")
-    if picture.dtype not in (np.uint8, np.uint16, np.float32):
-        raise ViewError(f"the picture holds {picture.dtype} numbers, not uint8, uint16 or float32")
-    if not picture.size:
-        raise ViewError(f"the picture has the shape {picture.shape}: it is empty")
 
 
 @contextmanager

@@ -128,13 +128,11 @@ def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Films, with patterns replaced by what they match."""
     from cubicfish_cli.app.photos import expanded
 
-    every = {path: expanded(path) for path in paths_of(films)}
-    for path, matches in every.items():
-        if not matches:
+    matches = {path: expanded(path) for path in paths_of(films)}
+    for path in matches:
+        if not matches[path]:
             raise PhotoError(f"{path} matches no film: check the name and the current folder")
-    if not every:
-        raise PhotoError("no film was given: name one")
-    return [match for matches in every.values() for match in matches]
+    return [match for every in matches.values() for match in every]
 
 
 def with_frames(
