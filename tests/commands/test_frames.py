@@ -222,6 +222,19 @@ def test_a_film_that_ends_before_its_announced_end_is_told(
     assert (6 <= written <= 11) if code else written == 16
 
 
+def test_a_film_in_pieces_that_is_cut_short_is_told(run: Run, tmp_path: Path) -> None:
+    """It announces no number of frames: only its last packet tells."""
+    film = tmp_path / "cut.mp4"
+    pieces = {"movflags": "frag_keyframe+empty_moov"}
+    write_film(film, [photo for photo in photos()[:4] for _ in range(8)], of_file=pieces)
+    data = film.read_bytes()
+    film.write_bytes(data[: len(data) * 6 // 10])
+    said = run("frames", film, "-o", tmp_path / "p", "-j", 1, code=1).stderr.splitlines()
+    assert said[-1].startswith("Error: ")
+    assert "cut.mp4 is cut short after frame" in said[-1]
+    assert times(tmp_path / "p")
+
+
 def test_frames_that_cannot_be_decoded_are_told_and_passed_over(
     run: Run, target: Path, tmp_path: Path
 ) -> None:

@@ -69,9 +69,10 @@ def write_film(
     codec: str = "libx264",
     pix_fmt: str = "yuv420p",
     options: dict[str, str] | None = None,
+    of_file: dict[str, str] | None = None,
 ) -> Path:
     """Write grey frames (H, W) as a film, 10 a second unless ``times_ms`` says otherwise."""
-    with av.open(str(path), "w") as container:
+    with av.open(str(path), "w", container_options=of_file) as container:
         settings = {"crf": "12", "g": "20"} if codec == "libx264" else {}
         stream = container.add_stream(codec, rate=RATE, options={**settings, **(options or {})})
         stream.height, stream.width = frames[0].shape

@@ -248,6 +248,7 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
         return
     av = library()
     times = Times(container, stream)
+    is_cut = False
     try:
         for packet in container.demux(stream, *container.streams.audio):
             if packet.stream is not stream:
@@ -261,7 +262,10 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
                 if whole:
                     raise
                 times.lost()
+                is_cut = True
                 continue
+            if packet.size:  # the last one only asks for frames that are held back
+                is_cut = packet.is_corrupt
             for frame in made:
                 _refuse_another_size(source, frame, size, count)
                 times.set(frame)
@@ -273,6 +277,10 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
             f"{shown(source)} is damaged after frame {count} ({problem.strerror}): "
             "copy it again or cut it with ffmpeg"
         ) from problem
+    if is_cut and count and not stream.frames:  # nothing else says that some are missing
+        raise PhotoError(
+            f"{shown(source)} is cut short after frame {count}: copy it again or cut it with ffmpeg"
+        )
 
 
 def _refuse_another_size(source: Path, frame: Any, size: tuple[int, int], count: int) -> None:

@@ -187,6 +187,8 @@ def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
     if not how.print(chosen):
         _print(chosen, given)
     for film in chosen.films:
+        if film["problem"]:
+            raise PhotoError(film["problem"])
         if film["missing"]:
             raise PhotoError(
                 f"{film['missing']:,} of the {film['frames'] + film['missing']:,} frames of "
