@@ -29,6 +29,8 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
 
 _ROUGH_DECREASE = 1e-5
+# P3 is held so much more firmly than in a fit of one camera, whose corners leave it nearly free.
+_FIRM = 100.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,9 +125,12 @@ def calibrate_alone(
     if found is not None and not hold:
         reference = radial_near(own.radial, pairs, poses)
         result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
-        lens, poses = result.lens, result.poses
+        lens, poses = _with_own_denominators(result.lens), result.poses
         runners_up = [
-            (held(result.lens, reference, one.prior, result.errors), one.likely)
+            (
+                _with_own_denominators(held(result.lens, reference, one.prior, result.errors)),
+                one.likely,
+            )
             for one in found.runners_up
         ]
     return Alone(
@@ -139,6 +144,20 @@ def calibrate_alone(
         told=[] if found is None else [of_camera(name, one) for one in found.findings],
         seen=seen if found is None else found.named(seen),
     )
+
+
+def _with_own_denominators(lens: CubicFit) -> CubicFit:
+    """The lens, held to the denominators P3Φ that its own photos gave it.
+
+    Many cubics of different P3 see nearly the same. What is wrong between cameras is many times
+    their corners' noise, and would pay for a pole beside a corner (see :meth:`CubicFit.priors`).
+    """
+    prior = lens.ray_prior
+    if prior is None:
+        return lens
+    firm = _FIRM * prior.denominator_weight
+    third = lens.coefficients[2]
+    return replace(lens, ray_prior=replace(prior, coefficients=third, denominator_weight=firm))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
