@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.lenses.camera_format import Poses
+from cubicfish_cli.app.lenses.camera_format import PlacedLens, Pose
 from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD, WRITTEN
 from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
@@ -41,12 +41,13 @@ class Exported:
     name: str
     conversion: Conversion
     note: list[str]
-    poses: Poses
+    poses: Mapping[str, Pose]
 
     @property
     def text(self) -> str:
         """The text of the format's file."""
-        return WRITTEN[self.name].write(self.conversion.lens, self.note, self.poses)
+        alone = PlacedLens(lens=self.conversion.lens, note=self.note, poses=self.poses)
+        return WRITTEN[self.name].write(alone)
 
     def as_record(self) -> dict[str, Any]:
         """The lens and its errors, for JSON."""

@@ -1,6 +1,6 @@
 """What a format of other tools' camera files offers, the ``FORMAT`` of its module; rigs for it.
 
-Bounded reading of text, JSON and values from untrusted files, with one-line errors.
+Bounded reading of JSON and of checked values from untrusted files, with one-line errors.
 """
 
 from __future__ import annotations
@@ -17,21 +17,19 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.reading import read_bytes, read_text
+from cubicfish_cli.core.plain_yaml import mapping
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.units import times
 from cubicfish_cli.core.wording import quoted
 
 Pose = tuple[FloatArray, FloatArray]
-
-METRES = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
-"""Unit of length -> metres."""
-Poses = Mapping[str, tuple[FloatArray, FloatArray]]
-"""camera_from_world, rotation (3, 3) and translation (3,), by the photo's name."""
+"""Rotation (3, 3) and translation (3,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlacedLens:
-    """A lens and where it stands.
+    """A lens and where it stands: by default alone, in its own frame.
 
     Attributes:
         name: of the camera.
@@ -39,18 +37,16 @@ class PlacedLens:
         note: how it was made, a line each.
         rotation: (3, 3) of lens_from_rig.
         translation: (3,) of lens_from_rig, in the rig's units.
-        max_angle_deg: how far from the axis the camera is trusted.
         poses: camera_from_world of its photos, in the lens's frame, by the photo's name.
 
     """
 
-    name: str
+    name: str = "camera"
     lens: Any
-    note: Sequence[str]
-    rotation: FloatArray
-    translation: FloatArray
-    max_angle_deg: float
-    poses: Mapping[str, Pose]
+    note: Sequence[str] = ()
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    translation: FloatArray = field(default_factory=lambda: np.zeros(3))
+    poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,13 +92,14 @@ class LensRig:
             CameraFileError: it is not known which unit that is.
 
         """
-        if self.units not in METRES:
+        metres = times(self.units, "m") if self.units else None
+        if metres is None:
             what = "says no unit of length" if self.units is None else f"is in {quoted(self.units)}"
             raise CameraFileError(
                 f"the rig {what}, and this format is in metres: write units: mm (or cm, m, in, ft) "
                 "into rig.yaml"
             )
-        return METRES[self.units]
+        return metres
 
     def between(self, second: int, first: int) -> Pose:
         """second_from_first, (3, 3) and (3,), in the rig's units."""
@@ -116,7 +113,7 @@ class LensRig:
         return one.rotation.T, -one.rotation.T @ one.translation
 
 
-def matrix_rows(rotation: FloatArray, translation: FloatArray) -> list[list[float]]:
+def transform_rows(rotation: FloatArray, translation: FloatArray) -> list[list[float]]:
     """The four rows of a 4x4 transform."""
     whole = np.eye(4)
     whole[:3, :3], whole[:3, 3] = rotation, translation
@@ -130,9 +127,8 @@ class CameraFormat:
     Attributes:
         lenses: by the names that it is written under, the lens that the file holds.
         file_name: what its file is usually called.
-        write: lens, notes of how it was made and photos' poses -> text. Raises
-            :class:`~cubicfish_cli.core.errors.CameraFileError` for values that the format does not
-            take.
+        write: lens -> text. Raises :class:`~cubicfish_cli.core.errors.CameraFileError` for values
+            that the format does not take.
         read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
             it is :attr:`sizeless`. None where files are only written.
         holds_several: whether a file holds several cameras, of which one is named.
@@ -149,7 +145,7 @@ class CameraFormat:
 
     lenses: Mapping[str, type[Lens]]
     file_name: str
-    write: Callable[[Any, Sequence[str], Poses], str]
+    write: Callable[[PlacedLens], str]
     read: Callable[..., Lens] | None = None
     holds_several: bool = False
     sizeless: bool = False
@@ -166,24 +162,57 @@ _LARGEST = 1e100
 MAX_VALUES = 2_000_000
 
 
-def read_bounded(path: Path, *, max_bytes: int) -> str:
-    """The text of a camera's file of at most ``max_bytes``; a byte order mark is dropped.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fields:
+    """A mapping of a camera's file, whose values are checked as they are asked for.
 
-    Raises:
-        CameraFileError: the file cannot be read, is larger, or is not UTF-8 text.
-
-    """
-    return read_text(path, max_bytes=max_bytes, error=CameraFileError)
-
-
-def read_bounded_bytes(path: Path, *, max_bytes: int) -> bytes:
-    """The contents of a camera's file of at most ``max_bytes``.
-
-    Raises:
-        CameraFileError: the file cannot be read, or is larger.
+    Attributes:
+        path: the file, for messages.
+        values: the mapping.
+        at: what stands before its keys in messages, such as ``cam0.``.
 
     """
-    return read_bytes(path, max_bytes=max_bytes, error=CameraFileError)
+
+    path: Path
+    values: Mapping[str, Any]
+    at: str = ""
+
+    @classmethod
+    def of(cls, path: Path, data: Any, what: str = "the file") -> Fields:
+        """What a file holds.
+
+        Raises:
+            CameraFileError: it is no mapping; one line, as of all that is asked of it.
+
+        """
+        return cls(path=path, values=mapping(path, data, what))
+
+    def part(self, key: str) -> Fields:
+        """A mapping within it."""
+        inner = mapping(self.path, self.values.get(key), self.at + key)
+        return Fields(path=self.path, values=inner, at=f"{self.at}{key}.")
+
+    def numbers(self, key: str, *counts: int) -> FloatArray:
+        """A list of finite numbers, as many as one of ``counts``."""
+        return numbers(self.path, self.values.get(key), self.at + key, counts)
+
+    def number(self, key: str) -> float:
+        """One finite number."""
+        return float(numbers(self.path, [self.values.get(key)], self.at + key, (1,))[0])
+
+    def name(self, key: str, known: Sequence[str]) -> str:
+        """One of the names that are known."""
+        value = self.values.get(key)
+        if value not in known:
+            raise CameraFileError(
+                f"{self.path}: {self.at}{key} {quoted(str(value))} is not known: {', '.join(known)}"
+            )
+        return str(value)
+
+    def size(self, width: str, height: str) -> tuple[int, int]:
+        """(width, height) in pixels, by their keys."""
+        given = self.values.get(width), self.values.get(height)
+        return size(self.path, *given, f"{self.at}{width} and {self.at}{height}")
 
 
 def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatArray:
@@ -197,18 +226,6 @@ def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatA
         wanted = " or ".join(map(str, counts))
         raise CameraFileError(f"{path}: {key} must hold {wanted} finite numbers")
     return np.array(value, float)
-
-
-def number(path: Path, record: dict[str, Any], key: str) -> float:
-    """One finite number."""
-    return float(numbers(path, [record.get(key)], key, (1,))[0])
-
-
-def focal(path: Path, values: FloatArray, key: str) -> FloatArray:
-    """Focal lengths, which must be above 0."""
-    if not (values > 0).all():
-        raise CameraFileError(f"{path}: {key}: focal lengths must be above 0")
-    return values
 
 
 def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:
@@ -235,6 +252,13 @@ def chosen_camera(path: Path, there: Sequence[str], camera: str | None) -> str:
 def json_text(data: Any) -> str:
     """Plain data as the text of a file, finite numbers only."""
     return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def load_plain_json(path: Path, *, max_bytes: int) -> Fields:
+    """The mapping in a JSON file of at most ``max_bytes``."""
+    return Fields.of(
+        path, parse_plain_json(path, read_text(path, max_bytes=max_bytes, error=CameraFileError))
+    )
 
 
 def parse_plain_json(path: Path, text: str) -> Any:

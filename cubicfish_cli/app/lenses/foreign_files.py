@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
-from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
-    read_bounded,
-    read_bounded_bytes,
-)
+from cubicfish_cli.app.lenses.camera_format import CameraFormat
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.core.reading import read_bytes, read_text
 
 _READ: Mapping[str, CameraFormat] = {
     one.read: load_place(one.place) for one in camera_formats() if one.read is not None
@@ -78,7 +75,7 @@ def own_field_deg(path: Path) -> float | None:
         CameraFileError: the file cannot be read.
 
     """
-    data = read_bounded_bytes(path, max_bytes=_SNIFFED_BYTES)
+    data = read_bytes(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
     found = re.search(rb"%s ([0-9.]{1,9}) degrees" % OWN_FIELD.encode(), data)
     degrees = float(found[1]) if found and found[1].count(b".") < 2 else 0.0
     return degrees if 0 < degrees < 180 else None
@@ -100,11 +97,11 @@ def sniffed(path: Path) -> str:
         CameraFileError: it is of none that is known, or cannot be read.
 
     """
-    data = read_bounded_bytes(path, max_bytes=_SNIFFED_BYTES)
+    data = read_bytes(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
     for name, made in _READ.items():
         if made.binary_looks_like is not None and made.binary_looks_like(data):
             return name
-    text = read_bounded(path, max_bytes=_SNIFFED_BYTES)
+    text = read_text(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
     for name, made in sorted(_READ.items(), key=lambda item: item[1].vague):
         if any(all(mark in text for mark in marks) for marks in made.marks):
             return name

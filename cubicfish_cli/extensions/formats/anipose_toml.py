@@ -9,18 +9,16 @@ pixel. Tables are read in the order of their names.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig
-from cubicfish_cli.core.lenses.lens import Lens
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, PlacedLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.formats.lenses import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens, matrix_rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,9 +34,9 @@ class BrownLens(PinholeLens):
         return (cls.near(radial, d=np.zeros(5)),)
 
 
-def anipose_text(lens: Lens, note: Sequence[str]) -> str:
+def anipose_text(one: PlacedLens) -> str:
     """A lens as a calibration.toml of one camera, which stands in its own frame."""
-    return _text(note, [_table("cam_0", "camera", lens, np.eye(3), np.zeros(3))])
+    return _text(one.note, {"cam_0": _table(one, 1.0)})
 
 
 def anipose_rig_text(rig: LensRig) -> str:
@@ -50,33 +48,27 @@ def anipose_rig_text(rig: LensRig) -> str:
     """
     metres, digits = rig.metres, len(str(len(rig.lenses) - 1))
     notes = [f"{_value(one.name)}: {line}" for one in rig.lenses for line in one.note]
-    tables = []
-    for number, one in enumerate(rig.lenses):
-        place = one.rotation, one.translation * metres
-        tables.append(_table(f"cam_{number:0{digits}}", one.name, one.lens, *place))
+    tables = {f"cam_{n:0{digits}}": _table(one, metres) for n, one in enumerate(rig.lenses)}
     return _text(notes, tables)
 
 
-def _table(
-    table: str, name: str, lens: Any, rotation: FloatArray, metres: FloatArray
-) -> dict[str, Any]:
+def _table(one: PlacedLens, metres: float) -> dict[str, Any]:
+    lens = one.lens
     return {
-        "": table,
-        "name": name,
+        "name": one.name,
         "size": list(lens.image_size),
-        "matrix": [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]],
+        "matrix": matrix_rows(lens),
         "distortions": (lens.k if isinstance(lens, RadialCamera) else lens.d).tolist(),
-        "rotation": Rotation.from_matrix(rotation).as_rotvec().tolist(),
-        "translation": (metres + 0.0).tolist(),
+        "rotation": Rotation.from_matrix(one.rotation).as_rotvec().tolist(),
+        "translation": (one.translation * metres + 0.0).tolist(),
         "fisheye": isinstance(lens, RadialCamera),
     }
 
 
-def _text(note: Sequence[str], tables: Sequence[dict[str, Any]]) -> str:
+def _text(note: Sequence[str], tables: Mapping[str, Mapping[str, Any]]) -> str:
     lines = [f"# {line}" for line in note]
-    for table in tables:
-        lines += ["", f"[{table.pop('')}]"]
-        lines += [f"{key} = {_value(value)}" for key, value in table.items()]
+    for name, table in tables.items():
+        lines += ["", f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items())]
     return "\n".join([*lines, "", "[metadata]", "adjusted = true", ""])
 
 
@@ -88,7 +80,7 @@ def _value(value: Any) -> str:
 FORMAT = CameraFormat(
     lenses={"anipose": RadialCamera, "anipose-pinhole": BrownLens},
     file_name="calibration.toml",
-    write=lambda lens, note, poses: anipose_text(lens, note),
+    write=anipose_text,
     rig=("calibration.toml", anipose_rig_text),
     front_only={"anipose": "cv2.fisheye", "anipose-pinhole": "a pinhole lens"},
 )

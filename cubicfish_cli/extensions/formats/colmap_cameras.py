@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,12 +23,10 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
+    PlacedLens,
     chosen_camera,
-    focal,
     json_text,
     numbers,
-    read_bounded,
-    read_bounded_bytes,
     size,
 )
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens
@@ -37,9 +35,10 @@ from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.geometry import decentring
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.reading import read_bytes, read_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
-from cubicfish_cli.extensions.formats.lenses import PinholeLens
+from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 
 # Profiles are looked through for a fold in such steps.
 _STEP_RAD = np.deg2rad(0.05)
@@ -136,8 +135,7 @@ class ColmapModel:
 
     Attributes:
         number: what ``cameras.bin`` calls it.
-        parameters: in COLMAP's order; f stands for fx and fy. Those behind cx and cy have the
-            names of the lens's own parameters.
+        parameters: in COLMAP's order; f stands for fx and fy.
         lens: which lens it is.
 
     """
@@ -161,64 +159,28 @@ MODELS = {
     "RAD_TAN_THIN_PRISM_FISHEYE": _model(
         11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
-}  # fmt: skip
-"""COLMAP's name -> the model; those of which a lens here is one."""
-_BY_NUMBER = {model.number: name for name, model in MODELS.items()}
-
-WRITTEN_AS: Mapping[type[Lens], str] = {
-    RadialCamera: "OPENCV_FISHEYE",
-    RadTanThinPrismLens: "RAD_TAN_THIN_PRISM_FISHEYE",
 }
-"""A lens -> the COLMAP model that it is written as."""
-
-_RADIAL = {"k": 4}
-_PRISM = {"k": 6, "t": 2, "s": 4}
-_PINHOLE = ("k1", "k2", "p1", "p2")
+"""COLMAP's name -> the model; those of which a lens here is one."""
+_WRITTEN_AS = {made.lens: name for name, made in MODELS.items() if made.lens is not PinholeLens}
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:
-    """The COLMAP model and parameters of a lens of one of :data:`WRITTEN_AS`'s models."""
-    name = WRITTEN_AS[type(lens)]
-    own = dict(zip(lens.parameter_names, lens.parameters.tolist(), strict=True))
-    own["cx"], own["cy"] = own["cx"] + HALF, own["cy"] + HALF
-    return name, [own[parameter] for parameter in MODELS[name].parameters]
+    """The COLMAP model and parameters of a lens of a model of :data:`FORMAT`."""
+    name, named = _WRITTEN_AS[type(lens)], named_numbers(lens)
+    named["cx"], named["cy"] = named["cx"] + HALF, named["cy"] + HALF
+    return name, [named[parameter] for parameter in MODELS[name].parameters]
 
 
-def lens_of(where: Path, name: str, given: Sequence[float], image_size: tuple[int, int]) -> Lens:
-    """The lens of a COLMAP model with these parameters.
-
-    Raises:
-        CameraFileError: they are not as many, or not those of a lens; ``where`` begins the line.
-
-    """
-    model = MODELS[name]
-    count = len(model.parameters)
-    values = numbers(where, list(given), f"PARAMS of {name}", (count,)).tolist()
-    own = dict(zip(model.parameters, values, strict=True))
-    if "f" in own:
-        own["fx"] = own["fy"] = own["f"]
-    focal(where, np.array([own["fx"], own["fy"]]), "PARAMS")
-    record: dict[str, Any] = {
-        "fx": own["fx"], "fy": own["fy"], "cx": own["cx"] - HALF, "cy": own["cy"] - HALF,
-    }  # fmt: skip
-    if model.lens is PinholeLens:
-        record["d"] = np.array([own.get(key, 0.0) for key in _PINHOLE])
-    else:
-        for key, length in (_RADIAL if model.lens is RadialCamera else _PRISM).items():
-            record[key] = np.array([own.get(f"{key}{i + 1}", 0.0) for i in range(length)])
-    return model.lens(image_size=image_size, **record)
-
-
-def colmap_text(lens: Lens, note: Sequence[str]) -> str:
-    """A lens of one of :data:`WRITTEN_AS`'s models as a cameras.txt of one camera."""
-    name, parameters = parameters_of(lens)
-    width, height = lens.image_size
+def colmap_text(one: PlacedLens) -> str:
+    """A lens of a model of :data:`FORMAT` as a cameras.txt of one camera."""
+    name, parameters = parameters_of(one.lens)
+    width, height = one.lens.image_size
     return "\n".join(
         [
             "# Camera list with one line of data per camera:",
             "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]",
             "# Number of cameras: 1",
-            *(f"# {line}" for line in note),
+            *(f"# {line}" for line in one.note),
             f"1 {name} {width} {height} " + " ".join(map(repr, parameters)),
             "",
         ]
@@ -226,7 +188,7 @@ def colmap_text(lens: Lens, note: Sequence[str]) -> str:
 
 
 def colmap_rig_text(rig: LensRig) -> str:
-    """Lenses of :data:`WRITTEN_AS`'s models as rig_config.json, with their cameras.
+    """Lenses of models of :data:`FORMAT` as rig_config.json, with their cameras.
 
     The photos of each camera are in a folder of its name; lengths are the rig's own.
     """
@@ -236,7 +198,7 @@ def colmap_rig_text(rig: LensRig) -> str:
         camera: dict[str, Any] = {
             "image_prefix": f"{one.name}/",
             "camera_model_name": name,
-            "camera_params": list(parameters),
+            "camera_params": parameters,
         }
         if number:
             turn, shift = rig.between(number, 0)
@@ -274,11 +236,11 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
         CameraFileError: the file is neither, or holds no such camera; one line.
 
     """
-    data = read_bounded_bytes(path, max_bytes=MAX_BYTES)
+    data = read_bytes(path, max_bytes=MAX_BYTES, error=CameraFileError)
     if looks_like_cameras_bin(data):
         cameras = _of_binary(path, data)
     else:
-        cameras = _of_text(path, read_bounded(path, max_bytes=MAX_BYTES))
+        cameras = _of_text(path, read_text(path, max_bytes=MAX_BYTES, error=CameraFileError))
     there: dict[str, tuple[Path, str, Sequence[Any]]] = {}
     for number, where, name, values in cameras:
         if number in there:
@@ -287,15 +249,22 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     where, name, values = there[chosen_camera(path, list(there), camera)]
     if name not in MODELS:
         raise CameraFileError(
-            f"{where}: {quoted(name)} is no camera model that is known here: {_known(name)}"
+            f"{where}: {quoted(name)} is no camera model that is known here: "
+            + did_you_mean(name, MODELS)
         )
     try:
-        width, height, *parameters = map(float, values)
+        width, height, *given = map(float, values)
     except ValueError as problem:
         raise CameraFileError(
             f"{where}: WIDTH, HEIGHT and numbers must follow the model"
         ) from problem
-    return lens_of(where, name, parameters, size(where, width, height, "WIDTH and HEIGHT"))
+    model = MODELS[name]
+    parameters = numbers(where, given, f"PARAMS of {name}", (len(model.parameters),))
+    named = dict(zip(model.parameters, parameters.tolist(), strict=True))
+    if "f" in named:
+        named["fx"] = named["fy"] = named["f"]
+    named["cx"], named["cy"] = named["cx"] - HALF, named["cy"] - HALF
+    return named_lens(where, model.lens, size(where, width, height, "WIDTH and HEIGHT"), named)
 
 
 Found = Iterator[tuple[str, Path, str, Sequence[Any]]]
@@ -306,30 +275,22 @@ def _of_text(path: Path, text: str) -> Found:
     for number, line in enumerate(text.splitlines(), start=1):
         camera, *cells = line.split() or ["#"]
         if not camera.startswith("#"):
-            yield (
-                camera,
-                Path(f"{path}, line {number}"),
-                cells[0] if cells else "nothing",
-                cells[1:],
-            )
-
-
-def _known(name: str) -> str:
-    near = did_you_mean(name, MODELS)
-    return near if near.startswith("did") else "known: " + ", ".join(MODELS)
+            name, *values = cells or ["nothing"]
+            yield camera, Path(f"{path}, line {number}"), name, values
 
 
 def _of_binary(path: Path, data: bytes) -> Found:
     (count,), at = _HEAD.unpack_from(data), _HEAD.size
+    names = {model.number: name for name, model in MODELS.items()}
     try:
         for _ in range(count):
             camera, model, *values = _CAMERA.unpack_from(data, at)
-            if model not in _BY_NUMBER:
+            if model not in names:
                 raise CameraFileError(
                     f"{path}: camera {camera} is of model number {model}, which is not known "
-                    f"here: {_known('')}"
+                    f"here: known: {', '.join(MODELS)}"
                 )
-            name, at = _BY_NUMBER[model], at + _CAMERA.size
+            name, at = names[model], at + _CAMERA.size
             parameters = struct.Struct(f"<{len(MODELS[name].parameters)}d")
             yield str(camera), path, name, [*values, *parameters.unpack_from(data, at)]
             at += parameters.size
@@ -341,15 +302,14 @@ def _of_binary(path: Path, data: bytes) -> Found:
         raise CameraFileError(f"{path}: there is more behind its {count} cameras: is it damaged?")
 
 
-# Most programs that read COLMAP's files take OPENCV_FISHEYE: it is the one without a name.
-_LENSES = {
-    "colmap" if name == "OPENCV_FISHEYE" else f"colmap-{name.lower().replace('_', '-')}": lens
-    for lens, name in WRITTEN_AS.items()
-}
 FORMAT = CameraFormat(
-    lenses=_LENSES,
+    # Most programs that read COLMAP's files take OPENCV_FISHEYE.
+    lenses={
+        "colmap": RadialCamera,
+        "colmap-rad-tan-thin-prism-fisheye": RadTanThinPrismLens,
+    },
     file_name="cameras.txt",
-    write=lambda lens, note, poses: colmap_text(lens, note),
+    write=colmap_text,
     read=read_colmap,
     holds_several=True,
     marks=(("CAMERA_ID",),),
@@ -357,5 +317,5 @@ FORMAT = CameraFormat(
     looks_like=looks_like_cameras_txt,
     binary_looks_like=looks_like_cameras_bin,
     rig=("rig_config.json", colmap_rig_text),
-    front_only=dict.fromkeys(_LENSES, "COLMAP"),
+    front_only={"colmap": "COLMAP", "colmap-rad-tan-thin-prism-fisheye": "COLMAP"},
 )

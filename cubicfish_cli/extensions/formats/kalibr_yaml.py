@@ -9,49 +9,62 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
+    Fields,
     LensRig,
+    PlacedLens,
     chosen_camera,
-    focal,
-    matrix_rows,
     numbers,
     size,
+    transform_rows,
 )
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml, mapping
+from cubicfish_cli.core.plain_yaml import load_plain_yaml
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
+from cubicfish_cli.extensions.formats.lenses import (
+    DoubleSphereLens,
+    PinholeLens,
+    UnifiedLens,
+    named_lens,
+    named_numbers,
+)
 
-_CORE = ("fx", "fy", "cx", "cy")
-# Kalibr's camera_model -> what stands before the core in its intrinsics.
-_INTRINSICS = {"pinhole": (), "omni": ("xi",), "ds": ("xi", "alpha")}
-# camera_model and distortion_model -> the lens, its attribute with the coefficients, how many.
-_MODELS: Mapping[tuple[str, str], tuple[type[Lens], str, int]] = {
-    ("pinhole", "radtan"): (PinholeLens, "d", 4),
-    ("pinhole", "equidistant"): (RadialCamera, "k", 4),
-    ("pinhole", "none"): (PinholeLens, "d", 0),
-    ("omni", "radtan"): (UnifiedLens, "d", 4),
-    ("ds", "none"): (DoubleSphereLens, "", 0),
+# camera_model -> its intrinsics.
+_INTRINSICS = {
+    "pinhole": ("fx", "fy", "cx", "cy"),
+    "omni": ("xi", "fx", "fy", "cx", "cy"),
+    "ds": ("xi", "alpha", "fx", "fy", "cx", "cy"),
 }
-# Of a lens with several the first is written.
-_WRITTEN = {made[0]: (*names, made[1]) for names, made in [*_MODELS.items()][::-1]}
+_RADTAN = ("k1", "k2", "p1", "p2")
+# camera_model and distortion_model -> the lens, its coefficients.
+_MODELS: Mapping[tuple[str, str], tuple[type[Lens], Sequence[str]]] = {
+    ("pinhole", "radtan"): (PinholeLens, _RADTAN),
+    ("pinhole", "equidistant"): (RadialCamera, ("k1", "k2", "k3", "k4")),
+    ("pinhole", "none"): (PinholeLens, ()),
+    ("omni", "radtan"): (UnifiedLens, _RADTAN),
+    ("ds", "none"): (DoubleSphereLens, ()),
+}
+_WRITTEN = {
+    lens: (*names, coefficients)
+    for names, (lens, coefficients) in _MODELS.items()
+    if lens is not PinholeLens
+}
 
 
-def kalibr_text(lens: Lens, note: Sequence[str]) -> str:
+def kalibr_text(one: PlacedLens) -> str:
     """A lens of a model of :data:`FORMAT` as a camchain of one camera.
 
     Raises:
         CameraFileError: the lens's values lie outside what Kalibr takes.
 
     """
-    return "\n".join([*(f"# {line}" for line in note), *_camera_lines(lens, 0, []), ""])
+    return "\n".join([*(f"# {line}" for line in one.note), *_camera_lines(one.lens, 0, []), ""])
 
 
 def kalibr_rig_text(rig: LensRig) -> str:
@@ -69,32 +82,26 @@ def kalibr_rig_text(rig: LensRig) -> str:
         lines += _camera_lines(one.lens, number, overlaps)
         if number:
             turn, shift = rig.between(number, number - 1)
-            rows = matrix_rows(turn, shift * rig.metres)
-            lines += ["  T_cn_cnm1:", *(f"  - {_list(row)}" for row in rows)]
+            rows = transform_rows(turn, shift * rig.metres)
+            lines += ["  T_cn_cnm1:", *(f"  - {row}" for row in rows)]
     return "\n".join([*lines, ""])
 
 
 def _camera_lines(lens: Lens, number: int, overlaps: Sequence[int]) -> list[str]:
-    camera, distortion, key = _WRITTEN[type(lens)]
-    d = getattr(lens, key) if key else np.zeros(0)
-    own = [float(getattr(lens, name)) for name in _INTRINSICS[camera]]
-    _check(Path("camchain.yaml"), camera, own)
-    intrinsics = [*own, *(float(getattr(lens, key)) for key in _CORE)]
+    camera, distortion, coefficients = _WRITTEN[type(lens)]
+    named = named_numbers(lens)
+    _refuse_values(Path("camchain.yaml"), camera, named)
     width, height = lens.image_size
     return [
         f"cam{number}:",
         f"  cam_overlaps: {list(overlaps)}",
         f"  camera_model: {camera}",
-        f"  distortion_coeffs: {_list(d.tolist())}",
+        f"  distortion_coeffs: {[named[name] for name in coefficients]}",
         f"  distortion_model: {distortion}",
-        f"  intrinsics: {_list(intrinsics)}",
+        f"  intrinsics: {[named[name] for name in _INTRINSICS[camera]]}",
         f"  resolution: [{width}, {height}]",
         f"  rostopic: /cam{number}/image_raw",
     ]
-
-
-def _list(values: Sequence[float]) -> str:
-    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
 
 
 def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
@@ -108,41 +115,32 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
         CameraFileError: the file is not one, or holds no such camera; one line.
 
     """
-    chain = mapping(path, load_plain_yaml(path, error=CameraFileError), "the file")
-    names = [name for name in chain if name.startswith("cam") and name[3:].isdecimal()]
-    camera = chosen_camera(path, names, camera)
-    record = mapping(path, chain[camera], camera)
-    kind, distortion = record.get("camera_model"), record.get("distortion_model")
-    if not isinstance(kind, str) or kind not in _INTRINSICS:
+    chain = Fields.of(path, load_plain_yaml(path, error=CameraFileError))
+    names = [name for name in chain.values if name.startswith("cam") and name[3:].isdecimal()]
+    record = chain.part(chosen_camera(path, names, camera))
+    kind = record.name("camera_model", tuple(_INTRINSICS))
+    distortion = str(record.values.get("distortion_model"))
+    if (kind, distortion) not in _MODELS:
         raise CameraFileError(
-            f"{path}: {camera}.camera_model {quoted(str(kind))} is not known: "
-            + ", ".join(_INTRINSICS)
-        )
-    if not isinstance(distortion, str) or (kind, distortion) not in _MODELS:
-        raise CameraFileError(
-            f"{path}: {camera}.distortion_model {quoted(str(distortion))} does not go with {kind}: "
+            f"{path}: {record.at}distortion_model {quoted(distortion)} does not go with {kind}: "
             + ", ".join(fitting for own, fitting in _MODELS if own == kind)
         )
-    model, key, count = _MODELS[kind, distortion]
-    own = _INTRINSICS[kind]
-    given = numbers(path, record.get("intrinsics"), f"{camera}.intrinsics", (4 + len(own),))
-    _check(path, kind, given[: len(own)].tolist())
-    focal(path, given[len(own) : len(own) + 2], f"{camera}.intrinsics")
-    d = numbers(path, record.get("distortion_coeffs", []), f"{camera}.distortion_coeffs", (count,))
-    resolution = record.get("resolution")
-    if not isinstance(resolution, list) or len(resolution) != 2:
-        raise CameraFileError(f"{path}: {camera}.resolution must be two whole numbers")
-    values: dict[str, Any] = dict(zip((*own, *_CORE), given.tolist(), strict=True))
-    if key:
-        values[key] = d
-    image_size = size(path, resolution[0], resolution[1], f"{camera}.resolution")
-    return model(image_size=image_size, **values)
+    model, coefficients = _MODELS[kind, distortion]
+    intrinsics = _INTRINSICS[kind]
+    named = dict(zip(intrinsics, record.numbers("intrinsics", len(intrinsics)), strict=True))
+    _refuse_values(path, kind, named)
+    d = record.values.get("distortion_coeffs", [])
+    d = numbers(path, d, f"{record.at}distortion_coeffs", (len(coefficients),))
+    named.update(zip(coefficients, d, strict=True))
+    width, height = record.numbers("resolution", 2)
+    image_size = size(path, width, height, f"{record.at}resolution")
+    return named_lens(path, model, image_size, named)
 
 
-def _check(path: Path, kind: str, own: Sequence[float]) -> None:
-    if kind == "omni" and not own[0] > 0:
+def _refuse_values(path: Path, kind: str, named: Mapping[str, float]) -> None:
+    if kind == "omni" and not named["xi"] > 0:
         raise CameraFileError(f"{path}: xi of an omni lens must be above 0")
-    if kind == "ds" and not 0 <= own[1] < 1:
+    if kind == "ds" and not 0 <= named["alpha"] < 1:
         raise CameraFileError(f"{path}: alpha of a ds lens must be from 0 to below 1")
 
 
@@ -153,7 +151,7 @@ FORMAT = CameraFormat(
         "kalibr-ds": DoubleSphereLens,
     },
     file_name="camchain.yaml",
-    write=lambda lens, note, poses: kalibr_text(lens, note),
+    write=kalibr_text,
     read=read_kalibr,
     holds_several=True,
     marks=(("camera_model:", "intrinsics:", "resolution:"),),

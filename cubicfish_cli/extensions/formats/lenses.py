@@ -10,17 +10,71 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
 
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens
+from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.geometry import decentring
+from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 
-_COUNT = 14
+PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "τx", "τy")
+"""OpenCV's order of a pinhole lens's distortion."""
+# What files call the numbers of a lens's arrays.
+_NAMES: Mapping[str, tuple[str, ...]] = {
+    "d": PINHOLE,
+    "k": ("k1", "k2", "k3", "k4", "k5", "k6"),
+    "t": ("t1", "t2"),
+    "s": ("s1", "s2", "s3", "s4"),
+}
+
+
+def named_numbers(lens: Lens) -> dict[str, float]:
+    """The parameters of a lens by the names that files have for them."""
+    named: dict[str, float] = {}
+    for one in fields(lens):
+        value = getattr(lens, one.name)
+        if one.name in _NAMES:
+            named.update(zip(_NAMES[one.name], value.tolist(), strict=False))
+        elif one.name != "image_size":
+            named[one.name] = float(value)
+    return named
+
+
+def named_lens(
+    where: Path, model: type[Lens], image_size: tuple[int, int], named: Mapping[str, float]
+) -> Lens:
+    """The lens of a model with the parameters of these names.
+
+    Raises:
+        CameraFileError: a focal length is not above 0; ``where`` begins the line.
+
+    """
+    if not (named["fx"] > 0 and named["fy"] > 0):
+        raise CameraFileError(f"{where}: focal lengths must be above 0")
+    own: dict[str, float | FloatArray] = {}
+    for one in fields(model):
+        if one.name in _NAMES:
+            values = [named[name] for name in _NAMES[one.name] if name in named]
+            own[one.name] = np.array(values, float)
+        elif one.name in named:
+            own[one.name] = named[one.name]
+    return model(image_size=image_size, **own)
+
+
+def matrix_rows(lens: FocalLens | RadialCamera) -> list[list[float]]:
+    """The camera matrix K of a lens, row by row."""
+    return [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]]
+
+
+def named_in_matrix(values: FloatArray) -> dict[str, float]:
+    """Names and numbers of a camera matrix (9,), row by row."""
+    return dict(zip(("fx", "fy", "cx", "cy"), values[[0, 4, 2, 5]].tolist(), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +98,7 @@ class PinholeLens(FocalLens):
 
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`; not finite behind the camera."""
-        d = np.zeros(_COUNT)
+        d = np.zeros(len(PINHOLE))
         d[: len(self.d)] = self.d
         k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y = d
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -16,20 +16,21 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
+    Fields,
     LensRig,
+    PlacedLens,
     numbers,
-    read_bounded,
     size,
 )
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.plain_yaml import mapping, parse_plain_yaml
+from cubicfish_cli.core.plain_yaml import parse_plain_yaml
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.formats.lenses import PinholeLens
@@ -67,42 +68,31 @@ def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
         CameraFileError: the rig's unit of length is not known.
 
     """
-    return {
-        f"{one.name}.cameramodel": mrcal_text(
-            one.lens,
-            one.note,
-            [
-                *Rotation.from_matrix(one.rotation).as_rotvec().tolist(),
-                *(one.translation * rig.metres).tolist(),
-            ],
-        )
-        for one in rig.lenses
-    }
+    return {f"{one.name}.cameramodel": mrcal_text(one, metres=rig.metres) for one in rig.lenses}
 
 
-def mrcal_text(
-    lens: SplinedLens, note: Sequence[str] = (), extrinsics: Sequence[float] = (0.0,) * 6
-) -> str:
-    """A lens as the text of a .cameramodel, numbers at full precision.
+def mrcal_text(one: PlacedLens, *, metres: float = 1.0) -> str:
+    """A splined lens as the text of a .cameramodel, numbers at full precision.
 
     Args:
-        lens: the lens.
-        note: how it was made, a line each.
-        extrinsics: camera from reference, a rotation vector and a shift in metres.
+        one: the lens.
+        metres: in one unit of its translation.
 
     """
+    lens: SplinedLens = one.lens
     control = lens.control
     model = (
         f"LENSMODEL_SPLINED_STEREOGRAPHIC_order={lens.order}_Nx={control.shape[1]}"
         f"_Ny={control.shape[0]}_fov_x_deg={lens.fov_x_deg}"
     )
-    core = [lens.fx, lens.fy, lens.cx, lens.cy]
-    lines = [f"    {row}," for row in _rows([*core, *control.ravel().tolist()])]
-    outline = [f"    [{x!r}, {y!r}]," for x, y in lens.region.tolist()]
-    width, height = lens.image_size
+    values = [lens.fx, lens.fy, lens.cx, lens.cy, *control.ravel().tolist()]
+    lines = [f"    {_listed(values[at : at + 8])}," for at in range(0, len(values), 8)]
+    outline = [f"    {pixel}," for pixel in lens.region.tolist()]
+    turn = Rotation.from_matrix(one.rotation).as_rotvec().tolist()
+    extrinsics = [*turn, *(one.translation * metres).tolist()]
     return "\n".join(
         [
-            *(f"# {line}" for line in note),
+            *(f"# {line}" for line in one.note),
             "{",
             f"    'lensmodel':  '{model}',",
             "",
@@ -113,9 +103,9 @@ def mrcal_text(
             "",
             *(["    'valid_intrinsics_region': [", *outline, "    ],", ""] if outline else []),
             "    # rt from the reference frame",
-            f"    'extrinsics': [{', '.join(repr(float(value)) for value in extrinsics)}],",
+            f"    'extrinsics': {extrinsics},",
             "",
-            f"    'imagersize': [{width}, {height}],",
+            f"    'imagersize': {list(lens.image_size)},",
             "}",
             "",
         ]
@@ -130,19 +120,20 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
             names the file and the key.
 
     """
-    data = _dictionary(path, read_bounded(path, max_bytes=MAX_BYTES))
-    lens = data.get("lensmodel")
-    if not isinstance(lens, str):
-        raise CameraFileError(f"{path}: it has no key lensmodel: is it a .cameramodel of mrcal?")
-    width, height = _numbers(path, data, "imagersize", 2).tolist()
+    data = _dictionary(path, read_text(path, max_bytes=MAX_BYTES, error=CameraFileError))
+    for key in ("lensmodel", "imagersize"):
+        if key not in data.values:
+            raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
+    lens = str(data.values["lensmodel"])
+    width, height = data.numbers("imagersize", 2)
     image_size = size(path, width, height, "imagersize")
-    region = _region(path, data)
+    region = _region(data)
     if lens in _OPENCV_SIZES:
-        values = _numbers(path, data, "intrinsics", 4 + _OPENCV_SIZES[lens])
+        values = data.numbers("intrinsics", 4 + _OPENCV_SIZES[lens])
         return PinholeLens(image_size=image_size, **_core(path, values), d=values[4:])
     order, nx, ny, fov_x_deg = _configuration(path, lens)
     count = 2 * nx * ny if lens != "LENSMODEL_STEREOGRAPHIC" else 0
-    values = _numbers(path, data, "intrinsics", 4 + count)
+    values = data.numbers("intrinsics", 4 + count)
     control = values[4:] if count else np.zeros(2 * nx * ny)
     return SplinedLens(
         image_size=image_size,
@@ -154,18 +145,14 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
     )
 
 
-def _rows(values: list[float], length: int = 8) -> list[str]:
-    return [
-        ", ".join(map(repr, values[start : start + length]))
-        for start in range(0, len(values), length)
-    ]
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(map(repr, values))
 
 
 def _core(path: Path, values: FloatArray) -> dict[str, float]:
-    core = dict(zip(("fx", "fy", "cx", "cy"), values[:4].tolist(), strict=True))
-    if core["fx"] <= 0 or core["fy"] <= 0:
+    if not (values[:2] > 0).all():
         raise CameraFileError(f"{path}: intrinsics: fx and fy, the first two, must be above 0")
-    return core
+    return dict(zip(("fx", "fy", "cx", "cy"), values.tolist(), strict=False))
 
 
 def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
@@ -191,30 +178,24 @@ def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
     return order, nx, ny, fov_x_deg
 
 
-def _region(path: Path, data: dict[str, Any]) -> FloatArray:
-    if data.get("valid_intrinsics_region") is None:
+def _region(data: Fields) -> FloatArray:
+    rows, key = data.values.get("valid_intrinsics_region"), "valid_intrinsics_region"
+    if rows is None:
         return np.zeros((0, 2))
-    rows = data["valid_intrinsics_region"]
     if not isinstance(rows, list) or len(rows) > MAX_REGION:
-        raise CameraFileError(f"{path}: valid_intrinsics_region must be a list of pixels")
+        raise CameraFileError(f"{data.path}: {key} must be a list of pixels")
     if not rows:
         raise CameraFileError(
-            f"{path}: valid_intrinsics_region is empty: by this file the lens is valid nowhere"
+            f"{data.path}: {key} is empty: by this file the lens is valid nowhere"
         )
-    region = np.array([numbers(path, row, "valid_intrinsics_region", (2,)) for row in rows])
+    region = np.array([numbers(data.path, row, key, (2,)) for row in rows])
     if len(region) < 4:  # as mrcal does with an outline that is none
         return np.zeros((0, 2))
     closed = np.abs(region[0] - region[-1]).max() < 1e-6
     return region if closed else np.concatenate([region, region[:1]])
 
 
-def _numbers(path: Path, data: dict[str, Any], key: str, count: int) -> FloatArray:
-    if key not in data:
-        raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
-    return numbers(path, data[key], key, (count,))
-
-
-def _dictionary(path: Path, text: str) -> dict[str, Any]:
+def _dictionary(path: Path, text: str) -> Fields:
     """The dictionary, without what is packed in it.
 
     Beside remarks, packed bytes and tuples it is YAML in braces, whose reader evaluates nothing
@@ -223,7 +204,8 @@ def _dictionary(path: Path, text: str) -> dict[str, Any]:
     plain = _TOKEN.sub(_as_yaml, text)
     if len(plain) > MAX_PLAIN_BYTES:
         raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
-    return mapping(path, parse_plain_yaml(path, plain, error=CameraFileError), "a .cameramodel")
+    data = parse_plain_yaml(path, plain, error=CameraFileError)
+    return Fields.of(path, data, "a .cameramodel")
 
 
 def _as_yaml(match: re.Match[str]) -> str:
@@ -236,7 +218,7 @@ def _as_yaml(match: re.Match[str]) -> str:
 FORMAT = CameraFormat(
     lenses={"mrcal": SplinedLens},
     file_name="camera.cameramodel",
-    write=lambda lens, note, poses: mrcal_text(lens, note),
+    write=mrcal_text,
     read=read_mrcal,
     marks=(("lensmodel", "intrinsics"),),
     rig=("mrcal", mrcal_rig_texts),

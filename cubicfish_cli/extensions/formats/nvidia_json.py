@@ -8,7 +8,6 @@ The f-theta lens has the angle from the axis as a polynomial of the distance in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, json_text
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, PlacedLens, json_text
 from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -51,15 +50,8 @@ class FThetaLens(ForeignLens):
         """The equidistant lens."""
         k = np.array([0.0, 2 / (radial.fx + radial.fy), 0, 0, 0, 0])
         linear = np.array([radial.fx / radial.fy, 0.0, 0.0])
-        return (
-            cls(
-                image_size=radial.image_size,
-                cx=radial.cx,
-                cy=radial.cy,
-                polynomial=k,
-                linear=linear,
-            ),
-        )
+        centre = {"cx": radial.cx, "cy": radial.cy}
+        return (cls(image_size=radial.image_size, **centre, polynomial=k, linear=linear),)
 
     @property
     def units(self) -> FloatArray:
@@ -80,13 +72,9 @@ class FThetaLens(ForeignLens):
             found &= (polynomial.polyval(r, slope) > 0) & (r > -1)
             across = np.hypot(points[:, 0], points[:, 1])
             way = np.where(across[:, None] > 0, points[:, :2] / across[:, None], 0.0)
-        pixel = (way * r[:, None]) @ _matrix(self.linear).T + [self.cx, self.cy]
+        matrix = np.append(self.linear, 1.0).reshape(2, 2)
+        pixel = (way * r[:, None]) @ matrix.T + [self.cx, self.cy]
         return np.where(found[:, None], pixel, np.nan)
-
-
-def _matrix(linear: FloatArray) -> FloatArray:
-    c, d, e = linear
-    return np.array([[c, d], [e, 1.0]])
 
 
 _VERSION = 7
@@ -94,9 +82,9 @@ _VERSION = 7
 _FLU = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-def nvidia_text(lens: FThetaLens, note: Sequence[str]) -> str:
-    """A lens as a rig.json of one camera."""
-    return _text([_sensor("camera", lens, note, np.eye(3), np.zeros(3))])
+def nvidia_text(one: PlacedLens) -> str:
+    """An f-theta lens as a rig.json of one camera."""
+    return _text([_sensor(one, np.eye(3), np.zeros(3))])
 
 
 def nvidia_rig_text(rig: LensRig) -> str:
@@ -109,20 +97,18 @@ def nvidia_rig_text(rig: LensRig) -> str:
     sensors = []
     for number, one in enumerate(rig.lenses):
         turn, shift = rig.rig_from_lens(number)
-        sensors.append(_sensor(one.name, one.lens, one.note, turn, shift * rig.metres))
+        sensors.append(_sensor(one, turn, shift * rig.metres))
     return _text(sensors)
 
 
-def _sensor(
-    name: str, lens: FThetaLens, note: Sequence[str], turn: FloatArray, metres: FloatArray
-) -> dict[str, Any]:
+def _sensor(one: PlacedLens, turn: FloatArray, metres: FloatArray) -> dict[str, Any]:
+    lens: FThetaLens = one.lens
     angles = Rotation.from_matrix(_FLU @ turn @ _FLU.T).as_euler("xyz", degrees=True)
-    coefficients = lens.polynomial.tolist()
-    polynomial = " ".join(map(repr, coefficients))
+    polynomial = " ".join(map(repr, lens.polynomial.tolist()))
     width, height = lens.image_size
-    linear = dict(zip("cde", lens.linear.tolist(), strict=True))
+    linear = zip("cde", lens.linear.tolist(), strict=True)
     return {
-        "name": f"camera:{name}",
+        "name": f"camera:{one.name}",
         "protocol": "camera.virtual",
         "parameter": "",
         "nominalSensor2Rig_FLU": {
@@ -138,20 +124,20 @@ def _sensor(
             "polynomial": polynomial,
             "polynomial-type": "pixeldistance-to-angle",
             "bw-poly": polynomial,
-            **{f"linear-{key}": repr(value) for key, value in linear.items()},
+            **{f"linear-{key}": repr(value) for key, value in linear},
         },
-        "made_by": list(note),
+        "made_by": list(one.note),
     }
 
 
-def _text(sensors: Sequence[dict[str, Any]]) -> str:
-    data = {"rig": {"properties": {}, "sensors": list(sensors), "vehicle": {}}, "version": _VERSION}
-    return json_text(data)
+def _text(sensors: list[dict[str, Any]]) -> str:
+    rig = {"properties": {}, "sensors": sensors, "vehicle": {}}
+    return json_text({"rig": rig, "version": _VERSION})
 
 
 FORMAT = CameraFormat(
     lenses={"nvidia": FThetaLens},
     file_name="rig.json",
-    write=lambda lens, note, poses: nvidia_text(lens, note),
+    write=nvidia_text,
     rig=("rig.json", nvidia_rig_text),
 )

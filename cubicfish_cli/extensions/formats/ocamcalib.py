@@ -17,23 +17,24 @@ readers skip white space, others take the values from lines 3, 7, 11, 15 and 19.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from numpy.polynomial import chebyshev, polynomial
+from numpy.polynomial import Polynomial, chebyshev, polynomial
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, numbers, read_bounded, size
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, PlacedLens, numbers, size
 from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
 
 # Degrees that are tried. Real files mostly have 4; the toolbox's C reader takes up to 63.
@@ -159,8 +160,9 @@ class ScaramuzzaLens(ForeignLens):
             error = np.abs(chebyshev.chebval(x, series) - radius)
             if error[inside].max() <= _INVERSE_PX:
                 break
-        powers = np.asarray(chebyshev.cheb2poly(series), float)
-        return replace(self, inverse=shifted(powers, -middle / half, 1 / half))
+        powers = Polynomial(chebyshev.cheb2poly(series))
+        inverse = powers(Polynomial([-middle / half, 1 / half])).coef
+        return replace(self, inverse=np.asarray(inverse, float))
 
     @classmethod
     def of_degree(
@@ -203,14 +205,6 @@ class ScaramuzzaLens(ForeignLens):
         direction = points[:, :2] / np.maximum(rho, np.finfo(float).tiny)[:, None]
         pixel = (radius[:, None] * direction) @ self.stretch.T + [self.cx, self.cy]
         return np.asarray(pixel, float)
-
-
-def shifted(coefficients: FloatArray, offset: float, scale: float = 1.0) -> FloatArray:
-    """The coefficients of p(offset + scale x), lowest order first, from those of p."""
-    result = np.zeros(1)
-    for value in coefficients[::-1]:
-        result = polynomial.polyadd(polynomial.polymul(result, [offset, scale]), [value])
-    return np.asarray(result, float)
 
 
 def _rms_and_largest(
@@ -259,13 +253,21 @@ _REMARKS = (
     '#affine parameters "c", "d", "e"',
     '#image size: "height" and "width"',
 )
-_PARTS = ("the polynomial", "the inverse polynomial", "the center", "c, d, e", "the image size")
+# What stands in the lines, and how many numbers; None for coefficients behind their count.
+_PARTS = {
+    "the polynomial": None,
+    "the inverse polynomial": None,
+    "the center": 2,
+    "c, d, e": 3,
+    "the image size": 2,
+}
 # x and y change places between the toolbox's axes and the image's.
 _SWAP = np.array([[0.0, 1.0], [1.0, 0.0]])
 
 
-def ocamcalib_text(lens: ScaramuzzaLens) -> str:
+def ocamcalib_text(one: PlacedLens) -> str:
     """A lens as the text of calib_results.txt, numbers at full precision."""
+    lens: ScaramuzzaLens = one.lens
     # The last entry of their matrix is 1: the stretch is divided by it, and radii multiplied.
     scale = float(lens.stretch[0, 0])
     matrix = _SWAP @ (lens.stretch / scale) @ _SWAP
@@ -276,14 +278,16 @@ def ocamcalib_text(lens: ScaramuzzaLens) -> str:
         f"{len(polynomial)} {_spaced(polynomial)}",
         f"{len(inverse)} {_spaced(inverse)}".rstrip(),
         _spaced([lens.cy, lens.cx]),
-        _spaced([matrix[0, 0], matrix[0, 1], matrix[1, 0]]),
+        _spaced(matrix.ravel()[:3]),
         f"{height} {width}",
     )
     parts = zip(_REMARKS, values, strict=True)
-    return "".join(f"{remark}\n\n{value}\n\n" for remark, value in parts)
+    # Readers count its lines: comments go nowhere but the end.
+    notes = [f"#{line}\n" for line in one.note]
+    return "".join([*(f"{remark}\n\n{value}\n\n" for remark, value in parts), *notes])
 
 
-def _spaced(values: Iterable[Any]) -> str:
+def _spaced(values: Iterable[float]) -> str:
     """Numbers that read back exactly; f's linear term is 0 and not -0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
@@ -295,36 +299,26 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
         CameraFileError: the file is not one; one line that names the file and the line.
 
     """
-    text = read_bounded(path, max_bytes=MAX_BYTES)
-    rows = [
-        (number, line.split())
+    text = read_text(path, max_bytes=MAX_BYTES, error=CameraFileError)
+    rows = {
+        Path(f"{path}, line {number}"): line.split()
         for number, line in enumerate(text.splitlines(), start=1)
         if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if len(rows) < len(_PARTS):
+    }
+    if len(rows) != len(_PARTS):
         raise CameraFileError(
             f"{path}: {len(rows)} lines of numbers, not {len(_PARTS)} ({', '.join(_PARTS)}): "
             "is it OCamCalib's calib_results.txt?"
         )
-    if len(rows) > len(_PARTS):
-        raise CameraFileError(f"{path}, line {rows[len(_PARTS)][0]}: nothing is expected here")
     values = [
-        _line(path, number, cells, part) for (number, cells), part in zip(rows, _PARTS, strict=True)
+        _numbers(where, cells, part)
+        for (where, cells), part in zip(rows.items(), _PARTS, strict=True)
     ]
-    polynomial, inverse = (_counted(path, rows[i][0], values[i], _PARTS[i]) for i in range(2))
-    for index, wanted in ((2, 2), (3, 3), (4, 2)):
-        if len(values[index]) != wanted:
-            raise CameraFileError(
-                f"{path}, line {rows[index][0]}: {wanted} numbers are expected for {_PARTS[index]}"
-            )
-    row, column = values[2]
-    c, d, e = values[3]
-    height, width = values[4]
-    image_size = size(Path(f"{path}, line {rows[4][0]}"), width, height, "the image size")
-    where = f"{path}, line {rows[0][0]}"
-    if len(polynomial) < 2:
+    f, inverse, (row, column), (c, d, e), (height, width) = values
+    where, *_, last = rows
+    if len(f) < 2:
         raise CameraFileError(f"{where}: the polynomial has fewer than two coefficients")
-    if not polynomial[0] < 0:
+    if not f[0] < 0:
         raise CameraFileError(
             f"{where}: the first coefficient must be below 0: the lens would look backwards"
         )
@@ -332,29 +326,30 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
     if not 0.1 < np.linalg.det(stretch) < 10:
         raise CameraFileError(f"{where}: c, d and e are not those of a camera: c must be near 1")
     return ScaramuzzaLens(
-        image_size=image_size,
+        image_size=size(last, width, height, "the image size"),
         cx=float(column),
         cy=float(row),
         stretch=stretch,
-        a=-polynomial,
+        a=-f,
         inverse=inverse,
     )
 
 
-def _line(path: Path, number: int, cells: list[str], part: str) -> FloatArray:
-    where = Path(f"{path}, line {number}")
+def _numbers(where: Path, cells: Sequence[str], part: str) -> FloatArray:
+    """The numbers of a line, without their count where that comes first."""
     try:
-        return numbers(where, list(map(float, cells)), part, (len(cells),))
+        values = numbers(where, list(map(float, cells)), part, (len(cells),))
     except ValueError as problem:
         raise CameraFileError(f"{where}: {part} must hold finite numbers") from problem
-
-
-def _counted(path: Path, number: int, values: FloatArray, part: str) -> FloatArray:
-    """The coefficients behind their count."""
-    if not 0 <= values[0] <= MAX_COEFFICIENTS or values[0] != len(values) - 1:
+    wanted, given = _PARTS[part], len(values)
+    if wanted is not None:
+        if given != wanted:
+            raise CameraFileError(f"{where}: {wanted} numbers are expected for {part}")
+        return values
+    if not 0 <= values[0] <= MAX_COEFFICIENTS or values[0] != given - 1:
         raise CameraFileError(
-            f"{path}, line {number}: {part} must be a count of at most {MAX_COEFFICIENTS} and as "
-            f"many coefficients, not {values[0]:g} and {len(values) - 1}"
+            f"{where}: {part} must be a count of at most {MAX_COEFFICIENTS} and as many "
+            f"coefficients, not {values[0]:g} and {given - 1}"
         )
     return values[1:]
 
@@ -362,8 +357,7 @@ def _counted(path: Path, number: int, values: FloatArray, part: str) -> FloatArr
 FORMAT = CameraFormat(
     lenses={"ocamcalib": ScaramuzzaLens},
     file_name="calib_results.txt",
-    # Readers count its lines: comments go nowhere but the end.
-    write=lambda lens, note, poses: ocamcalib_text(lens) + "".join(f"#{one}\n" for one in note),
+    write=ocamcalib_text,
     read=read_ocamcalib,
     marks=(("cam2world",),),
     vague=True,

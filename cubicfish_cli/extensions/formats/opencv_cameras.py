@@ -30,10 +30,9 @@ import numpy as np
 from cubicfish_cli.app.lenses.camera_format import (
     CameraFormat,
     LensRig,
-    focal,
+    PlacedLens,
     numbers,
     parse_plain_json,
-    read_bounded,
     size,
 )
 from cubicfish_cli.app.lenses.foreign_lens import FocalLens
@@ -41,9 +40,17 @@ from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.plain_yaml import MAX_DEPTH, mapping, parse_plain_yaml
+from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.lenses import PinholeLens, UnifiedLens
+from cubicfish_cli.extensions.formats.lenses import (
+    PINHOLE,
+    PinholeLens,
+    UnifiedLens,
+    matrix_rows,
+    named_in_matrix,
+    named_lens,
+)
 
 # Names in small letters without anything between words.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
@@ -94,15 +101,15 @@ class SkewedFisheye(FocalLens):
         return pixel
 
 
-def opencv_text(lens: RadialCamera, note: Sequence[str]) -> str:
-    """A lens as FileStorage YAML, for cv2.fisheye."""
-    width, height = lens.image_size
+def opencv_text(one: PlacedLens) -> str:
+    """A radial lens as FileStorage YAML, for cv2.fisheye."""
+    width, height = one.lens.image_size
     return "\n".join(
         [
-            *_head(note),
+            *_head(one.note),
             f"image_width: {width}",
             f"image_height: {height}",
-            *_lens_lines(lens, "camera_matrix", "distortion_coefficients"),
+            *_lens_lines(one.lens, "camera_matrix", "distortion_coefficients"),
             "",
         ]
     )
@@ -125,22 +132,18 @@ def opencv_stereo_text(rig: LensRig) -> str:
             f"with --pair, such as --pair {names}"
         )
     note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
-    lines = [*_head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])]
+    lines = _head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])
     for number, one in enumerate(rig.lenses, start=1):
         width, height = one.lens.image_size
         lines += [f"image_width{number}: {width}", f"image_height{number}: {height}"]
         lines += _lens_lines(one.lens, f"M{number}", f"D{number}")
     turn, shift = rig.between(1, 0)
-    lines += _matrix_lines("R", 3, 3, turn.ravel().tolist())
-    lines += _matrix_lines("T", 3, 1, shift.tolist())
+    lines += _matrix_lines({"R": turn, "T": shift[:, None]})
     if rig.flat is not None:
         width, height = rig.flat.size
         lines += [f"rectified_width: {width}", f"rectified_height: {height}"]
-        for name, matrices in (("R", rig.flat.rotations), ("P", rig.flat.projections)):
-            for number, matrix in enumerate(matrices, start=1):
-                rows, columns = matrix.shape
-                lines += _matrix_lines(f"{name}{number}", rows, columns, matrix.ravel().tolist())
-        lines += _matrix_lines("Q", 4, 4, rig.flat.Q.ravel().tolist())
+        (R1, R2), (P1, P2) = rig.flat.rotations, rig.flat.projections
+        lines += _matrix_lines({"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": rig.flat.Q})
     return "\n".join([*lines, ""])
 
 
@@ -149,22 +152,17 @@ def _head(note: Sequence[str]) -> list[str]:
 
 
 def _lens_lines(lens: RadialCamera, matrix: str, coefficients: str) -> list[str]:
-    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
-    return [
-        *_matrix_lines(matrix, 3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
-        *_matrix_lines(coefficients, 4, 1, lens.k.tolist()),
-    ]
+    return _matrix_lines({matrix: np.array(matrix_rows(lens)), coefficients: lens.k[:, None]})
 
 
-def _matrix_lines(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:
-    text = ", ".join(repr(float(value)) for value in data)
-    return [
-        f"{name}: !!opencv-matrix",
-        f"   rows: {rows}",
-        f"   cols: {columns}",
-        "   dt: d",
-        f"   data: [ {text} ]",
-    ]
+def _matrix_lines(named: Mapping[str, FloatArray]) -> list[str]:
+    lines = []
+    for name, matrix in named.items():
+        rows, columns = matrix.shape
+        lines += [f"{name}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}"]
+        data = ", ".join(map(repr, matrix.ravel().tolist()))
+        lines += ["   dt: d", f"   data: [ {data} ]"]
+    return lines
 
 
 def looks_like_opencv(text: str) -> bool:
@@ -194,22 +192,23 @@ def read_opencv(
     if camera is not None and isinstance(record.get(camera), dict):
         record, camera = {**record, **record[camera]}, None
     keys = _Keys(path, record, camera)
-    name, matrix = _matrix(keys)
+    name, skew, named = _matrix(keys)
     d = _coefficients(keys, name)
     photos = _size(keys) or image_size
     if photos is None:
         raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
-    fx, skew, cx, _, fy, cy = matrix[:6].tolist()
-    core: dict[str, Any] = {"image_size": photos, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    entry = keys.find(("xi",))
-    if entry is None and not _is_fisheye(keys, len(d)):
-        return PinholeLens(**core, d=d)
-    xi = None if entry is None else float(keys.numbers(entry, (1,))[0])
+    xi = keys.find(("xi",))
+    if xi is None and not _is_fisheye(keys, len(d)):
+        return named_lens(path, PinholeLens, photos, named | dict(zip(PINHOLE, d, strict=False)))
     if len(d) != 4:
         raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
-    if xi is None:
-        return SkewedFisheye(**core, k=d, skew=skew) if skew else RadialCamera(**core, k=d)
-    return UnifiedLens(**core, skew=skew, xi=xi, d=d)
+    if xi is not None:
+        named |= {"xi": float(keys.numbers(xi, (1,))[0]), "skew": skew}
+        return named_lens(path, UnifiedLens, photos, named | dict(zip(PINHOLE, d, strict=False)))
+    named |= dict(zip(("k1", "k2", "k3", "k4"), d, strict=True))
+    if not skew:
+        return named_lens(path, RadialCamera, photos, named)
+    return named_lens(path, SkewedFisheye, photos, {**named, "skew": skew})
 
 
 def _row(path: Path, name: str, value: Any) -> Any:
@@ -258,7 +257,7 @@ class _Keys:
         """
         one = "" if self.camera is None else _plain(self.camera)
         own = [*(name + one for name in names), *(one + name for name in names)]
-        for spellings in (own,) if arrays or self.camera is None else (own, names):
+        for spellings in (own,) if arrays else (own, names):
             found = [
                 (key, value)
                 for key, value in self.record.items()
@@ -278,52 +277,51 @@ class _Keys:
         """The numbers of a key that was found, as many as one of ``counts``."""
         return numbers(self.path, _row(self.path, *entry), entry[0], counts)
 
-    def candidates(self) -> list[str]:
-        """Keys that look like the matrices of several cameras, or like such cameras."""
-        return [
-            key
+    def refuse_several(self) -> None:
+        """Refuse a file with keys that look like the matrices of cameras, or like such cameras."""
+        named = [
+            quoted(key)[1:-1]
             for key, value in self.record.items()
             if isinstance(value, dict)
             and (
                 value.get("rows") == value.get("cols") == 3
                 or any(_plain(inner) in _MATRIX for inner in value)
             )
-        ]
+        ][:10]
+        if named:
+            numbered = any(name[-1].isdigit() for name in named)
+            such = "--camera 1 for M1 and D1" if numbered else f"--camera {named[0]}"
+            raise CameraFileError(
+                f"{self.path}: which of its cameras is meant? Add --camera, such as {such}; it "
+                f"holds {', '.join(named)}"
+            )
 
 
-def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
+def _matrix(keys: _Keys) -> tuple[str, float, dict[str, float]]:
+    """The camera matrix: its key, its skew, its other numbers."""
     entry = keys.find(_MATRIX, arrays=True)
     if entry is None:
-        named = [quoted(key)[1:-1] for key in keys.candidates()[:10]]
-        there = ", ".join(named)
-        numbered = any(name[-1].isdigit() for name in named)
-        such = "--camera 1 for M1 and D1" if numbered else f"--camera {named[0]}" if named else ""
+        keys.refuse_several()
         raise CameraFileError(
-            f"{keys.path}: which of its cameras is meant? Add --camera, such as {such}; it holds "
-            f"{there}"
-            if there
-            else f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and "
-            "data"
+            f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and data"
         )
     matrix = keys.numbers(entry, (9,))
-    fx, _, _, below, fy, _, left, middle, one = matrix.tolist()
-    focal(keys.path, np.array([fx, fy]), entry[0])
-    if (below, left, middle, one) != (0, 0, 0, 1):
+    if matrix[[3, 6, 7, 8]].tolist() != [0, 0, 0, 1]:
         raise CameraFileError(
             f"{keys.path}: {quoted(entry[0])} is not of the form fx, skew, cx, 0, fy, cy, 0, 0, "
             "1: was it written column by column?"
         )
-    return entry[0], matrix
+    return entry[0], float(matrix[1]), named_in_matrix(matrix)
 
 
-def _coefficients(keys: _Keys, matrix: str) -> FloatArray:
+def _coefficients(keys: _Keys, matrix: str) -> list[float]:
     entry = keys.find(_COEFFICIENTS, arrays=True)
     if entry is None:
         raise CameraFileError(
             f"{keys.path} has no distortion coefficients that go with {quoted(matrix)}: name them "
             "distortion_coefficients, or D"
         )
-    return keys.numbers(entry, _COUNTS)
+    return keys.numbers(entry, _COUNTS).tolist()
 
 
 def _size(keys: _Keys) -> tuple[int, int] | None:
@@ -333,7 +331,7 @@ def _size(keys: _Keys) -> tuple[int, int] | None:
     entry = keys.find(_SIZE)
     if entry is None:
         return None
-    across, down = keys.numbers(entry, (2,)).tolist()
+    across, down = keys.numbers(entry, (2,))
     return size(keys.path, across, down, entry[0])
 
 
@@ -366,7 +364,7 @@ def _plain(key: str) -> str:
 FORMAT = CameraFormat(
     lenses={"opencv": RadialCamera},
     file_name="camera.opencv.yaml",
-    write=lambda lens, note, poses: opencv_text(lens, note),
+    write=opencv_text,
     read=read_opencv,
     holds_several=True,
     sizeless=True,
@@ -398,23 +396,24 @@ def read_file_storage(path: Path) -> dict[str, Any]:
             a key twice or more than plain data (entities, anchors); one line.
 
     """
-    text = read_bounded(path, max_bytes=MAX_BYTES)
+    text = read_text(path, max_bytes=MAX_BYTES, error=CameraFileError)
     start = text.lstrip()[:1]
     if start == "<":
-        return mapping(path, _parse_xml(path, text), "the file")
-    if start == "{":
-        return mapping(path, parse_plain_json(path, text), "the file")
-    text = re.sub(r"\A%YAML[: ]1\.[0-9]\s*\n", "", text)
-    text = re.sub(r"!!opencv-(?:nd-)?matrix\b", "", text)
-    return mapping(path, parse_plain_yaml(path, text, error=CameraFileError), "the file")
+        data = _parse_xml(path, text)
+    elif start == "{":
+        data = parse_plain_json(path, text)
+    else:
+        text = re.sub(r"\A%YAML[: ]1\.[0-9]\s*\n", "", text)
+        text = re.sub(r"!!opencv-(?:nd-)?matrix\b", "", text)
+        data = parse_plain_yaml(path, text, error=CameraFileError)
+    return mapping(path, data, "the file")
 
 
 def _parse_xml(path: Path, text: str) -> Any:
-    refused = re.search("<!(?:DOCTYPE|ENTITY)", text)
-    if refused is not None:
+    if re.search("<!(?:DOCTYPE|ENTITY)", text):
         raise CameraFileError(
-            f"{path}, line {text.count(chr(10), 0, refused.start()) + 1}: document types and "
-            "entities (<!DOCTYPE, <!ENTITY) are not allowed: plain data only"
+            f"{path}: document types and entities (<!DOCTYPE, <!ENTITY) are not allowed: plain "
+            "data only"
         )
     try:
         root = ElementTree.fromstring(text.lstrip())

@@ -12,41 +12,65 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, focal, numbers, size
+from cubicfish_cli.app.lenses.camera_format import CameraFormat, Fields, LensRig, PlacedLens
 from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.plain_yaml import load_plain_yaml, mapping
-from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.formats.lenses import PinholeLens
+from cubicfish_cli.core.plain_yaml import load_plain_yaml
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.extensions.formats.lenses import (
+    PINHOLE,
+    PinholeLens,
+    matrix_rows,
+    named_in_matrix,
+    named_lens,
+)
 
-_COUNTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+# distortion_model -> the lens, its coefficients, and how many of these there may be.
+_MODELS: Mapping[str, tuple[type[Lens], Sequence[str], Sequence[int]]] = {
+    "plumb_bob": (PinholeLens, PINHOLE, (0, 4, 5)),
+    "rational_polynomial": (PinholeLens, PINHOLE, (8,)),
+    "equidistant": (RadialCamera, ("k1", "k2", "k3", "k4"), (4,)),
+}
 
 
-def ros_text(lens: RadialCamera, note: Sequence[str], *, name: str = "camera") -> str:
-    """A lens as CameraInfo YAML with the model ``equidistant``."""
-    fx, fy, cx, cy = lens.fx, lens.fy, lens.cx, lens.cy
-    width, height = lens.image_size
+def ros_text(one: PlacedLens) -> str:
+    """A radial lens as CameraInfo YAML with the model ``equidistant``."""
+    width, height = one.lens.image_size
+    matrix = np.array(matrix_rows(one.lens))
+    matrices = {
+        "distortion_coefficients": one.lens.k[None],
+        "rectification_matrix": np.eye(3),
+        "projection_matrix": np.column_stack([matrix, np.zeros(3)]),
+    }
     return "\n".join(
         [
-            *(f"# {line}" for line in note),
+            *(f"# {line}" for line in one.note),
             f"image_width: {width}",
             f"image_height: {height}",
-            f"camera_name: {name}",
-            *_matrix("camera_matrix", 3, 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
+            f"camera_name: {one.name}",
+            *_matrix_lines("camera_matrix", matrix),
             "distortion_model: equidistant",
-            *_matrix("distortion_coefficients", 1, 4, lens.k.tolist()),
-            *_matrix("rectification_matrix", 3, 3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
-            *_matrix("projection_matrix", 3, 4, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
+            *(line for key, value in matrices.items() for line in _matrix_lines(key, value)),
             "",
         ]
     )
+
+
+def _matrix_lines(name: str, matrix: FloatArray) -> list[str]:
+    rows, columns = matrix.shape
+    return [
+        f"{name}:",
+        f"  rows: {rows}",
+        f"  cols: {columns}",
+        f"  data: {matrix.ravel().tolist()}",
+    ]
 
 
 def ros_rig_texts(rig: LensRig) -> dict[str, str]:
@@ -61,10 +85,7 @@ def ros_rig_texts(rig: LensRig) -> dict[str, str]:
     """
     places = [rig.rig_from_lens(number) for number in range(len(rig.lenses))]
     frames = [f"{re.sub('[^A-Za-z0-9_]', '_', one.name)}_optical_frame" for one in rig.lenses]
-    texts = {
-        f"{one.name}.camera_info.yaml": ros_text(one.lens, one.note, name=one.name)
-        for one in rig.lenses
-    }
+    texts = {f"{one.name}.camera_info.yaml": ros_text(one) for one in rig.lenses}
     lines = ["# geometry_msgs/TransformStamped: where each camera stands in the rig, metres"]
     urdf = ['<?xml version="1.0"?>', '<robot name="rig">', '  <link name="rig"/>']
     for frame, (turn, shift) in zip(frames, places, strict=True):
@@ -100,50 +121,28 @@ def _spaced(values: Sequence[float]) -> str:
     return " ".join(map(repr, values))
 
 
-def _matrix(name: str, rows: int, columns: int, data: Sequence[float]) -> list[str]:
-    text = ", ".join(repr(float(value)) for value in data)
-    return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{text}]"]
-
-
-def read_ros(path: Path) -> RadialCamera | PinholeLens:
+def read_ros(path: Path) -> Lens:
     """Read CameraInfo YAML.
 
     Raises:
         CameraFileError: the file is not one, or its model is not known; one line.
 
     """
-    record = mapping(path, load_plain_yaml(path, error=CameraFileError), "the file")
-    image_size = size(
-        path, record.get("image_width"), record.get("image_height"), "image_width and image_height"
-    )
-    matrix = _data(path, record, "camera_matrix", (9,))
-    fx, _, cx, _, fy, cy = matrix[:6].tolist()
-    if fx == 0:
+    record = Fields.of(path, load_plain_yaml(path, error=CameraFileError))
+    image_size = record.size("image_width", "image_height")
+    named = named_in_matrix(record.part("camera_matrix").numbers("data", 9))
+    if named["fx"] == 0:
         raise CameraFileError(f"{path}: camera_matrix[0] is 0: this camera was not calibrated")
-    focal(path, np.array([fx, fy]), "camera_matrix")
-    model = record.get("distortion_model")
-    if not isinstance(model, str) or model not in _COUNTS:
-        raise CameraFileError(
-            f"{path}: distortion_model {quoted(str(model))} is not known: {', '.join(_COUNTS)}"
-        )
-    d = _data(path, record, "distortion_coefficients", _COUNTS[model])
-    core = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    if model == "equidistant":
-        return RadialCamera(image_size=image_size, **core, k=d)
-    return PinholeLens(image_size=image_size, **core, d=d)
-
-
-def _data(
-    path: Path, record: dict[str, Any], key: str, counts: tuple[int, ...]
-) -> np.ndarray[Any, Any]:
-    matrix = mapping(path, record.get(key), key)
-    return numbers(path, matrix.get("data"), f"{key}.data", counts)
+    model, names, counts = _MODELS[record.name("distortion_model", tuple(_MODELS))]
+    d = record.part("distortion_coefficients").numbers("data", *counts).tolist()
+    named.update(zip(names, d, strict=False))
+    return named_lens(path, model, image_size, named)
 
 
 FORMAT = CameraFormat(
     lenses={"ros": RadialCamera},
     file_name="camera_info.yaml",
-    write=lambda lens, note, poses: ros_text(lens, note),
+    write=ros_text,
     read=read_ros,
     marks=(("distortion_model:", "camera_matrix:", "image_width:"),),
     rig=("ros", ros_rig_texts),

@@ -42,7 +42,6 @@ def _placed(camera: RigCamera, lens: Exported) -> PlacedLens:
         note=lens.note,
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,
-        max_angle_deg=camera.camera.max_angle_deg,
         poses=lens.poses,
     )
 

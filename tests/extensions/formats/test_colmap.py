@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
+from cubicfish_cli.app.lenses.camera_format import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import sniffed
 from cubicfish_cli.app.lenses.from_lens import from_lens
 from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
+    FORMAT,
     MODELS,
-    WRITTEN_AS,
     RadTanThinPrismLens,
     colmap_text,
     read_colmap,
@@ -69,12 +70,12 @@ def test_every_model_is_read_as_colmap_means_it(tmp_path, file):
         np.testing.assert_allclose(ours[inside], theirs[inside], atol=1e-9, rtol=0)
 
 
-@pytest.mark.parametrize("model", WRITTEN_AS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("model", FORMAT.lenses.values(), ids=lambda kind: kind.name)
 def test_colmap_projects_what_is_written_the_same(tmp_path, model):
     pycolmap = pytest.importorskip("pycolmap")
     written = to_lens(cubic_camera(80, bend=0.001), model).lens
     path = tmp_path / "cameras.txt"
-    path.write_text(colmap_text(written, ["a note"]))
+    path.write_text(colmap_text(PlacedLens(lens=written, note=["a note"])))
     _, name, width, height, *params = path.read_text().splitlines()[-1].split()
     if name not in pycolmap.CameraModelId.__members__:
         pytest.skip(f"this pycolmap does not know {name}")

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cubicfish_cli.app.lenses.camera_format import PlacedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
@@ -65,7 +66,7 @@ def test_what_is_written_reads_back_exactly(tmp_path: Path) -> None:
         region=np.array([[0, 0], [9.5, 0], [9.5, 9.25], [0, 9], [0, 0]]),
     )
     path = tmp_path / "a.cameramodel"
-    path.write_text(mrcal_text(lens))
+    path.write_text(mrcal_text(PlacedLens(lens=lens)))
     again = read_mrcal(path)
     for one in fields(lens):
         assert np.array_equal(getattr(again, one.name), getattr(lens, one.name)), one.name

@@ -7,6 +7,7 @@ import pytest
 from lenses import cubic_camera, random_rays
 from mrcal_itself import ask_mrcal, needs_mrcal
 
+from cubicfish_cli.app.lenses.camera_format import PlacedLens
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
@@ -41,7 +42,7 @@ def random_lens(order: int, nx: int, ny: int, fov_x_deg: int) -> SplinedLens:
 def test_splines_are_those_of_mrcal(tmp_path: Path, shape: tuple[int, int, int, int]) -> None:
     lens = random_lens(*shape)
     path = tmp_path / "a.cameramodel"
-    path.write_text(mrcal_text(lens).replace("\n    'extrinsics'", _ANY_REGION))
+    path.write_text(mrcal_text(PlacedLens(lens=lens)).replace("\n    'extrinsics'", _ANY_REGION))
     rays = random_rays(110, 800)
     pixel = lens.project(rays)
     # Far outside the spline's edges it is cubics of large numbers.
@@ -60,7 +61,7 @@ def test_mrcal_sees_with_the_written_model_what_the_camera_sees(
     camera = cubic_camera(half_angle_deg)
     lens = SplinedLens.nearest_to(camera, *field(camera))
     path = tmp_path / "camera.cameramodel"
-    path.write_text(mrcal_text(lens))
+    path.write_text(mrcal_text(PlacedLens(lens=lens)))
     rays, pixel = field(camera, 1501)  # other rays than those of the fit
     seen, back, region, size = ask_mrcal(path, rays)
     assert np.linalg.norm(seen - pixel, axis=1).max() < 0.01

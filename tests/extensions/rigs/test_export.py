@@ -294,7 +294,6 @@ def test_a_name_of_any_letters_is_text_of_toml() -> None:
             note=["a line"],
             rotation=np.eye(3),
             translation=np.array([1000.0 * number, 0, 0]),
-            max_angle_deg=80.0,
             poses={},
         )
         for number, name in enumerate(names)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cubicfish_cli.app.lenses.camera_format import PlacedLens
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
@@ -51,7 +52,7 @@ def _ocam() -> ScaramuzzaLens:
 
 
 def ocamcalib_seeds() -> Sequence[bytes]:
-    return [ocamcalib_text(_ocam()).encode()]
+    return [ocamcalib_text(PlacedLens(lens=_ocam())).encode()]
 
 
 def mrcal_seeds() -> Sequence[bytes]:
@@ -71,7 +72,7 @@ def mrcal_seeds() -> Sequence[bytes]:
         b"\n'extrinsics': [0,0,0,0,0,0,], 'imagersize': [640, 480],"
         b"\n'optimization_inputs': b'a{[(--'}"
     )
-    return [mrcal_text(lens).encode(), pinhole]
+    return [mrcal_text(PlacedLens(lens=lens)).encode(), pinhole]
 
 
 def look_through_ocamcalib(path: Path) -> object:

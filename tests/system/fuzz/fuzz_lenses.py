@@ -12,6 +12,7 @@ from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
 from cubicfish_cli.app.extensions import camera_formats, read_formats
+from cubicfish_cli.app.lenses.camera_format import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import WRITTEN, read_foreign
 from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
@@ -66,7 +67,9 @@ def exported_seeds(read: str) -> Sequence[bytes]:
     poses = {"a.png": (np.eye(3), np.zeros(3))}
     (names,) = (entry.written for entry in camera_formats() if entry.read == read)
     return [
-        made.write(to_lens(camera(), made.lenses[name]).lens, ["a note"], poses).encode()
+        made.write(
+            PlacedLens(lens=to_lens(camera(), made.lenses[name]).lens, note=["a note"], poses=poses)
+        ).encode()
         for name, made in WRITTEN.items()
         if name in names
     ]
