@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of, target_in
 from cubicfish_cli.app.terminal import options
@@ -16,8 +16,8 @@ from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.wording import listed
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.observations import Observations
     from cubicfish_cli.core.target import Target
+    from cubicfish_cli.extensions.formats.vnlog import ImportedCorners
 
 _HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
 
@@ -61,36 +61,7 @@ class CornersOptions:
     only: str | None = option("--only GLOB", "Only photos whose names match, such as 'left*'.")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImportedCornerFiles:
-    """What became of :func:`import_corner_files`.
-
-    Attributes:
-        file: the table of corners.
-        corners: what is in it.
-        left_out: how many corners the files declare as not found.
-        empty: names of photos without any corner.
-
-    """
-
-    file: Path
-    corners: Observations
-    left_out: int
-    empty: tuple[str, ...]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish corners --json`` prints."""
-        return {
-            "file": self.file,
-            "image_size": self.corners.image_size,
-            "images": len(self.corners.images),
-            "corners": len(self.corners.pixel),
-            "left_out": self.left_out,
-            "empty_images": self.empty,
-        }
-
-
-def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCornerFiles:
+def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCorners:
     """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
 
     Raises:
@@ -112,9 +83,7 @@ def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCor
         only=asked.only,
     )
     save_corners(goal, read.corners, overwrite=run.overwrite)
-    return ImportedCornerFiles(
-        file=goal, corners=read.corners, left_out=read.left_out, empty=read.empty
-    )
+    return replace(read, file=goal)
 
 
 @as_command(
@@ -126,7 +95,7 @@ def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCor
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(made: ImportedCornerFiles, given: CornersOptions, how: How) -> None:
+def command(made: ImportedCorners, given: CornersOptions, how: How) -> None:
     """See ``_HELP``."""
     if how.print(made):
         return

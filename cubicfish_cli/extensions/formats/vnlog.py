@@ -27,10 +27,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.observations import (
     Observations,
@@ -54,41 +54,32 @@ _ABSENT = re.compile(r"-(?:[0-9.]+(?:[eE][-+]?[0-9]+)?)?").fullmatch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CornersOfVnlog:
+class ImportedCorners:
     """What files of corners hold.
 
     Attributes:
         corners: the corners.
         left_out: how many corners the files themselves declare as not found.
         empty: names of photos without any corner.
+        file: the table that they were written to; None where they were not.
 
     """
 
     corners: Observations
     left_out: int
     empty: tuple[str, ...]
+    file: Path | None = None
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _File:
-    """The corners in one file.
-
-    Attributes:
-        images: names of the photos, in order.
-        image: (N,) index into ``images``.
-        number: (N,) the corner's number on its board, from 0.
-        pixel: (N, 2).
-        weight: (N,) relative weight of the corner's squared error.
-        left_out: how many corners the file itself declares as not found.
-
-    """
-
-    images: tuple[str, ...]
-    image: IntArray
-    number: IntArray
-    pixel: FloatArray
-    weight: FloatArray
-    left_out: int
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish corners --json`` prints."""
+        return {
+            "file": self.file,
+            "image_size": self.corners.image_size,
+            "images": len(self.corners.images),
+            "corners": len(self.corners.pixel),
+            "left_out": self.left_out,
+            "empty_images": self.empty,
+        }
 
 
 def read_vnlogs(
@@ -98,7 +89,7 @@ def read_vnlogs(
     image_size: tuple[int, int],
     board: str | None = None,
     only: str | None = None,
-) -> CornersOfVnlog:
+) -> ImportedCorners:
     """Read the corners of one camera.
 
     Args:
@@ -113,47 +104,29 @@ def read_vnlogs(
             line that names it and, where it is about one corner, the line.
 
     """
-    index = _board_index(paths[0], target, board)
-    one = target.boards[index]
-    images: dict[str, int] = {}
-    places, parts = [], []
+    index, pattern = _board_index(paths[0], target, board), only or "*"
+    parts: list[Observations] = []
+    left_out, there = 0, set[str]()
     for path in paths:
-        found = _read_file(path, one, image_size, only)
-        for name in found.images:
-            if name in images:
+        part, missing = _read_file(path, target, index, image_size, pattern)
+        for name in part.images:
+            if name in there:
                 raise CorrespondenceError(
                     f"{path}: another file holds the corners of {quoted(name)} already: "
                     "leave one of them out"
                 )
-            images[name] = len(images)
-        places.append(np.array([images[name] for name in found.images], np.intp)[found.image])
-        parts.append(found)
-    if not images:
-        raise CorrespondenceError(f"no photo in the files is called like {quoted(str(only))}")
-    image, number = np.concatenate(places), np.concatenate([part.number for part in parts])
-    if not len(image):
+        there.update(part.images)
+        parts.append(part)
+        left_out += missing
+    joined = Observations.joined(parts)
+    wanted = [name for name in joined.images if fnmatchcase(name, pattern)]
+    if not wanted:
+        raise CorrespondenceError(f"no photo in the files is called like {quoted(pattern)}")
+    if not len(joined.image):
         raise CorrespondenceError(f"{paths[0]}: no corner in it is declared as found")
-    used, names = np.unique(image), list(images)
-    row, column = np.divmod(number, one.columns)
-    boards = np.full(len(image), index, np.intp)
-    corners = Observations(
-        image_size=image_size,
-        images=tuple(names[i] for i in used.tolist()),
-        boards=target.board_names,
-        image=np.searchsorted(used, image).astype(np.intp),
-        board=boards,
-        column=column,
-        row=row,
-        pixel=np.concatenate([part.pixel for part in parts]),
-        weight=np.concatenate([part.weight for part in parts]),
-        world=target.world_points(boards, column, row),
-        target=target,
-    )
-    return CornersOfVnlog(
-        corners=corners,
-        left_out=sum(part.left_out for part in parts),
-        empty=tuple(name for name in names if name not in corners.images),
-    )
+    corners, _ = joined.only_seen()
+    empty = tuple(name for name in wanted if name not in corners.images)
+    return ImportedCorners(corners=corners, left_out=left_out, empty=empty)
 
 
 def _board_index(path: Path, target: Target, name: str | None) -> int:
@@ -169,13 +142,15 @@ def _board_index(path: Path, target: Target, name: str | None) -> int:
     return 0 if name is None else target.board_names.index(name)
 
 
-def _read_file(path: Path, board: Board, size: tuple[int, int], only: str | None) -> _File:
-    table = _table(path)
+def _read_file(
+    path: Path, target: Target, board: int, image_size: tuple[int, int], only: str
+) -> tuple[Observations, int]:
+    """The corners of photos that match, all photos listed; how many are declared as not found."""
+    table, one = _table(path), target.boards[board]
     images, image = table.codes("filename")
     _refuse_scattered(table, image)
-    start = np.flatnonzero(np.diff(image, prepend=-1))
-    count = np.diff(np.append(start, len(image)))
-    found, corners = _found(table), board.columns * board.rows
+    start, count = np.flatnonzero(np.diff(image, prepend=-1)), np.bincount(image)
+    found, corners = _found(table), one.columns * one.rows
     empty = (count == 1) & ~found[start]
     wrong = np.flatnonzero((count != corners) & ~empty)
     if wrong.size:
@@ -185,27 +160,37 @@ def _read_file(path: Path, board: Board, size: tuple[int, int], only: str | None
             f"{quoted(images[first])} has {count[first]} rows where the board has {corners} "
             "corners: does the target say how many there are?",
         )
-    wanted = np.array([only is None or fnmatchcase(name, only) for name in images], bool)
-    found &= wanted[image]
-    number, place = np.arange(len(image)) - start[image], np.cumsum(wanted) - 1
-    table = _rows_where(table, found)
+    wanted = np.array([fnmatchcase(name, only) for name in images], bool)[image]
+    used = found & wanted
+    # Rows that are not used need not hold numbers.
+    columns = {
+        name: [cell if use else "1" for cell, use in zip(cells, used.tolist(), strict=True)]
+        for name, cells in table.columns.items()
+        if name != "filename"
+    }
+    table = replace(table, columns=columns)
     pixel, weight = np.stack([table.floats("x"), table.floats("y")], axis=-1), _weights(table)
-    outside = first_outside_photo(pixel, size)
+    outside, bad = first_outside_photo(pixel, image_size), first_bad_weight(weight)
     if outside is not None:
         table.refuse(outside[0], f"{outside[1]}: is the size right?")
-    bad = first_bad_weight(weight)
     if bad is not None:
         table.refuse(*bad)
-    image, number = image[found], number[found].astype(np.intp)
-    rows, declared = count[wanted].sum(), (empty & wanted).sum()
-    return _File(
-        images=tuple(name for name, chosen in zip(images, wanted, strict=True) if chosen),
-        image=place[image].astype(np.intp),
-        number=number,
+    row, column = np.divmod(np.arange(len(image)) - start[image], one.columns)
+    boards = np.full(len(image), board, np.intp)
+    every = Observations(
+        image_size=image_size,
+        images=images,
+        boards=target.board_names,
+        image=image,
+        board=boards,
+        column=column,
+        row=row,
         pixel=pixel,
         weight=weight,
-        left_out=int(rows - declared - len(image)),
+        world=target.world_points(boards, column, row),
+        target=target,
     )
+    return every.select(used), int((wanted & ~found & ~empty[image]).sum())
 
 
 def _table(path: Path) -> Table:
@@ -277,13 +262,3 @@ def _weights(table: Table) -> FloatArray:
             "column weight",
         )
     return np.asarray(0.25**level)
-
-
-def _rows_where(table: Table, keep: BoolArray) -> Table:
-    """Some rows of a table."""
-    index = np.flatnonzero(keep).tolist()
-    return replace(
-        table,
-        columns={name: [column[i] for i in index] for name, column in table.columns.items()},
-        lines=[table.lines[i] for i in index],
-    )
