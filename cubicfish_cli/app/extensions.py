@@ -7,6 +7,7 @@ before it is asked.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -32,22 +33,53 @@ TABLE = {
 """The extensions that come with the package, and where their records are."""
 
 
+def load_place(place: str) -> Any:
+    """What ``module:name`` is."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
 @dataclass(frozen=True, kw_only=True)
-class CameraFiles:
-    """A format of another tool, by its names; known without what reads and writes it.
+class CameraFormat:
+    """A format of other tools' camera files; functions are named by ``module:name``.
 
     Attributes:
-        place: ``module:name`` of its :class:`~cubicfish_cli.app.lenses.camera_format.CameraFormat`.
-        written: names that it is written under, and what comes of each.
-        read: the name that it is read under; None where it is only written.
-        reads: what is read.
+        name: it is read under this one.
+        reads: what is read, for people.
+        read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
+            it is :attr:`sizeless`; "" where files are only written.
+        written: by the names that it is written under: ``what`` comes of it, for people; the
+            ``lens`` that the file holds; and ``front_only``, what reads it and divides by z first:
+            it sees nothing behind, whatever the lens.
+        write: :class:`~cubicfish_cli.app.lenses.camera_format.PlacedLens` -> text. Raises
+            :class:`~cubicfish_cli.core.errors.CameraFileError` for values that the format does not
+            take.
+        write_rig: :class:`~cubicfish_cli.app.lenses.camera_format.LensRig` -> text, or texts by the
+            names of files; "" where it holds no rigs.
+        file_name, rig_name: what its file, and that or the folder of a rig, are usually called.
+        holds_several: whether a file holds several cameras, of which one is named.
+        sizeless: whether a file may not say how large the photos are.
+        marks: sets of words of which one is in every file; files are told by them.
+        vague: whether others' files may hold the words too, so that theirs are looked for first.
+        looks_like: text -> whether it is a file without such words; asked after all words.
+        binary_looks_like: tells files that are no text.
 
     """
 
-    place: str
-    written: Mapping[str, str]
-    read: str | None = None
+    name: str
     reads: str = ""
+    read: str = ""
+    written: Mapping[str, Mapping[str, str]]
+    write: str
+    write_rig: str = ""
+    file_name: str
+    rig_name: str = ""
+    holds_several: bool = False
+    sizeless: bool = False
+    marks: Sequence[Sequence[str]] = ()
+    vague: bool = False
+    looks_like: str = ""
+    binary_looks_like: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +108,7 @@ class Extension:
         inputs: ``module:name`` of functions (inputs, folder, target, best, run) -> (inputs, why)
             that put photos, which go into the folder, in the place of inputs that are theirs, and
             say why no more were chosen; None where none is theirs.
-        formats: in which other tools keep cameras.
+        formats: a file of :class:`CameraFormat` by their names, in which other tools keep cameras.
         outputs: what ``--report`` adds to a calibration: kind -> what it is.
         words: a file of its sentences, as words/catalogue.toml has them.
 
@@ -84,15 +116,9 @@ class Extension:
 
     commands: Mapping[str, str] = field(default_factory=dict)
     inputs: Sequence[str] = ()
-    formats: Sequence[CameraFiles] = ()
+    formats: Path | None = None
     outputs: Mapping[str, Output] = field(default_factory=dict)
     words: Path | None = None
-
-
-def load_place(place: str) -> Any:
-    """What ``module:name`` is."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
 
 
 @cache
@@ -131,16 +157,19 @@ def extension_commands(group: str = "") -> dict[str, str]:
     return {name: place for (of, _, name), place in named if of == group}
 
 
-def camera_formats() -> list[CameraFiles]:
+@cache
+def camera_formats() -> tuple[CameraFormat, ...]:
     """The formats of all extensions."""
-    return [made for one in extensions() for made in one.formats]
+    files = [one.formats for one in extensions() if one.formats is not None]
+    tables = [tomllib.loads(file.read_text(encoding="utf-8")) for file in files]
+    return tuple(CameraFormat(name=name, **own) for table in tables for name, own in table.items())
 
 
-def written_formats() -> dict[str, str]:
-    """Format that is written -> what comes of it."""
-    return {name: what for one in camera_formats() for name, what in one.written.items()}
+def written_formats() -> dict[str, CameraFormat]:
+    """The format of each name that one is written under."""
+    return {name: one for one in camera_formats() for name in one.written}
 
 
-def read_formats() -> dict[str, str]:
-    """Format that is read -> what is read."""
-    return {one.read: one.reads for one in camera_formats() if one.read is not None}
+def read_formats() -> dict[str, CameraFormat]:
+    """The format of each name that one is read under."""
+    return {one.name: one for one in camera_formats() if one.read}

@@ -18,7 +18,10 @@ from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing, write_files
 
 # Maps are of no lens model, and so not among the registered formats.
-FORMATS = {**written_formats(), "maps": ".npz for cv2.remap; holds any lens"}
+FORMATS = {
+    **{name: one.written[name]["what"] for name, one in written_formats().items()},
+    "maps": ".npz for cv2.remap; holds any lens",
+}
 
 _HELP = f"""Write the camera for another tool, and say how near its lens model comes.
 
@@ -113,7 +116,6 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.lenses.foreign_files import WRITTEN
     from cubicfish_cli.commands.exporting import export_camera, without_matrix
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.choose import build_view
@@ -124,7 +126,8 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         if to == "maps" and given is not None:
             raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
     max_error = MAX_ERROR if asked.max_error is None else asked.max_error
-    goal = Path(asked.output or (WRITTEN[to].file_name if to in WRITTEN else "undistort_map.npz"))
+    usual = "undistort_map.npz" if to == "maps" else written_formats()[to].file_name
+    goal = Path(asked.output or usual)
     refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(path)
     if to == "maps":

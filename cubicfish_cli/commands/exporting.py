@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli import __version__
+from cubicfish_cli.app.extensions import load_place, written_formats
 from cubicfish_cli.app.lenses.camera_format import PlacedLens, Pose
-from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD, WRITTEN
+from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD
 from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError, FitError
@@ -47,7 +48,8 @@ class Exported:
     def text(self) -> str:
         """The text of the format's file."""
         alone = PlacedLens(lens=self.conversion.lens, note=self.note, poses=self.poses)
-        return WRITTEN[self.name].write(alone)
+        text: str = load_place(written_formats()[self.name].write)(alone)
+        return text
 
     def as_record(self) -> dict[str, Any]:
         """The lens and its errors, for JSON."""
@@ -89,13 +91,14 @@ def export_camera(
         FitError: there is no such format, or its lens is farther from the camera than that.
 
     """
-    if to not in WRITTEN:
-        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(WRITTEN))}")
+    known = written_formats()
+    if to not in known:
+        raise FitError(f"no format is called {quoted(to)}: {did_you_mean(to, sorted(known))}")
     camera, covered = calibrated.camera, calibrated.fit.covered_deg
     convert = partial(
         to_lens,
         camera,
-        WRITTEN[to].lenses[to],
+        load_place(known[to].written[to]["lens"]),
         covered_deg=covered if math.isfinite(covered) else None,
     )
     conversion = convert(max_angle_deg=max_angle_deg)
@@ -139,7 +142,7 @@ def _note(
         )
     lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
     lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
-    reader = WRITTEN[name].front_only.get(name)
+    reader = written_formats()[name].written[name].get("front_only")
     if farthest >= _BEHIND_DEG and reader is not None:
         lines.append(f"{reader} itself sees nothing at 90 degrees from the axis or more")
     if conversion.turned_deg > 0:

@@ -10,8 +10,12 @@ import pytest
 import yaml
 from running import Run
 
-from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
-from cubicfish_cli.app.lenses.foreign_files import WRITTEN
+from cubicfish_cli.app.extensions import (
+    camera_formats,
+    load_place,
+    read_formats,
+    written_formats,
+)
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.commands.exporting import _rounded_up, export_camera
 from cubicfish_cli.core.errors import FitError
@@ -20,6 +24,7 @@ from cubicfish_cli.core.io.camera_yaml import load_camera
 
 # These are not read.
 NOT_READ = {"nvidia", "anipose", "anipose-pinhole"}
+WRITTEN = written_formats()
 LENS_FORMATS = sorted({*WRITTEN} - NOT_READ)
 
 
@@ -59,13 +64,14 @@ def kannala_brandt(points, fx, fy, cx, cy, k):
 
 
 def test_the_commands_know_the_formats_that_there_are(run: Run):
-    """A module's ``FORMAT`` has the names that it is registered under."""
-    for entry in camera_formats():
-        made = load_place(entry.place)
-        assert set(made.lenses) == set(entry.written)
-        assert (made.read is None) == (entry.read is None) == (entry.reads == "")
-        assert set(made.front_only) <= set(entry.written)
-        assert made.rig is None or made.rig[0]
+    """All that the table names is there."""
+    for one in camera_formats():
+        places = [one.read, one.write, one.write_rig, one.looks_like, one.binary_looks_like]
+        places += [how["lens"] for how in one.written.values()]
+        assert all(callable(load_place(place)) for place in places if place)
+        assert one.written
+        assert bool(one.read) == bool(one.reads) == bool(one.marks)
+        assert bool(one.write_rig) == bool(one.rig_name)
     for page, names in (
         (run("export", "--help"), {*WRITTEN, "maps"}),
         (run("import", "--help"), set(read_formats())),

@@ -1,4 +1,4 @@
-"""What a format of other tools' camera files offers, the ``FORMAT`` of its module; rigs for it.
+"""Lenses alone and in rigs, as other tools' camera files hold them.
 
 Bounded reading of JSON and of checked values from untrusted files, with one-line errors.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.errors import CameraFileError
-from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.plain_yaml import mapping
 from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
@@ -118,43 +117,6 @@ def transform_rows(rotation: FloatArray, translation: FloatArray) -> list[list[f
     whole = np.eye(4)
     whole[:3, :3], whole[:3, 3] = rotation, translation
     return (whole + 0.0).tolist()  # no -0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraFormat:
-    """A format.
-
-    Attributes:
-        lenses: by the names that it is written under, the lens that the file holds.
-        file_name: what its file is usually called.
-        write: lens -> text. Raises :class:`~cubicfish_cli.core.errors.CameraFileError` for values
-            that the format does not take.
-        read: path -> lens, with ``camera`` where it :attr:`holds_several` and ``image_size`` where
-            it is :attr:`sizeless`. None where files are only written.
-        holds_several: whether a file holds several cameras, of which one is named.
-        sizeless: whether a file may not say how large the photos are.
-        marks: sets of words of which one is in every file; files are told by them.
-        vague: whether others' files may hold the words too, so that theirs are looked for first.
-        looks_like: tells files that have no such words; asked after all words.
-        binary_looks_like: tells files that are no text.
-        rig: what the file, or the folder of files, of a rig is usually called, and what it holds.
-        front_only: by the name it is written under, what reads it and divides by z first: it sees
-            nothing behind, whatever the lens.
-
-    """
-
-    lenses: Mapping[str, type[Lens]]
-    file_name: str
-    write: Callable[[PlacedLens], str]
-    read: Callable[..., Lens] | None = None
-    holds_several: bool = False
-    sizeless: bool = False
-    marks: Sequence[Sequence[str]] = ()
-    vague: bool = False
-    looks_like: Callable[[str], bool] | None = None
-    binary_looks_like: Callable[[bytes], bool] | None = None
-    rig: tuple[str, Callable[[LensRig], str | dict[str, str]]] | None = None
-    front_only: Mapping[str, str] = field(default_factory=dict)
 
 
 MAX_SIDE = 100_000

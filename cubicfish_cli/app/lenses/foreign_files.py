@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.extensions import camera_formats, load_place, read_formats
-from cubicfish_cli.app.lenses.camera_format import CameraFormat
+from cubicfish_cli.app.extensions import load_place, read_formats
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.reading import read_bytes, read_text
-
-_READ: Mapping[str, CameraFormat] = {
-    one.read: load_place(one.place) for one in camera_formats() if one.read is not None
-}
-WRITTEN: Mapping[str, CameraFormat] = {
-    name: load_place(one.place) for one in camera_formats() for name in one.written
-}
-"""The format of each name that one is written under."""
 
 OWN_FIELD = "the camera is trusted to"
 """What stands in our own files before the half-angle of the field, degrees."""
@@ -51,14 +41,13 @@ def read_foreign(
 
     """
     name = name or sniffed(path)
-    made = _READ[name]
+    made = read_formats()[name]
     given: dict[str, Any] = {"image_size": image_size} if made.sizeless else {}
     if made.holds_several:
         given["camera"] = camera
     elif camera is not None:
         raise UsageError(f"{path} holds one camera: leave out --camera")
-    assert made.read is not None
-    lens = made.read(path, **given)
+    lens: Lens = load_place(made.read)(path, **given)
     if image_size is not None and image_size != lens.image_size:
         raise CameraFileError(
             "{} is for photos of {}x{} pixels, not of --size {}x{}: leave out --size".format(
@@ -98,16 +87,17 @@ def sniffed(path: Path) -> str:
 
     """
     data = read_bytes(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
-    for name, made in _READ.items():
-        if made.binary_looks_like is not None and made.binary_looks_like(data):
-            return name
+    known = read_formats().values()
+    for one in known:
+        if one.binary_looks_like and load_place(one.binary_looks_like)(data):
+            return one.name
     text = read_text(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)
-    for name, made in sorted(_READ.items(), key=lambda item: item[1].vague):
-        if any(all(mark in text for mark in marks) for marks in made.marks):
-            return name
-    for name, made in _READ.items():
-        if made.looks_like is not None and made.looks_like(text):
-            return name
+    for one in sorted(known, key=lambda one: one.vague):
+        if any(all(mark in text for mark in marks) for marks in one.marks):
+            return one.name
+    for one in known:
+        if one.looks_like and load_place(one.looks_like)(text):
+            return one.name
     if not text.strip():
         raise CameraFileError(f"{path} is empty: name the file that the other tool wrote")
     if re.search(r"^cubicfish:", text, re.MULTILINE):

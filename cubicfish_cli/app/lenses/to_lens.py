@@ -100,7 +100,7 @@ def to_lens(
 
     Args:
         camera: the camera.
-        model: which, as :attr:`CameraFormat.lenses` has it.
+        model: which, as a format has it.
         max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
         covered_deg: how far from the axis corners reached in the calibration: the error is stated
             up to there, and apart from that beyond, where the camera itself is a guess. The fit

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, PlacedLens
+from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, matrix_rows
 
@@ -75,12 +75,3 @@ def _text(note: Sequence[str], tables: Mapping[str, Mapping[str, Any]]) -> str:
 def _value(value: Any) -> str:
     """JSON's text of text, flags and lists is TOML's, but for the one that TOML escapes."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
-
-
-FORMAT = CameraFormat(
-    lenses={"anipose": RadialCamera, "anipose-pinhole": BrownLens},
-    file_name="calibration.toml",
-    write=anipose_text,
-    rig=("calibration.toml", anipose_rig_text),
-    front_only={"anipose": "cv2.fisheye", "anipose-pinhole": "a pinhole lens"},
-)

@@ -21,7 +21,6 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
     LensRig,
     PlacedLens,
     chosen_camera,
@@ -165,14 +164,14 @@ _WRITTEN_AS = {made.lens: name for name, made in MODELS.items() if made.lens is 
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:
-    """The COLMAP model and parameters of a lens of a model of :data:`FORMAT`."""
+    """The COLMAP model and parameters of a lens of a model that is written."""
     name, named = _WRITTEN_AS[type(lens)], named_numbers(lens)
     named["cx"], named["cy"] = named["cx"] + HALF, named["cy"] + HALF
     return name, [named[parameter] for parameter in MODELS[name].parameters]
 
 
 def colmap_text(one: PlacedLens) -> str:
-    """A lens of a model of :data:`FORMAT` as a cameras.txt of one camera."""
+    """A lens of a model that is written as a cameras.txt of one camera."""
     name, parameters = parameters_of(one.lens)
     width, height = one.lens.image_size
     return "\n".join(
@@ -188,7 +187,7 @@ def colmap_text(one: PlacedLens) -> str:
 
 
 def colmap_rig_text(rig: LensRig) -> str:
-    """Lenses of models of :data:`FORMAT` as rig_config.json, with their cameras.
+    """Lenses of models that are written as rig_config.json, with their cameras.
 
     The photos of each camera are in a folder of its name; lengths are the rig's own.
     """
@@ -300,22 +299,3 @@ def _of_binary(path: Path, data: bytes) -> Found:
         ) from problem
     if at != len(data):
         raise CameraFileError(f"{path}: there is more behind its {count} cameras: is it damaged?")
-
-
-FORMAT = CameraFormat(
-    # Most programs that read COLMAP's files take OPENCV_FISHEYE.
-    lenses={
-        "colmap": RadialCamera,
-        "colmap-rad-tan-thin-prism-fisheye": RadTanThinPrismLens,
-    },
-    file_name="cameras.txt",
-    write=colmap_text,
-    read=read_colmap,
-    holds_several=True,
-    marks=(("CAMERA_ID",),),
-    vague=True,
-    looks_like=looks_like_cameras_txt,
-    binary_looks_like=looks_like_cameras_bin,
-    rig=("rig_config.json", colmap_rig_text),
-    front_only={"colmap": "COLMAP", "colmap-rad-tan-thin-prism-fisheye": "COLMAP"},
-)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
     PlacedLens,
     json_text,
     load_plain_json,
@@ -66,12 +65,3 @@ def read_gyroflow(path: Path) -> Lens:
     named = named_in_matrix(matrix) | dict(zip(("k1", "k2", "k3", "k4"), k, strict=True))
     image_size = profile.part("calib_dimension").size("w", "h")
     return named_lens(path, RadialCamera, image_size, named)
-
-
-FORMAT = CameraFormat(
-    lenses={"gyroflow": RadialCamera},
-    file_name="lens_profile.json",
-    write=gyroflow_text,
-    read=read_gyroflow,
-    marks=(("fisheye_params", "calib_dimension"),),
-)

@@ -24,7 +24,7 @@ _HELP = f"""Read a camera and write it as camera.yaml, for undistort, map, compa
 These can be read, by the names that --from takes:
 
 \b
-{chr(10).join(f"{name:<13}{what}" for name, what in read_formats().items())}
+{chr(10).join(f"{name:<13}{one.reads}" for name, one in read_formats().items())}
 
 P is fitted to the lens over its field; how near it comes, how far it is trusted and why no farther
 are printed. Corners of other detectors are read by 'cubicfish corners'.

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
     Fields,
     LensRig,
     PlacedLens,
@@ -58,7 +57,7 @@ _WRITTEN = {
 
 
 def kalibr_text(one: PlacedLens) -> str:
-    """A lens of a model of :data:`FORMAT` as a camchain of one camera.
+    """A lens of a model that is written as a camchain of one camera.
 
     Raises:
         CameraFileError: the lens's values lie outside what Kalibr takes.
@@ -68,7 +67,7 @@ def kalibr_text(one: PlacedLens) -> str:
 
 
 def kalibr_rig_text(rig: LensRig) -> str:
-    """Lenses of a model of :data:`FORMAT` as a camchain.
+    """Lenses of a model that is written as a camchain.
 
     Raises:
         CameraFileError: a lens's values lie outside what Kalibr takes, or the rig's unit of length
@@ -142,19 +141,3 @@ def _refuse_values(path: Path, kind: str, named: Mapping[str, float]) -> None:
         raise CameraFileError(f"{path}: xi of an omni lens must be above 0")
     if kind == "ds" and not 0 <= named["alpha"] < 1:
         raise CameraFileError(f"{path}: alpha of a ds lens must be from 0 to below 1")
-
-
-FORMAT = CameraFormat(
-    lenses={
-        "kalibr-pinhole-equi": RadialCamera,
-        "kalibr-omni": UnifiedLens,
-        "kalibr-ds": DoubleSphereLens,
-    },
-    file_name="camchain.yaml",
-    write=kalibr_text,
-    read=read_kalibr,
-    holds_several=True,
-    marks=(("camera_model:", "intrinsics:", "resolution:"),),
-    rig=("camchain.yaml", kalibr_rig_text),
-    front_only={"kalibr-pinhole-equi": "Kalibr's pinhole-equi"},
-)

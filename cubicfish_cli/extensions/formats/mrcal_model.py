@@ -21,7 +21,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
     Fields,
     LensRig,
     PlacedLens,
@@ -213,13 +212,3 @@ def _as_yaml(match: re.Match[str]) -> str:
     if token in "()":
         return "[" if token == "(" else "]"
     return {"#": "", "b": "null", "B": "null", "N": "null"}.get(token[0], token)
-
-
-FORMAT = CameraFormat(
-    lenses={"mrcal": SplinedLens},
-    file_name="camera.cameramodel",
-    write=mrcal_text,
-    read=read_mrcal,
-    marks=(("lensmodel", "intrinsics"),),
-    rig=("mrcal", mrcal_rig_texts),
-)

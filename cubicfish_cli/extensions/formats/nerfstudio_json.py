@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
     Fields,
     LensRig,
     PlacedLens,
@@ -107,13 +106,3 @@ def read_nerfstudio(path: Path) -> Lens:
     for name in coefficients:
         named[name] = record.number(name) if name in record.values else 0.0
     return named_lens(path, model, record.size("w", "h"), named)
-
-
-FORMAT = CameraFormat(
-    lenses={"nerfstudio": RadialCamera},
-    file_name="transforms.json",
-    write=nerfstudio_text,
-    read=read_nerfstudio,
-    marks=(("fl_x",),),
-    rig=("transforms.json", nerfstudio_rig_text),
-)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, LensRig, PlacedLens, json_text
+from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens, json_text
 from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -133,11 +133,3 @@ def _sensor(one: PlacedLens, turn: FloatArray, metres: FloatArray) -> dict[str, 
 def _text(sensors: list[dict[str, Any]]) -> str:
     rig = {"properties": {}, "sensors": sensors, "vehicle": {}}
     return json_text({"rig": rig, "version": _VERSION})
-
-
-FORMAT = CameraFormat(
-    lenses={"nvidia": FThetaLens},
-    file_name="rig.json",
-    write=nvidia_text,
-    rig=("rig.json", nvidia_rig_text),
-)

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, PlacedLens, numbers, size
+from cubicfish_cli.app.lenses.camera_format import PlacedLens, numbers, size
 from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CameraFileError
@@ -352,13 +352,3 @@ def _numbers(where: Path, cells: Sequence[str], part: str) -> FloatArray:
             f"coefficients, not {values[0]:g} and {given - 1}"
         )
     return values[1:]
-
-
-FORMAT = CameraFormat(
-    lenses={"ocamcalib": ScaramuzzaLens},
-    file_name="calib_results.txt",
-    write=ocamcalib_text,
-    read=read_ocamcalib,
-    marks=(("cam2world",),),
-    vague=True,
-)

@@ -28,7 +28,6 @@ from xml.parsers import expat
 import numpy as np
 
 from cubicfish_cli.app.lenses.camera_format import (
-    CameraFormat,
     LensRig,
     PlacedLens,
     numbers,
@@ -359,25 +358,6 @@ def _is_fisheye(keys: _Keys, count: int) -> bool:
 
 def _plain(key: str) -> str:
     return re.sub(r"[^a-z0-9]", "", key.lower())
-
-
-FORMAT = CameraFormat(
-    lenses={"opencv": RadialCamera},
-    file_name="camera.opencv.yaml",
-    write=opencv_text,
-    read=read_opencv,
-    holds_several=True,
-    sizeless=True,
-    marks=(
-        ("%YAML:1.0",),
-        ("!!opencv-matrix",),
-        ("<opencv_storage",),
-        ('"type_id"', "opencv-matrix"),
-    ),
-    looks_like=looks_like_opencv,
-    rig=("stereo.opencv.yaml", opencv_stereo_text),
-    front_only={"opencv": "cv2.fisheye"},
-)
 
 
 MAX_BYTES = 4_000_000

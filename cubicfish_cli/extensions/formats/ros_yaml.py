@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import CameraFormat, Fields, LensRig, PlacedLens
+from cubicfish_cli.app.lenses.camera_format import Fields, LensRig, PlacedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -137,14 +137,3 @@ def read_ros(path: Path) -> Lens:
     d = record.part("distortion_coefficients").numbers("data", *counts).tolist()
     named.update(zip(names, d, strict=False))
     return named_lens(path, model, image_size, named)
-
-
-FORMAT = CameraFormat(
-    lenses={"ros": RadialCamera},
-    file_name="camera_info.yaml",
-    write=ros_text,
-    read=read_ros,
-    marks=(("distortion_model:", "camera_matrix:", "image_width:"),),
-    rig=("ros", ros_rig_texts),
-    front_only={"ros": "cv2.fisheye"},
-)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath
-from cubicfish_cli.app.extensions import written_formats
+from cubicfish_cli.app.extensions import load_place, written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
@@ -101,7 +101,6 @@ def export_rig_files(
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.lenses.foreign_files import WRITTEN
     from cubicfish_cli.commands.export import ExportedFiles
     from cubicfish_cli.commands.exporting import export_camera, without_matrix
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
@@ -111,15 +110,15 @@ def export_rig_files(
     path = rig_file(rig)
     known = load_rig(path)
     chosen = known.cameras if pair is None else tuple(map(known.camera, pair))
-    holds_rigs = WRITTEN[to].rig if to in WRITTEN else None
-    if holds_rigs is None:
+    formats = written_formats()
+    if to not in formats or not formats[to].write_rig:
         first = path.parent / known.cameras[0].path
         raise UsageError(
             f"--to {to} holds one camera: write each with 'cubicfish export {first} --to {to}', or "
-            "choose one of " + ", ".join(name for name, made in WRITTEN.items() if made.rig)
+            "choose one of " + ", ".join(name for name, made in formats.items() if made.write_rig)
         )
     run.listener.progress("Fitting the other lenses")
-    goal = Path(output or holds_rigs[0])
+    goal = Path(output or formats[to].rig_name)
     made = []
     for one in chosen:
         try:
@@ -127,7 +126,7 @@ def export_rig_files(
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
-    text = holds_rigs[1](lens_rig(known, made))
+    text = load_place(formats[to].write_rig)(lens_rig(known, made))
     texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
     written = write_files(texts, overwrite=run.overwrite, folder=goal)
     lines, warnings = [], []

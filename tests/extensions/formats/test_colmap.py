@@ -15,7 +15,6 @@ from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.colmap_cameras import (
-    FORMAT,
     MODELS,
     RadTanThinPrismLens,
     colmap_text,
@@ -70,7 +69,7 @@ def test_every_model_is_read_as_colmap_means_it(tmp_path, file):
         np.testing.assert_allclose(ours[inside], theirs[inside], atol=1e-9, rtol=0)
 
 
-@pytest.mark.parametrize("model", FORMAT.lenses.values(), ids=lambda kind: kind.name)
+@pytest.mark.parametrize("model", [RadialCamera, RadTanThinPrismLens], ids=lambda kind: kind.name)
 def test_colmap_projects_what_is_written_the_same(tmp_path, model):
     pycolmap = pytest.importorskip("pycolmap")
     written = to_lens(cubic_camera(80, bend=0.001), model).lens

@@ -16,8 +16,8 @@ from running import Run
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import Rig, load_rig
+from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens
-from cubicfish_cli.app.lenses.foreign_files import WRITTEN
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.anipose_toml import anipose_rig_text
@@ -85,7 +85,7 @@ def largest(pixel: np.ndarray, true: np.ndarray) -> float:
 
 
 def test_rig_formats_are_formats() -> None:
-    assert {name for name, made in WRITTEN.items() if made.rig} < set(FORMATS)
+    assert {name for name, made in written_formats().items() if made.write_rig} < set(FORMATS)
 
 
 @pytest.mark.slow

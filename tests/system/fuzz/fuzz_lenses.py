@@ -11,9 +11,9 @@ import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish_cli.app.extensions import camera_formats, read_formats
+from cubicfish_cli.app.extensions import load_place, read_formats
 from cubicfish_cli.app.lenses.camera_format import PlacedLens
-from cubicfish_cli.app.lenses.foreign_files import WRITTEN, read_foreign
+from cubicfish_cli.app.lenses.foreign_files import read_foreign
 from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS
 
@@ -65,13 +65,13 @@ def storage_seeds(syntax: str) -> Callable[[], Sequence[bytes]]:
 def exported_seeds(read: str) -> Sequence[bytes]:
     """Files that are read under this name, as ``cubicfish export`` writes them."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
-    (names,) = (entry.written for entry in camera_formats() if entry.read == read)
+    made = read_formats()[read]
+    lenses = [load_place(how["lens"]) for how in made.written.values()]
     return [
-        made.write(
-            PlacedLens(lens=to_lens(camera(), made.lenses[name]).lens, note=["a note"], poses=poses)
+        load_place(made.write)(
+            PlacedLens(lens=to_lens(camera(), lens).lens, note=["a note"], poses=poses)
         ).encode()
-        for name, made in WRITTEN.items()
-        if name in names
+        for lens in lenses
     ]
 
 
