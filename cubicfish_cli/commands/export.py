@@ -41,13 +41,10 @@ A symmetric lens model is given in the frame in which the camera looks most symm
 from the frame of camera.yaml is printed, and poses in the file are turned with it.
 """
 
-MAX_ERROR = 1.0
-"""Pixels that a lens may be off where nobody asks for another bound."""
-
 max_error_option: Any = option(
     "--max-error PX",
     "Write nothing if the format's lens is farther than this from the camera anywhere up to where "
-    "the calibration's corners reach. Beyond, the error is only printed. [default: 1]",
+    "the calibration's corners reach. Beyond, the error is only printed. [default: 0.5]",
     FloatRange(min=0, min_open=True),
 )
 max_angle_option: Any = option(
@@ -66,7 +63,7 @@ class ExportOptions:
         camera: its file, or the folder of that.
         to: the format: a name of ``cubicfish export --help``.
         output: where it goes; by default the format's usual name, in the current folder.
-        max_error: as for :func:`export_camera`; 1 where it is None.
+        max_error: as for :func:`export_camera`; 0.5 where it is None.
         max_angle_deg: likewise.
 
     """
@@ -116,7 +113,7 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
-    from cubicfish_cli.commands.exporting import export_camera, without_matrix
+    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, without_matrix
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.choose import build_view
     from cubicfish_cli.core.views.maps import build_map, save_map
@@ -150,8 +147,8 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
 @as_command(
     "export",
     "The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
-    "cubicfish export --to opencv",
-    "cubicfish export --to kalibr-ds -o camchain.yaml --max-angle 90",
+    "cubicfish export --to opencv --max-angle 89",
+    "cubicfish export --to kalibr-omni -o camchain.yaml",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",
     do=export_files,
     how=("overwrite", "as_json"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from decimal import ROUND_UP, Decimal
 from functools import partial
@@ -25,6 +24,8 @@ from cubicfish_cli.core.wording import did_you_mean, quoted
 # Of formats of one tool, the one that follows decentred lenses best.
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
 _BEHIND_DEG = 90.0
+MAX_ERROR = 0.5
+"""Pixels that a lens may be off where nobody asks for another bound."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +74,11 @@ class Exported:
 
 
 def export_camera(
-    calibrated: Calibrated, to: str, *, max_error: float = 1.0, max_angle_deg: float | None = None
+    calibrated: Calibrated,
+    to: str,
+    *,
+    max_error: float = MAX_ERROR,
+    max_angle_deg: float | None = None,
 ) -> Exported:
     """A camera as another tool's lens, as ``cubicfish export`` writes it.
 
@@ -156,37 +161,41 @@ def _note(
 def _near_within(
     convert: Callable[..., Conversion], conversion: Conversion, max_error: float
 ) -> int | None:
-    """The angle within which the lens is near enough where the rest is left out, whole degrees.
+    """An angle, whole degrees, within which the lens is near enough where the rest is left out.
 
-    Each is tried: a lens that need not meet the rim may meet the rest worse at its own edge.
+    The widest in most cases: a lens that need not meet the rim may meet the rest worse at its own
+    edge, so that errors do not only grow with the angle.
     """
-    ends = {int(ring["to_deg"]) for ring in conversion.error.by_angle}
-    for angle in sorted(ends, reverse=True):
-        if 0 < angle < conversion.error.max_angle_deg:
-            with suppress(CubicfishError):
-                if convert(max_angle_deg=float(angle)).error.max_px <= max_error:
-                    return angle
-    return None
+    near, far = 0, math.ceil(conversion.error.max_angle_deg)
+    while far - near > 1:
+        angle = (near + far) // 2
+        try:
+            largest = convert(max_angle_deg=float(angle)).error.max_px
+        except CubicfishError:
+            largest = math.inf
+        if largest <= max_error:
+            near = angle
+        else:
+            far = angle
+    return near or None
 
 
 def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | None) -> str:
-    error = conversion.error
-    largest = "everything" if error.max_px == float("inf") else f"{error.max_px:.2f} px"
-    ways = []
+    error, ways = conversion.error, []
     if angle is not None:
         ways.append(f"leave the rim out with --max-angle {angle}")
-    if error.max_px < float("inf"):
+    what = f"does not see all that the camera sees up to {error.max_angle_deg:.0f}°"
+    if error.max_px < math.inf:
         ways.append(f"write it all the same with --max-error {_rounded_up(error.max_px)}")
+        what = (
+            f"misses the camera by up to {error.max_px:.2f} px (RMS {error.rms_px:.2f} px up to "
+            f"{error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error"
+        )
     others = "mrcal or maps, which hold any lens"
     nearest = _NEAREST.get(name.split("-")[0], name)
     if nearest != name:
         others = f"{nearest}, which comes nearer to most, or to {others}"
-    ways.append(f"export to {others}")
-    return (
-        f"the lens of {name} misses the camera by up to {largest} (RMS {error.rms_px:.2f} px up "
-        f"to {error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error: "
-        f"{' or '.join(ways)}"
-    )
+    return f"the lens of {name} {what}: {' or '.join([*ways, f'export to {others}'])}"
 
 
 def _rounded_up(value: float) -> str:

@@ -12,12 +12,7 @@ from cubicfish_cli.app.extensions import load_place, written_formats
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.commands.export import (
-    MAX_ERROR,
-    max_angle_option,
-    max_error_option,
-    print_exported,
-)
+from cubicfish_cli.commands.export import max_angle_option, max_error_option, print_exported
 from cubicfish_cli.core.errors import FitError, UsageError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
@@ -91,7 +86,7 @@ def export_rig_files(
         to: the format: a name of ``cubicfish rig export --help``.
         output: where it goes; by default the format's usual name, in the current folder.
         pair: two of its cameras; by default all.
-        max_error: as for :func:`export_camera`, of each camera; 1 where it is None.
+        max_error: as for :func:`export_camera`, of each camera; 0.5 where it is None.
         max_angle_deg: likewise.
         run: how the work is done.
 
@@ -102,7 +97,7 @@ def export_rig_files(
 
     """
     from cubicfish_cli.commands.export import ExportedFiles
-    from cubicfish_cli.commands.exporting import export_camera, without_matrix
+    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, without_matrix
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
