@@ -55,12 +55,7 @@ class ConversionError:
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
-            "rms_px": self.rms_px,
-            "max_px": self.max_px,
-            "max_angle_deg": self.max_angle_deg,
-            "by_angle": self.by_angle,
-            **({"also": self.also} if self.also else {}),
-            **({"beyond": self.beyond} if self.beyond else {}),
+            name: value for name, value in vars(self).items() if value is not None and value != {}
         }
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -69,35 +69,7 @@ class ImportOptions:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ImportedFiles:
-    """What became of :func:`import_files`.
-
-    Attributes:
-        file: the camera.yaml.
-        imported: the camera in it.
-
-    """
-
-    file: Path
-    imported: Imported
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish import --json`` prints."""
-        made, conversion = self.imported.camera, self.imported.conversion
-        return {
-            "model": self.file,
-            "format": self.imported.written_by,
-            "lens": self.imported.lens.name,
-            "image_size": made.image_size,
-            **conversion.error.as_record(),
-            "trusted_deg": made.max_angle_deg,
-            "field_ended_by": conversion.ended_by,
-            "fold_deg": conversion.fold_deg,
-        }
-
-
-def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
+def import_files(asked: ImportOptions, *, run: Run = RUN) -> Imported:
     """Write another tool's camera as camera.yaml, as ``cubicfish import`` does.
 
     Raises:
@@ -106,9 +78,7 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
 
     """
     from cubicfish_cli.app.fingerprint import fingerprint
-    from cubicfish_cli.core.assess.fit_record import FitRecord
-    from cubicfish_cli.core.files import refuse_existing, write_text
-    from cubicfish_cli.core.io.camera_yaml import camera_text
+    from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.extensions.formats.importing import import_camera
 
     made_at()  # said before the work if it cannot be
@@ -124,9 +94,9 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
         max_angle_deg=asked.max_angle_deg,
     )
     made_by = {**made_by_record(run.command, {}, None, [source]), **imported.made_by}
-    text = camera_text(imported.camera, fit=FitRecord(), made_by=made_by)
-    write_text(goal, text, overwrite=run.overwrite)
-    return ImportedFiles(file=goal, imported=imported)
+    imported = replace(imported, made_by=made_by, file=goal)
+    imported.save(goal, overwrite=run.overwrite)
+    return imported
 
 
 @as_command(
@@ -140,14 +110,14 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> ImportedFiles:
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(files: ImportedFiles, given: ImportOptions, how: How) -> None:
+def command(imported: Imported, given: ImportOptions, how: How) -> None:
     """See ``_HELP``."""
-    if how.print(files):
+    if how.print(imported):
         return
-    imported, made = files.imported, files.imported.camera
-    error, (width, height) = imported.conversion.error, made.image_size
+    made, error = imported.camera, imported.conversion.error
+    width, height = made.image_size
     result(
-        f"wrote {files.file}: a lens of {imported.written_by}, {width}x{height}, trusted to "
+        f"wrote {imported.file}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
     result(f"field: {_why_it_ends(imported, asked=given.max_angle_deg is not None)}")
@@ -161,23 +131,19 @@ def _why_it_ends(imported: Imported, *, asked: bool) -> str:
     """What ends the field, and what to do where that may be wrong."""
     trusted = f"{imported.camera.max_angle_deg:.1f}°"
     ended_by, fold_deg = imported.conversion.ended_by, imported.conversion.fold_deg
-    if imported.knows_its_field and not asked and ended_by == "angle":
-        return f"as far as the camera was trusted that cubicfish exported, {trusted}"
-    unknown = "the file does not say how far the lens was calibrated"
-    if ended_by == "fold":
-        return (
-            f"cut at {trusted}, since the lens folds at {fold_deg:.1f}°, inside the "
-            f"photo; {unknown}: choose --max-angle if that was less"
-        )
-    if ended_by == "fit":
-        return (
-            f"cut at {trusted}, since no sound cubic camera is as near to the lens farther out; "
-            f"{unknown}: choose --max-angle if that was less"
-        )
     if ended_by == "region":
         return "as far as the file says that the lens is valid"
-    if ended_by == "photo":
-        return f"all that the lens shows in the photo; {unknown}: choose --max-angle if it was less"
-    if asked:
+    if ended_by == "angle" and asked:
         return f"cut at {trusted}, the --max-angle given"
-    return f"cut at {trusted}, which few lenses see beyond; {unknown}: choose --max-angle"
+    if ended_by == "angle" and imported.knows_its_field:
+        return f"as far as the camera was trusted that cubicfish exported, {trusted}"
+    why = {
+        "photo": "all that the lens shows in the photo",
+        "fold": f"cut at {trusted}, since the lens folds at {fold_deg or 0:.1f}°, inside the photo",
+        "fit": f"cut at {trusted}, since no sound cubic camera is as near to the lens farther out",
+        "angle": f"cut at {trusted}, which few lenses see beyond",
+    }
+    return (
+        f"{why[ended_by]}; the file does not say how far the lens was calibrated: choose "
+        "--max-angle if that was less"
+    )

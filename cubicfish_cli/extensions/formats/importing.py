@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from cubicfish_cli.app.asked import (
-    StrPath,
-)
+from cubicfish_cli.app.asked import StrPath
 from cubicfish_cli.app.extensions import read_formats
 from cubicfish_cli.app.lenses.foreign_files import own_field_deg, read_foreign
 from cubicfish_cli.app.lenses.from_lens import (
@@ -41,6 +40,7 @@ class Imported(CameraFile):
         conversion: how near ``camera`` comes, ``error`` in pixels, and what ended its field,
             ``ended_by``.
         knows_its_field: whether the file says how far its lens is trusted, as cubicfish's own do.
+        file: the camera.yaml that it was written to; None where it was not.
 
     """
 
@@ -48,6 +48,20 @@ class Imported(CameraFile):
     lens: Lens
     conversion: ImportedCamera
     knows_its_field: bool
+    file: Path | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish import --json`` prints."""
+        return {
+            "model": self.file,
+            "format": self.written_by,
+            "lens": self.lens.name,
+            "image_size": self.camera.image_size,
+            **self.conversion.error.as_record(),
+            "trusted_deg": self.camera.max_angle_deg,
+            "field_ended_by": self.conversion.ended_by,
+            "fold_deg": self.conversion.fold_deg,
+        }
 
 
 def import_camera(
@@ -95,17 +109,13 @@ def import_camera(
     lens, found = read_foreign(path, name=written_by, camera=camera, image_size=size)
     own = own_field_deg(path)
     made = from_lens(lens, max_angle_deg=max_angle_deg or own or LARGEST_FIELD_DEG)
-    conversion = {
-        "rms_px": made.error.rms_px,
-        "max_px": made.error.max_px,
-        "field_ended_by": made.ended_by,
-    }
+    near = {"rms_px": made.error.rms_px, "max_px": made.error.max_px}
     return Imported(
         camera=made.camera,
         fit=FitRecord(),
         made_by={
             "options": {"imported_from": found, "lens": lens.name},
-            "conversion": conversion,
+            "conversion": {**near, "field_ended_by": made.ended_by},
         },
         written_by=found,
         lens=lens,

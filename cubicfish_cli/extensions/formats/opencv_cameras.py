@@ -17,7 +17,6 @@ one (``!!opencv-matrix``, ``type_id``) is left out.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -363,7 +362,6 @@ def _plain(key: str) -> str:
 MAX_BYTES = 4_000_000
 # What has more digits is no number of OpenCV's, and slow to read.
 _LONGEST_NUMBER = 300
-_INTEGER = re.compile(r"[-+]?[0-9]+", re.ASCII)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
 _ROOT = "opencv_storage"
 
@@ -419,18 +417,14 @@ def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
     if not len(element):
         # A storage without anything is a mapping, and anything else without anything nothing.
         return _values(text) if depth > 1 or text else {}
-    if text:
-        raise CameraFileError(f"{path}: {name} holds text beside elements")
-    names = Counter(child.tag for child in element)
+    names = [child.tag for child in element]
+    is_list = set(names) == {"_"}
+    if text or (not is_list and ("_" in names or len(set(names)) < len(names))):
+        raise CameraFileError(
+            f"{path}: {name} holds text, a list and names beside each other, or a name twice"
+        )
     values = [_of_element(path, child, depth + 1) for child in element]
-    if [*names] == ["_"]:
-        return values
-    if "_" in names:
-        raise CameraFileError(f"{path}: {name} holds a list beside names")
-    twice, count = names.most_common(1)[0]
-    if count > 1:
-        raise CameraFileError(f"{path}: {quoted(twice)} is there twice in {name}")
-    return dict(zip(names, values, strict=True))
+    return values if is_list else dict(zip(names, values, strict=True))
 
 
 def _values(text: str) -> Any:
@@ -439,6 +433,6 @@ def _values(text: str) -> Any:
     if not words:
         return None
     if all(len(word) <= _LONGEST_NUMBER and _NUMBER.fullmatch(word) for word in words):
-        numbers = [int(word) if _INTEGER.fullmatch(word) else float(word) for word in words]
-        return numbers[0] if len(numbers) == 1 else numbers
+        values = [float(word) if set(word) & set(".eE") else int(word) for word in words]
+        return values[0] if len(values) == 1 else values
     return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
