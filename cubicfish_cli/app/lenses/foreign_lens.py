@@ -40,8 +40,6 @@ class ForeignLens(Lens):
 
     unwritten: ClassVar[tuple[str, ...]] = ()
     """Parameters that other tools' files lack; :meth:`nearest_to` leaves them as they start."""
-    limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Where other tools accept a parameter."""
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> Sequence[Self]:

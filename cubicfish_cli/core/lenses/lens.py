@@ -31,6 +31,8 @@ class Lens:
     """Whether it is symmetric about its own axis, up to an affine map of its picture."""
     fixed: ClassVar[tuple[str, ...]] = ()
     """Parameters that no fit moves."""
+    limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Where tools accept a parameter, the ends included."""
 
     image_size: tuple[int, int]
 

@@ -57,12 +57,7 @@ _WRITTEN = {
 
 
 def kalibr_text(one: PlacedLens) -> str:
-    """A lens of a model that is written as a camchain of one camera.
-
-    Raises:
-        CameraFileError: the lens's values lie outside what Kalibr takes.
-
-    """
+    """A lens of a model that is written as a camchain of one camera."""
     return "\n".join([*(f"# {line}" for line in one.note), *_camera_lines(one.lens, 0, []), ""])
 
 
@@ -70,8 +65,7 @@ def kalibr_rig_text(rig: LensRig) -> str:
     """Lenses of a model that is written as a camchain.
 
     Raises:
-        CameraFileError: a lens's values lie outside what Kalibr takes, or the rig's unit of length
-            is not known.
+        CameraFileError: the rig's unit of length is not known.
 
     """
     lines = []
@@ -89,7 +83,6 @@ def kalibr_rig_text(rig: LensRig) -> str:
 def _camera_lines(lens: Lens, number: int, overlaps: Sequence[int]) -> list[str]:
     camera, distortion, coefficients = _WRITTEN[type(lens)]
     named = named_numbers(lens)
-    _refuse_values(Path("camchain.yaml"), camera, named)
     width, height = lens.image_size
     return [
         f"cam{number}:",
@@ -127,17 +120,9 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
     model, coefficients = _MODELS[kind, distortion]
     intrinsics = _INTRINSICS[kind]
     named = dict(zip(intrinsics, record.numbers("intrinsics", len(intrinsics)), strict=True))
-    _refuse_values(path, kind, named)
     d = record.values.get("distortion_coeffs", [])
     d = numbers(path, d, f"{record.at}distortion_coeffs", (len(coefficients),))
     named.update(zip(coefficients, d, strict=True))
     width, height = record.numbers("resolution", 2)
     image_size = size(path, width, height, f"{record.at}resolution")
     return named_lens(path, model, image_size, named)
-
-
-def _refuse_values(path: Path, kind: str, named: Mapping[str, float]) -> None:
-    if kind == "omni" and not named["xi"] > 0:
-        raise CameraFileError(f"{path}: xi of an omni lens must be above 0")
-    if kind == "ds" and not 0 <= named["alpha"] < 1:
-        raise CameraFileError(f"{path}: alpha of a ds lens must be from 0 to below 1")

@@ -52,11 +52,15 @@ def named_lens(
     """The lens of a model with the parameters of these names.
 
     Raises:
-        CameraFileError: a focal length is not above 0; ``where`` begins the line.
+        CameraFileError: a focal length is not above 0, or another parameter lies outside what tools
+            accept; ``where`` begins the line.
 
     """
     if not (named["fx"] > 0 and named["fy"] > 0):
         raise CameraFileError(f"{where}: focal lengths must be above 0")
+    for name, (least, most) in model.limits.items():
+        if not least <= named[name] <= most:
+            raise CameraFileError(f"{where}: {name} must be from {least:g} to {most:g}")
     own: dict[str, float | FloatArray] = {}
     for one in fields(model):
         if one.name in _NAMES:
@@ -145,6 +149,8 @@ class UnifiedLens(FocalLens):
     name = "unified"
     label = "unified (Mei)"
     unwritten = ("skew",)
+    # Kalibr reads a ξ above 0.
+    limits: ClassVar[Mapping[str, tuple[float, float]]] = {"xi": (1e-6, 1e6)}
 
     skew: float = 0.0
     xi: float
