@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from decimal import ROUND_UP, Decimal
 from functools import partial
 from typing import Any
 
@@ -200,8 +199,8 @@ def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | N
 
 def _rounded_up(value: float) -> str:
     """To two digits, and no less: what ``--max-error`` takes is what is written here."""
-    step = Decimal(1).scaleb(Decimal(value).adjusted() - 1)
-    return f"{Decimal(value).quantize(step, ROUND_UP).normalize():f}"
+    scale = 10.0 ** (1 - math.floor(math.log10(value)))
+    return f"{math.ceil(value * scale) / scale:g}"
 
 
 def without_matrix(line: str) -> str:

@@ -190,23 +190,24 @@ def read_opencv(
     if camera is not None and isinstance(record.get(camera), dict):
         record, camera = {**record, **record[camera]}, None
     keys = _Keys(path, record, camera)
-    name, skew, named = _matrix(keys)
+    name, matrix = _matrix(keys)
     d = _coefficients(keys, name)
     photos = _size(keys) or image_size
     if photos is None:
         raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
+    named = named_in_matrix(matrix) | dict(zip(PINHOLE, d, strict=False))
     xi = keys.find(("xi",))
     if xi is None and not _is_fisheye(keys, len(d)):
-        return named_lens(path, PinholeLens, photos, named | dict(zip(PINHOLE, d, strict=False)))
+        return named_lens(path, PinholeLens, photos, named)
     if len(d) != 4:
         raise CameraFileError(f"{path}: a fisheye lens has 4 distortion coefficients, not {len(d)}")
+    skew = float(matrix[1])
     if xi is not None:
         named |= {"xi": float(keys.numbers(xi, (1,))[0]), "skew": skew}
-        return named_lens(path, UnifiedLens, photos, named | dict(zip(PINHOLE, d, strict=False)))
+        return named_lens(path, UnifiedLens, photos, named)
     named |= dict(zip(("k1", "k2", "k3", "k4"), d, strict=True))
-    if not skew:
-        return named_lens(path, RadialCamera, photos, named)
-    return named_lens(path, SkewedFisheye, photos, {**named, "skew": skew})
+    model = SkewedFisheye if skew else RadialCamera
+    return named_lens(path, model, photos, {**named, "skew": skew})
 
 
 def _row(path: Path, name: str, value: Any) -> Any:
@@ -275,33 +276,15 @@ class _Keys:
         """The numbers of a key that was found, as many as one of ``counts``."""
         return numbers(self.path, _row(self.path, *entry), entry[0], counts)
 
-    def refuse_several(self) -> None:
-        """Refuse a file with keys that look like the matrices of cameras, or like such cameras."""
-        named = [
-            quoted(key)[1:-1]
-            for key, value in self.record.items()
-            if isinstance(value, dict)
-            and (
-                value.get("rows") == value.get("cols") == 3
-                or any(_plain(inner) in _MATRIX for inner in value)
-            )
-        ][:10]
-        if named:
-            numbered = any(name[-1].isdigit() for name in named)
-            such = "--camera 1 for M1 and D1" if numbered else f"--camera {named[0]}"
-            raise CameraFileError(
-                f"{self.path}: which of its cameras is meant? Add --camera, such as {such}; it "
-                f"holds {', '.join(named)}"
-            )
 
-
-def _matrix(keys: _Keys) -> tuple[str, float, dict[str, float]]:
-    """The camera matrix: its key, its skew, its other numbers."""
+def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
     entry = keys.find(_MATRIX, arrays=True)
     if entry is None:
-        keys.refuse_several()
+        there = ", ".join(quoted(key)[1:-1] for key in [*keys.record][:10])
         raise CameraFileError(
-            f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and data"
+            f"{keys.path} has no camera matrix: name it camera_matrix, with rows, cols and data, "
+            "or say which of several cameras is meant, such as --camera 1 for M1 and D1; it holds "
+            + (there or "nothing")
         )
     matrix = keys.numbers(entry, (9,))
     if matrix[[3, 6, 7, 8]].tolist() != [0, 0, 0, 1]:
@@ -309,7 +292,7 @@ def _matrix(keys: _Keys) -> tuple[str, float, dict[str, float]]:
             f"{keys.path}: {quoted(entry[0])} is not of the form fx, skew, cx, 0, fy, cy, 0, 0, "
             "1: was it written column by column?"
         )
-    return entry[0], float(matrix[1]), named_in_matrix(matrix)
+    return entry[0], matrix
 
 
 def _coefficients(keys: _Keys, matrix: str) -> list[float]:
@@ -323,14 +306,13 @@ def _coefficients(keys: _Keys, matrix: str) -> list[float]:
 
 
 def _size(keys: _Keys) -> tuple[int, int] | None:
-    width, height = keys.find(_WIDTH), keys.find(_HEIGHT)
+    width, height, both = keys.find(_WIDTH), keys.find(_HEIGHT), keys.find(_SIZE)
     if width is not None and height is not None:
         return size(keys.path, width[1], height[1], f"{width[0]} and {height[0]}")
-    entry = keys.find(_SIZE)
-    if entry is None:
+    if both is None:
         return None
-    across, down = keys.numbers(entry, (2,))
-    return size(keys.path, across, down, entry[0])
+    across, down = keys.numbers(both, (2,))
+    return size(keys.path, across, down, both[0])
 
 
 def _is_fisheye(keys: _Keys, count: int) -> bool:
