@@ -12,7 +12,7 @@ import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.extensions import load_place, written_formats
-from cubicfish_cli.app.lenses.camera_format import PlacedLens, Pose
+from cubicfish_cli.app.lenses.camera_format import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD
 from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
@@ -28,27 +28,22 @@ MAX_ERROR = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Exported:
-    """A camera as a format's lens.
+class Exported(PlacedLens):
+    """A camera as a format's lens, alone in its frame.
 
     Attributes:
-        name: the format.
+        to: the format.
         conversion: the lens, and how near it comes.
-        note: how it was made, in lines.
-        poses: camera_from_world of the calibration's photos, in the lens's frame.
 
     """
 
-    name: str
+    to: str
     conversion: Conversion
-    note: list[str]
-    poses: Mapping[str, Pose]
 
     @property
     def text(self) -> str:
         """The text of the format's file."""
-        alone = PlacedLens(lens=self.conversion.lens, note=self.note, poses=self.poses)
-        text: str = load_place(written_formats()[self.name].write)(alone)
+        text: str = load_place(written_formats()[self.to].write)(self)
         return text
 
     def as_record(self) -> dict[str, Any]:
@@ -112,7 +107,8 @@ def export_camera(
     trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
     turn = conversion.lens_from_camera
     return Exported(
-        name=to,
+        to=to,
+        lens=conversion.lens,
         conversion=conversion,
         note=_note(conversion, to, calibrated.made_by, trusted),
         poses={

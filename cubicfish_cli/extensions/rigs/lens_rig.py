@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,13 +37,11 @@ def lens_rig(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> LensR
 
 def _placed(camera: RigCamera, lens: Exported) -> PlacedLens:
     turn = lens.conversion.lens_from_camera
-    return PlacedLens(
+    return replace(
+        lens,
         name=camera.name,
-        lens=lens.conversion.lens,
-        note=lens.note,
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation,
-        poses=lens.poses,
     )
 
 
