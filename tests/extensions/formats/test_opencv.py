@@ -71,7 +71,7 @@ def test_cameras_of_a_pair_are_told_apart(tmp_path, syntax):
     np.testing.assert_array_equal(second.d, 2 * D5[0])
     with pytest.raises(CameraFileError, match=r"--camera 1 for M1 and D1; it holds .*M1, D1, M2"):
         read_opencv(path)
-    with pytest.raises(CameraFileError, match="it holds .*M1, D1, M2"):
+    with pytest.raises(CameraFileError, match=r"it holds .*M1, D1, M2"):
         read_opencv(path, camera="3")
 
 
@@ -79,7 +79,7 @@ def test_a_camera_that_is_called_otherwise_is_named_as_it_is(tmp_path):
     path = tmp_path / "profile.json"
     path.write_text(json.dumps({"fisheye_params": {"camera_matrix": K.tolist()}}))
     with pytest.raises(
-        CameraFileError, match="which of several cameras is meant.*; it holds fisheye_params"
+        CameraFileError, match=r"which of several cameras is meant.*; it holds fisheye_params"
     ):
         read_opencv(path)
 
