@@ -48,7 +48,7 @@ from cubicfish_cli.core.io.observations_csv import load_corners, save_corners
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, load_target
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.command import LookOptions
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_data" / "target.yaml"
 TARGETS = {

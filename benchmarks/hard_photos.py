@@ -249,7 +249,6 @@ def taken(case, lens, rays, pose, seed, readable=None) -> Shot:
         exposure=case.exposure,
         light_from=cv2.Rodrigues(pose[0])[0].T @ [-0.35, -0.5, -0.79],
         background=case.background,
-        edges_only=True,
         ray_starts=lens.ray_starts,
     ).astype(float)
     seen = project_corners(target, lens, pose, SIZE)

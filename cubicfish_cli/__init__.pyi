@@ -88,9 +88,9 @@ from cubicfish_cli.extensions.rigs.stereo import RectifiedPair as RectifiedPair
 from cubicfish_cli.extensions.rigs.stereo import rectify as rectify
 from cubicfish_cli.extensions.rigs.undistort import ShotOptions as ShotOptions
 from cubicfish_cli.extensions.rigs.undistort import undistort_rig_files as undistort_rig_files
+from cubicfish_cli.extensions.simulation.command import LookOptions as LookOptions
 from cubicfish_cli.extensions.simulation.command import SimulateOptions as SimulateOptions
 from cubicfish_cli.extensions.simulation.command import simulate_files as simulate_files
-from cubicfish_cli.extensions.simulation.options import LookOptions as LookOptions
 
 __version__: str
 __all__: list[str]

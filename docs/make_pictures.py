@@ -163,9 +163,7 @@ def rig(folder: Path) -> None:
     photos = []
     for name, lens, place in zip(names, lenses, truth.camera_from_rig, strict=True):
         pose = combined(place, truth.rig_from_world[0])
-        photo = render(
-            setup.target, lens.unproject, pose, lens.image_size, supersample=2, edges_only=True
-        )
+        photo = render(setup.target, lens.unproject, pose, lens.image_size, supersample=2)
         (folder / name).mkdir()
         cv2.imwrite(str(folder / name / "shot_001.png"), photo)
         photos.append(cv2.resize(photo, (302, 302 * photo.shape[0] // photo.shape[1])))

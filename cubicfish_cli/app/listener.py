@@ -42,7 +42,6 @@ class Event(StrEnum):
     AMBIGUOUS = "ambiguous"
     WITHOUT_POSE = "without_pose"
     VIDEO_TURNED = "video_turned"
-    NEAREST_CAMERA = "nearest_camera"
     RENDERED_FLAT = "rendered_flat"
     RENDERING = "rendering"
 

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 _LABEL = 12
 # More examples than this are not read.
 _MOST = 4
-# Squares that differ by more than this are in different units; single ones are within these.
-_ONE_UNIT = 50.0
+# Sides of squares that people photograph.
 _FINEST_MM, _LARGEST_MM = 0.2, 2000.0
 _FACTS = ("corners", "planes", "flat", "named_by", "ambiguous", "look_alikes", "crossing")
 
@@ -116,26 +115,13 @@ def print_size(board: Board) -> list[float]:
 
 
 def _board_record(board: Board) -> dict[str, Any]:
-    record: dict[str, Any] = {
-        "name": board.name,
-        "type": board.kind,
+    return {
+        **board.as_record(),
         "columns": board.columns,
         "rows": board.rows,
-        "print": print_size(board),
-    }
-    if board.points is not None:
-        return record
-    markers = board.markers
-    return {
-        **record,
         "square": board.square,
-        "origin": board.origin,
-        "x_axis": board.x_axis,
-        "y_axis": board.y_axis,
-        "faces": -board.axes[2] + 0.0,
-        "markers": None
-        if markers is None
-        else {"dictionary": markers.dictionary, "first": markers.first, "count": markers.count},
+        "print": print_size(board),
+        "faces": None if board.points is not None else -board.axes[2] + 0.0,
     }
 
 
@@ -193,18 +179,12 @@ def _advise_on_sizes(target: Target) -> Iterator[str]:
     """Lengths that look like those of another unit."""
     from cubicfish_cli.core.units import MILLIMETRES
 
-    printed = [board for board in target.boards if board.points is None]
-    if not printed:
-        return
-    *_, large = ordered = sorted(printed, key=lambda board: board.square)
-    small = ordered[0]
-    figures = {"large": large.square, "small": small.square, "units": target.units}
-    factor = MILLIMETRES.get(target.units.lower())
-    if large.square > _ONE_UNIT * small.square:
-        times = large.square / small.square
-        yield _say("two_units", **figures, times=times, one=large.name, other=small.name)
-    elif factor is not None and not _FINEST_MM <= factor * large.square <= _LARGEST_MM:
-        yield _say("odd_unit", **figures, is_small=factor * large.square < _FINEST_MM)
+    factor = MILLIMETRES.get(target.units.lower(), 0.0)
+    for board in target.boards:
+        side = factor * board.square
+        if side and not _FINEST_MM <= side <= _LARGEST_MM:
+            figures = {"square": board.square, "units": target.units}
+            yield _say("odd_unit", board=board.name, is_small=side < _FINEST_MM, **figures)
 
 
 def _describe_turn(turn: Turn, *, alone: bool) -> str:

@@ -23,7 +23,6 @@ from running import SAMPLE, invoke_cli, run_cli
 
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.app.executors import cluster, pool
-from cubicfish_cli.app.lenses.from_lens import ExactLens
 from cubicfish_cli.core.fit import calibrate as fit
 from cubicfish_cli.core.fit import point_fit
 from cubicfish_cli.core.io.observations_csv import load_corners
@@ -143,19 +142,16 @@ CASES = {
     "simulate": Case(
         lines={
             "camera": "-t {flat} -m {small} -n 1 -o {out}/s",
-            "lens": "-t {flat} --lens {chain} -n 1 -o {out}/s",
             "poses": "-t {flat} -m {small} --poses {poses} -o {out}/s",
         },
         used={
-            "--target": ("{wider}", {"camera", "lens", "poses"}),
+            "--target": ("{wider}", {"camera", "poses"}),
             "--model": ("{true}", {"camera", "poses"}),
-            "--lens": ("{lens}", {"lens"}),
-            "--size": ("640x480", {"lens"}),
-            "--number": ("2", {"camera", "lens"}),
-            "--output": ("{out}/t", {"camera", "lens", "poses"}),
+            "--number": ("2", {"camera"}),
+            "--output": ("{out}/t", {"camera", "poses"}),
             "--poses": ("{poses}", {"poses"}),
             **{
-                option: (value, {"camera", "lens", "poses"})
+                option: (value, {"camera", "poses"})
                 for option, value in {
                     "--noise": "9",
                     "--blur": "3",
@@ -209,7 +205,6 @@ CASES = {
             "--corners": ("3x4", {"new", "charuco"}),
             "--dictionary": ("DICT_5X5_1000", {"charuco"}),
             "--margin": ("15mm", {"old", "new", "charuco"}),
-            "--board": ("floor", {"old"}),
             "--output": ("{out}/q", {"old", "new", "charuco"}),
             "--overwrite": (None, {"old", "new", "charuco"}),
             "--json": (None, {"old", "new", "charuco"}),
@@ -305,7 +300,6 @@ def fits_once() -> Iterator[None]:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
         patch.setattr(point_fit, "calibrate_points", once(point_fit.calibrate_points))
         patch.setattr(simulate, "chosen_poses", once(simulate.chosen_poses))
-        patch.setattr(ExactLens, "of", once(ExactLens.of))
         yield
 
 

@@ -11,8 +11,6 @@ from running import SAMPLE, Run
 from synthetic import checkerboard
 
 from cubicfish_cli import save_camera, save_target
-from cubicfish_cli.app.lenses.foreign_files import read_foreign
-from cubicfish_cli.app.lenses.from_lens import ExactLens
 from cubicfish_cli.app.viewpoints.truth import camera_points, load_poses
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -126,30 +124,6 @@ def test_two_photos_from_one_pose_differ_in_their_noise_only(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["mrcal", "colmap-rad-tan-thin-prism-fisheye"])
-def test_another_tools_lens_is_taken_as_it_is(
-    run: Run, calibrated: Path, board: Path, tmp_path: Path, form: str
-) -> None:
-    file, camera = tmp_path / "lens", tmp_path / "camera.yaml"
-    save_camera(camera, smaller(load_camera(calibrated / "camera.yaml").camera, 2))
-    run("export", "--to", form, "-m", camera, "-o", file)
-    said = run("simulate", "-t", board, "--lens", file, "-n", 1, "-o", tmp_path / "a")
-    assert "nearest to the lens of" in said.stderr
-    given, _ = read_foreign(file)
-    lens = ExactLens.of(given)
-    target = load_target(board)
-    pairs = load_corners(tmp_path / "a" / "true_corners.csv", target)
-    (pose,) = load_poses(tmp_path / "a" / "true_poses.csv").values()
-    points = camera_points(pose, pairs.world)
-    pixel = given.project(points)
-    np.testing.assert_allclose(pixel, pairs.pixel, atol=2e-6)
-    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
-    np.testing.assert_allclose(lens.unproject(pixel), rays, atol=1e-8)
-    near = load_camera(tmp_path / "a" / "true_camera.yaml").camera
-    assert 1e-9 < np.abs(near.project(points) - pixel).max() < 0.1
-
-
-@pytest.mark.slow
 def test_overexposed_photos_bleed(run: Run, small_lens: Path, board: Path, tmp_path: Path) -> None:
     options = ("-t", board, "-m", small_lens, "-n", 1, "--noise", 0, "--format", "png")
     dark = []
@@ -191,11 +165,8 @@ def test_what_goes_wrong_is_said_before_anything_is_written(
     assert "cannot be the name of a photo" in refused(*given, "--poses", poses)
     poses.write_text("image,rx,ry,rz,tx,ty,tz\na.jpg,0,0,0,0,0,5\na.jpg,0,0,0,0,0,5\n")
     assert "line 3: a.jpg is there twice" in refused(*given, "--poses", poses)
-    assert "leave one of them out" in refused(*given, "--lens", small_lens, code=2)
-    assert "mirror does not exist" in refused("-t", TARGET, "--lens", "mirror")
     (tmp_path / "other.yaml").write_text("fx: 300\nfy: 300\ncx: 320\ncy: 240\n")
     assert "it has no key 'cubicfish'" in refused("-t", TARGET, "-m", tmp_path / "other.yaml")
-    assert "--size goes with --lens" in refused(*given, "--size", "640x480", code=2)
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "true_poses.csv").write_text("mine")
     said = run("simulate", *given, "-n", 1, "-o", tmp_path / "taken", code=1).stderr

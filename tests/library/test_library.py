@@ -521,7 +521,7 @@ def test_photos_are_the_same_of_a_fit_a_camera_and_its_file(
         run = Run(listener=heard)
         made = simulate_files(
             SimulateOptions(
-                target=target, lens=lens, folder=folder, number=1, form="png", look=look
+                target=target, camera=lens, folder=folder, number=1, form="png", look=look
             ),
             run=run,
         )
@@ -545,30 +545,17 @@ def test_photos_are_the_same_of_a_fit_a_camera_and_its_file(
     again = {"poses": files[2], "form": "png", "look": LookOptions(noise=0)}
     assert "exists already" in refusal(
         OutputError,
-        lambda: simulate_files(SimulateOptions(target=target, lens=fitted, folder=folder, **again)),
+        lambda: simulate_files(
+            SimulateOptions(target=target, camera=fitted, folder=folder, **again)
+        ),
     )
     assert files[0].read_bytes() == before
     simulate_files(
-        SimulateOptions(target=target, lens=fitted, folder=folder, **again), run=Run(overwrite=True)
+        SimulateOptions(target=target, camera=fitted, folder=folder, **again),
+        run=Run(overwrite=True),
     )
     assert files[0].read_bytes() != before
     assert read_picture(files[0]).mean() > 1.5 * dark
-
-
-@pytest.mark.slow
-def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> None:
-    (tmp_path / "info.yaml").write_text(FOREIGN)
-    heard = Heard()
-    run = Run(listener=heard)
-    truth = simulate_files(
-        SimulateOptions(target=board, lens=tmp_path / "info.yaml", folder=tmp_path / "a", number=1),
-        run=run,
-    ).truth
-    assert [event for event, _ in heard.told] == [Event.NEAREST_CAMERA, Event.RENDERING]
-    true = load_corners(truth["true_corners"], board)
-    assert true.image_size == (640, 480)
-    near = evaluate(load_camera(truth["true_camera"]).camera, true)
-    assert near.errors.rms_px < 0.01
 
 
 @pytest.mark.parametrize(
@@ -576,17 +563,15 @@ def test_photos_through_another_tools_lens(board: Target, tmp_path: Path) -> Non
     [
         ({"number": 0}, "number must be from 1 to 10000, not 0"),
         ({"form": "jpeg"}, "photos are not written as 'jpeg': did you mean 'jpg'?"),
-        ({"image_size": (640, 480)}, "the camera says the size of its photos"),
-        ({"image_size": (640, -1)}, "image_size must be two whole numbers"),
         ({"poses": "none.csv"}, "none.csv"),
         ({"poses": "none.csv", "number": 3}, "leave --number out"),
-        ({"lens": "no_lens.yaml"}, "no_lens.yaml"),
+        ({"camera": "no_lens.yaml"}, "no_lens.yaml"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(
     fitted: Calibration, target: Target, tmp_path: Path, options: dict[str, Any], said: str
 ) -> None:
-    asked: dict[str, Any] = {"lens": fitted.camera, "folder": tmp_path / "a", **options}
+    asked: dict[str, Any] = {"camera": fitted.camera, "folder": tmp_path / "a", **options}
     assert said in refusal(
         CubicfishError, lambda: simulate_files(SimulateOptions(target=target, **asked))
     )

@@ -14,7 +14,7 @@ from synthetic import checkerboard, lens_of_size
 
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
 
 TARGET = """units: mm

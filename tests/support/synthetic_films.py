@@ -35,7 +35,7 @@ from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import (
     AMBIENT,
     INK,

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cubicfish_cli.app.lenses.to_lens import ConversionError, conversion_error
 from cubicfish_cli.core.angles import angle_from_axis
@@ -62,48 +61,6 @@ class ImportedCamera:
     error: ConversionError
     ended_by: EndedBy
     fold_deg: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ExactLens:
-    """A lens as it is, over the field of the cubic camera nearest to it.
-
-    Attributes:
-        lens: the lens.
-        nearest: the cubic camera, which says how far the lens is meant.
-
-    """
-
-    lens: Lens
-    nearest: ImportedCamera
-
-    @classmethod
-    def of(cls, lens: Lens) -> ExactLens:
-        """A lens with its field.
-
-        Raises:
-            FitError: it sees nothing of its photo, or no cubic camera is near it.
-
-        """
-        return cls(lens=lens, nearest=from_lens(lens))
-
-    @property
-    def image_size(self) -> tuple[int, int]:
-        """(width, height) in pixels."""
-        return self.lens.image_size
-
-    def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Points in the camera frame (..., 3) -> pixels (..., 2), NaN outside the field."""
-        return np.where(self._inside(points)[..., None], self.lens.project(points), np.nan)
-
-    def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) -> unit rays (..., 3), NaN outside the field."""
-        rays = self.lens.unproject(pixel)
-        return np.where(self._inside(rays)[..., None], rays, np.nan)
-
-    def _inside(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        with np.errstate(invalid="ignore"):
-            return angle_from_axis(points) <= np.deg2rad(self.nearest.camera.max_angle_deg)
 
 
 def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> ImportedCamera:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,7 +11,7 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at
+from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
@@ -43,10 +41,9 @@ class PrintOptions:
         paper: its size, such as ``A3``, ``Letter`` or ``600x400mm``.
         board_type: of a new target's boards: ``checkerboard``, ``charuco`` or ``aprilgrid``.
         square: the side of a new target's squares, such as ``30mm``.
-        counts: (columns, rows) of inner corners of its largest board.
+        counts: (columns, rows) of inner corners of a flat board.
         dictionary: of its markers.
         margin: along the paper's edges.
-        boards: those of ``target`` that are printed; all where there are none.
         folder: where the pages go.
 
     Raises:
@@ -67,8 +64,8 @@ class PrintOptions:
     )
     paper: str = option(
         "--paper SIZE",
-        "A0 to A5, B0 to B4, Letter, Legal, Tabloid, 'ANSI C' to 'ANSI E', or WIDTHxHEIGHT such "
-        "as 600x400mm. Upright or across is chosen for each page.",
+        "A0 to A5, Letter, Legal, Tabloid, or WIDTHxHEIGHT such as 600x400mm. Upright or "
+        "across is chosen for each page.",
         default="A4",
     )
     board_type: Literal["checkerboard", "charuco", "aprilgrid"] | None = option(
@@ -82,7 +79,7 @@ class PrintOptions:
     )
     counts: tuple[int, int] | None = option(
         "--corners --tags COLUMNSxROWS",
-        "Inner corners (of an aprilgrid: tags) of a target's largest board.",
+        "Inner corners (of an aprilgrid: tags) of --object board.",
         COUNTS,
     )
     dictionary: str | None = option(
@@ -95,9 +92,6 @@ class PrintOptions:
         "Along the paper's edges, where the printer cannot print.",
         options.LENGTH,
         "8mm",
-    )
-    boards: Sequence[str] = option(
-        "--board NAME", "Of TARGET, print this board only. May be given again.", multiple=True
     )
     folder: StrPath = options.output_option(
         "Where boards.pdf and target.yaml go.", default="printed", folder=True
@@ -114,8 +108,13 @@ class PrintOptions:
                 "--object, --type, --square, --corners and --dictionary make a new target; the "
                 "boards of TARGET are printed as they are: give the one or the other"
             )
-        if self.target is None and self.boards:
-            raise UsageError("--board chooses among the boards of TARGET: name a target.yaml")
+        if self.counts is not None and self.kind in ("corner", "box"):
+            raise UsageError(
+                "--corners is of one flat board: leave it out, or take --object board; the boards "
+                f"of a {self.kind} are as large as --square and the paper allow"
+            )
+        if self.dictionary is not None and self.board_type not in ("charuco", "aprilgrid"):
+            raise UsageError("--dictionary is of markers: add --type charuco or --type aprilgrid")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,7 +157,7 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     from cubicfish_cli.core.target import load_target, target_text
     from cubicfish_cli.core.units import length_mm
     from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
-    from cubicfish_cli.extensions.printing.objects import Wanted, design
+    from cubicfish_cli.extensions.printing.objects import design
     from cubicfish_cli.extensions.printing.paper import paper as paper_of
 
     lacking = extra.missing(extra.PRINTING)
@@ -168,19 +167,11 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     contents: dict[str, Content] = {}
     if asked.target is not None:
         loaded = load_target(Path(asked.target)).as_printed()
-        printed = boards_in_millimetres(loaded, tuple(asked.boards))
-        pages = [lay_out(board, on, margin=rim) for board in printed]
+        pages = [lay_out(board, on, margin=rim) for board in boards_in_millimetres(loaded)]
         if any(board.shape is not None for board in loaded.boards):
             run.listener.tell(Event.PRINTED_AS_DRAWN)
     elif asked.kind is not None:
-        wanted = Wanted(
-            kind=asked.kind,
-            type=asked.board_type or "checkerboard",
-            square=None if asked.square is None else length_mm(asked.square),
-            counts=asked.counts,
-            dictionary=asked.dictionary,
-        )
-        loaded, pages = design(wanted, on, margin=rim)
+        loaded, pages = design(asked, on, margin=rim)
         checked = check_target(loaded)
         for about, words in checked.advice if checked.facts.ambiguous else ():
             if about == "Names":
@@ -190,15 +181,13 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
             f"# {asked.kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at 100 %."
             f"{join}\n{target_text(loaded)}"
         )
-    # Pages carry no date, so that they can be made again, or that of SOURCE_DATE_EPOCH.
-    date = datetime.fromisoformat(made_at()) if "SOURCE_DATE_EPOCH" in os.environ else None
     with extra.quiet():
         from cubicfish_cli.extensions.printing.drawing import write_boards
 
-    contents = {"boards": lambda path: write_boards(path, pages, date=date), **contents}
+    contents = {"boards": lambda path: write_boards(path, pages), **contents}
     outputs = {name: Path(asked.folder) / NAMES[name] for name in contents}
     refuse_existing(*outputs.values(), overwrite=run.overwrite)
-    run.listener.progress(f"Drawing {len(pages)} page{'s' * (len(pages) != 1)}")
+    run.listener.progress(f"Drawing {plural(len(pages), 'page')}")
     files = {path: contents[name] for name, path in outputs.items()}
     write_files(files, overwrite=run.overwrite, folder=Path(asked.folder))
     return PrintedFiles(files=outputs, pages=pages, paper=on)
@@ -220,14 +209,10 @@ def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
     and which way up it is. A new target comes with its target.yaml, and its pages say where they
     are cut and which edges are joined.
     """
-    if how.print(made):
-        return
-    _print_written(made)
-
-
-def _print_written(made: PrintedFiles) -> None:
     from cubicfish_cli.commands.target import print_size
 
+    if how.print(made):
+        return
     outputs, pages = made.files, made.pages
     rows = [
         (

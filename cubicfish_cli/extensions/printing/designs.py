@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import floor
+from typing import Any
 
-import numpy as np
-
-from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES, TAG_FAMILIES, Markers
+from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES
 from cubicfish_cli.core.boards.types import BOARD_TYPES
-from cubicfish_cli.core.errors import TargetError, UsageError
-from cubicfish_cli.core.wording import did_you_mean, quoted
 
+Counts = tuple[int, int]
 # Of a charuco, where nobody asks for another: the smallest that is large enough.
 _USUAL_FAMILIES = ("DICT_5X5_50", "DICT_5X5_100", "DICT_5X5_250", "DICT_5X5_1000")
 
@@ -31,89 +28,55 @@ class Design:
     """
 
     type: str
-    counts: tuple[int, int]
+    counts: Counts
     marker: float = 0.0
     spacing: float = 0.0
 
     @property
-    def _beside(self) -> float:
-        """Squares that a row of corners (or tags) is longer than their number, spaced."""
+    def before(self) -> float:
+        """Squares from the print's edge to corner (0, 0)."""
         return self.spacing or 1.0
+
+    @property
+    def quiet(self) -> float:
+        """White that the print should have around it, in squares."""
+        return 1.0 / BOARD_TYPES[self.type].per_cell
 
     def length(self, count: int, square: float) -> float:
         """Length of the print of so many corners (or tags)."""
-        return square * (count * (1 + self.spacing) + self._beside)
+        return square * (count * (1 + self.spacing) + self.before)
 
     def count(self, length: float, square: float) -> int:
         """How many corners (or tags) fit into a length."""
-        return floor((length / square - self._beside) / (1 + self.spacing) + 1e-9)
+        return floor((length / square - self.before) / (1 + self.spacing) + 1e-9)
 
-    def marker_count(self, counts: tuple[int, int]) -> int:
+    def marker_count(self, counts: Counts) -> int:
         """How many markers a board of so many corners (or tags) carries."""
         if self.type == "aprilgrid":
             return counts[0] * counts[1]
         # The square up-left of corner (0, 0) is dark, and so is the larger half of an odd number.
         return (counts[0] + 1) * (counts[1] + 1) // 2 if self.marker else 0
 
-    def family(self, asked: str | None, count: int) -> str | None:
-        """The family of ``count`` markers, by the name that is asked for or the usual one.
+    def family(self, asked: str | None, count: int) -> str:
+        """The family of ``count`` markers: the one that is asked for, else the usual one."""
+        if self.type == "aprilgrid":
+            return asked or "tag36h11"
+        enough = [one for one in _USUAL_FAMILIES if MARKER_DICTIONARIES[one] >= count]
+        return asked or next(iter(enough), _USUAL_FAMILIES[-1])
 
-        Raises:
-            TargetError: there is none of this name for such boards, or it is too small.
-            UsageError: such boards have none.
+    def record(self, counts: Counts, square: float, family: str, first: int) -> dict[str, Any]:
+        """What target.yaml says of a board of so many corners (or tags).
 
+        ``family`` is of its markers, where it has any, and ``first`` the first one's id.
         """
-        if not self.marker:
-            if asked is None:
-                return None
-            raise UsageError(
-                f"--dictionary is of markers, and {self.type}s have no markers: '--type charuco' "
-                "or 'aprilgrid' do"
-            )
-        known: tuple[str, ...] = (*TAG_FAMILIES, *TAG_FAMILIES.values())
+        record: dict[str, Any] = {"type": self.type}
+        if self.type == "aprilgrid":
+            record |= {"tags": [*counts], "tag": square, "spacing": self.spacing, "family": family}
+        else:
+            record |= {"corners": [*counts], "square": square}
         if self.type == "charuco":
-            known = tuple(MARKER_DICTIONARIES)
-            usual = [one for one in _USUAL_FAMILIES if MARKER_DICTIONARIES[one] >= count]
-            asked = asked or next(iter(usual), _USUAL_FAMILIES[-1])
-        asked = asked or "tag36h11"
-        if asked not in known:
-            raise TargetError(
-                f"--dictionary {quoted(asked)} is no family of markers for a board of type "
-                f"{self.type}: {did_you_mean(asked, known)}"
-            )
-        name = TAG_FAMILIES.get(asked, asked)  # AprilTag has names of its own
-        if MARKER_DICTIONARIES[name] < count:
-            raise TargetError(
-                f"these boards carry {count} markers, but {name} has only "
-                f"{MARKER_DICTIONARIES[name]}: take another --dictionary, or larger squares"
-            )
-        return name
-
-    def board(
-        self, name: str, counts: tuple[int, int], square: float, family: str | None, first: int
-    ) -> Board:
-        """A new board at the world's origin, of so many corners (or tags) along x and along y.
-
-        ``family`` is of its markers, of those of :meth:`family`, and ``first`` the first one's id.
-        """
-        kind = BOARD_TYPES[self.type]
-        markers = family and Markers(
-            dictionary=family,
-            side=square if self.spacing else round(self.marker * square, 2),
-            first=first,
-            count=self.marker_count(counts),
-        )
-        return kind(
-            name=name,
-            columns=kind.per_cell * counts[0],
-            rows=kind.per_cell * counts[1],
-            square=square,
-            origin=np.zeros(3),
-            x_axis=np.array([1.0, 0.0, 0.0]),
-            y_axis=np.array([0.0, 1.0, 0.0]),
-            markers=markers or None,
-            spacing=self.spacing,
-        )
+            record |= {"dictionary": family, "marker": round(self.marker * square, 2)}
+        return {**record, "first_marker": first} if self.marker else record
 
 
 DESIGNS = {

@@ -7,26 +7,25 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_pdf import FigureCanvasPdf, PdfPages
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from matplotlib.text import Text
 from matplotlib.transforms import Affine2D
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.board_faces import Face, board_face
+from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.board import AROUND_SQUARE, Board
 from cubicfish_cli.core.boards.types import AprilGrid
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Point, Side
+from cubicfish_cli.extensions.printing.layout import STRIP, Cut, Page, Side
 
 _INCH = 25.4
 _POINT = _INCH / 72
@@ -44,8 +43,8 @@ _RULER_LINE, _LINES = 4.4, (7.2, 9.6, 12.0)
 _BESIDE_CUT = 1.6
 
 
-def write_boards(path: Path, pages: Sequence[Page], *, date: datetime | None) -> None:
-    """Write pages as one PDF file; without a ``date`` the same pages are the same bytes.
+def write_boards(path: Path, pages: Sequence[Page]) -> None:
+    """Write pages as one PDF file; the same pages are the same bytes.
 
     Raises:
         OSError: the file cannot be written.
@@ -54,110 +53,93 @@ def write_boards(path: Path, pages: Sequence[Page], *, date: datetime | None) ->
     about = {
         "Title": ", ".join(page.board.name for page in pages),
         "Creator": f"cubicfish {__version__}",
-        "Producer": f"matplotlib {mpl.__version__}",
-        "CreationDate": date,
+        "CreationDate": None,
     }
     # In memory: the library cannot close a file that a full disk has cut short.
     memory = io.BytesIO()
     with drawing(_STYLE), PdfPages(memory, metadata=about) as document:
         for number, page in enumerate(pages, start=1):
-            document.savefig(_drawn(page, f"page {number} of {len(pages)}"))
+            document.savefig(_draw(page, f"page {number} of {len(pages)}"))
     path.write_bytes(memory.getvalue())
 
 
-def _drawn(page: Page, number: str) -> Figure:
+def _draw(page: Page, number: str) -> Figure:
     """The page; every place on its axes is (x, y) in millimetres from its top left corner."""
     figure = Figure(figsize=(page.width / _INCH, page.height / _INCH), dpi=72)
-    FigureCanvasPdf(figure)
-    figure.patch.set_visible(False)
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, page.width), ylim=(page.height, 0))
     axes.set_axis_off()
-    ink = ink_rectangles(board_face(page.board, margin=0.0)) + page.shift
     # One path: where black is next to black, no reader can leave a white hair between them.
-    codes = [Outline.MOVETO, *[Outline.LINETO] * 3, Outline.CLOSEPOLY] * len(ink)
-    closed = np.concatenate([ink, ink[:, :1]], axis=1).reshape(-1, 2)
-    axes.add_patch(PathPatch(Outline(closed, codes), facecolor="black", linewidth=0))
+    ink = Outline.make_compound_path_from_polys(ink_rectangles(page.board) + page.shift)
+    axes.add_patch(PathPatch(ink, facecolor="black", linewidth=0))
     for side, cut in page.cuts.items():
         _draw_cut(axes, page, side, cut)
     _draw_strip(axes, page, number)
     return figure
 
 
-def ink_rectangles(face: Face) -> FloatArray:
-    """(N, 4, 2) rectangles that are the ink of a face, in the board's plane.
-
-    Dark cells of a row that touch are one rectangle.
-    """
-    x, y = face.x, face.y
-    change = np.diff(np.pad(face.dark, ((0, 0), (1, 1))).astype(int), axis=1)
-    row, start = np.nonzero(change == 1)
-    _, end = np.nonzero(change == -1)
-    left, right, top, bottom = x[start], x[end], y[row], y[row + 1]
-    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
-    return np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1)
+def ink_rectangles(board: Board) -> FloatArray:
+    """(N, 4, 2) rectangles that are the ink of a board, in its plane."""
+    face = board_face(board, margin=0.0)
+    row, column = np.nonzero(face.dark)
+    cell = np.stack([column, row], axis=-1)[:, None] + AROUND_SQUARE
+    return np.stack([face.x[cell[..., 0]], face.y[cell[..., 1]]], axis=-1)
 
 
 def _draw_cut(axes: Axes, page: Page, side: Side, cut: Cut) -> None:
     """A line to cut along, and beyond it what the edge meets."""
     words = f"cut here: this edge meets the {cut.side} edge of {cut.board}"
-    style: dict[str, Any] = {
-        "color": "grey",
-        "linewidth": 0.15 / _POINT,
-        "linestyle": (0, (20, 10)),
-    }
-    upright = side in ("left", "right")
     beyond = cut.place + (-_BESIDE_CUT if side in ("left", "top") else _BESIDE_CUT + 2.2)
-    middle = (page.height if upright else page.width) / 2
-    if upright:
-        axes.axvline(cut.place, **style)
-    else:
-        axes.axhline(cut.place, **style)
-    at = (beyond, middle) if upright else (middle, beyond)
-    _write(
-        axes, at, words, 2.6, 0.8 * 2 * middle, turn=90.0 * upright, horizontalalignment="center"
-    )
+    upright = side in ("left", "right")
+    draw_line = axes.axvline if upright else axes.axhline
+    draw_line(cut.place, color="grey", linewidth=0.15 / _POINT, linestyle=(0, (20, 10)))
+    length = page.height if upright else page.width
+    at = (beyond, length / 2) if upright else (length / 2, beyond)
+    text = axes.text(*at, words, ha="center", rotation=90.0 * upright, rotation_mode="anchor")
+    _fit(text, 2.6, 0.8 * length)
 
 
 def _draw_strip(axes: Axes, page: Page, number: str) -> None:
     """The ruler, which way x and y run, and what the board is."""
-    board = page.board
-    left, top = page.strip
-    place = Affine2D().translate(left, top)
-    if page.turned:
-        place = Affine2D().rotate_deg(-90).translate(left, top + page.length)
-    turn = 90.0 * page.turned
+    turn = Affine2D().rotate_deg(-90).translate(0, page.length) if page.turned else Affine2D()
+    place = turn.translate(*page.strip) + axes.transData
 
-    def at(along: float, across: float) -> Point:
-        x, y = place.transform((along, across))
-        return float(x), float(y)
+    def write(along: float, across: float, words: str, room: float = np.inf) -> None:
+        text = axes.text(along, across, words, transform=place, rotation_mode="anchor")
+        text.set_rotation(90.0 * page.turned)
+        _fit(text, 2.1, room)
 
     # Whichever way the strip's words run.
-    axes.text(*at(_SIGN, STRIP / 2), "x →\ny ↓", fontsize=3.4 / _POINT, ha="center", va="center")
-    millimetres = np.arange(_RULER + 1)
-    length = np.select([millimetres % 10 == 0, millimetres % 5 == 0], [3.4, 2.4], 1.5)
-    for k in millimetres.tolist():
-        start, end = (
-            at(_RULER_START + k, _RULER_LINE),
-            at(_RULER_START + k, _RULER_LINE - length[k]),
-        )
-        axes.plot(*zip(start, end, strict=True), color="black", linewidth=0.12 / _POINT)
-        if k % 10 == 0 and 0 < k < _RULER:
-            _write(axes, at(_RULER_START + k + 0.4, _RULER_LINE - 2.1), f"{k}", 2.1, turn=turn)
-    _write(axes, at(_RULER_START + _RULER + 0.5, _RULER_LINE - 1.2), "100 mm", 2.1, turn=turn)
-    room = page.length - _RULER_START
-    for across, words in zip(_LINES, _words(board, number), strict=True):
-        _write(axes, at(_RULER_START, across), words, 2.1, room, turn=turn)
-
-
-def _write(
-    axes: Axes, at: Point, words: str, size: float, room: float = np.inf, *, turn: float, **how: Any
-) -> None:
-    """Write words, ``size`` millimetres high, or as small as makes them at most ``room`` long."""
-    text = axes.text(
-        *at, words, fontsize=size / _POINT, rotation=turn, rotation_mode="anchor", **how
+    axes.text(
+        _SIGN,
+        STRIP / 2,
+        "x →\ny ↓",
+        transform=place,
+        fontsize=3.4 / _POINT,
+        ha="center",
+        va="center",
     )
+    tick = np.arange(_RULER + 1)
+    length = np.select([tick % 10 == 0, tick % 5 == 0], [3.4, 2.4], 1.5)
+    axes.vlines(
+        _RULER_START + tick,
+        _RULER_LINE - length,
+        _RULER_LINE,
+        transform=place,
+        color="black",
+        linewidth=0.12 / _POINT,
+    )
+    for k in range(10, _RULER, 10):
+        write(_RULER_START + k + 0.4, _RULER_LINE - 2.1, f"{k}")
+    write(_RULER_START + _RULER + 0.5, _RULER_LINE - 1.2, "100 mm")
+    for across, words in zip(_LINES, _words(page.board, number), strict=True):
+        write(_RULER_START, across, words, page.length - _RULER_START)
+
+
+def _fit(text: Text, size: float, room: float) -> None:
+    """Make letters ``size`` millimetres high, or as small as makes them at most ``room`` long."""
+    text.set_fontsize(size / _POINT)
     extent = text.get_window_extent()
-    length = (extent.height if turn else extent.width) * _POINT
+    length = max(extent.width, extent.height) * _POINT
     text.set_fontsize(min(1.0, room / length) * size / _POINT)
 
 

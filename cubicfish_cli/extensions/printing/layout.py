@@ -11,8 +11,9 @@ from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.units import MILLIMETRES
 from cubicfish_cli.core.wording import quoted
-from cubicfish_cli.extensions.printing.paper import Paper, millimetres_per
+from cubicfish_cli.extensions.printing.paper import Paper
 
 Point = tuple[float, float]
 Side = Literal["left", "top", "right", "bottom"]
@@ -113,25 +114,21 @@ def quiet_zone(board: Board) -> float:
     return board.square / board.per_cell
 
 
-def boards_in_millimetres(target: Target, names: tuple[str, ...] = ()) -> list[Board]:
-    """The boards of a target (all, or those named), as drawn, with every length in millimetres.
+def boards_in_millimetres(target: Target) -> list[Board]:
+    """The boards of a target that have a print, as drawn, with every length in millimetres.
 
     Raises:
-        TargetError: a name is not a board's, a board has no print, or the unit is not known.
+        TargetError: no board has a print, or the unit is not known.
 
     """
-    for name in names:
-        if name not in target.board_names:
-            known = ", ".join(map(quoted, target.board_names))
-            raise TargetError(f"there is no board {quoted(name)} in the target: it has {known}")
-    boards = [board for board in target.boards if not names or board.name in names]
-    for board in boards:
-        if board.points is not None:
-            raise TargetError(
-                f"board {quoted(board.name)} is a list of points, which has no print: choose the "
-                "others with --board"
-            )
-    factor = millimetres_per(target.units)
+    boards = [board for board in target.boards if board.points is None]
+    if not boards:
+        raise TargetError("the target has lists of points only, which have no print")
+    factor = MILLIMETRES.get(target.units.strip().lower().rstrip("."))
+    if factor is None:
+        raise TargetError(
+            f"units {quoted(target.units)} cannot be printed at true scale: write mm, cm, m or in"
+        )
     return [
         replace(
             board,

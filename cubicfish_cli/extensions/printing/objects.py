@@ -7,18 +7,17 @@ world's frame follows from that alone: z is up, and the sheets' printed faces me
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import floor
-from typing import Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.core.boards.board import Board
-from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.printing.designs import DESIGNS
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.units import length_mm
+from cubicfish_cli.extensions.printing.designs import DESIGNS, Counts, Design
 from cubicfish_cli.extensions.printing.layout import (
     SHORTEST_STRIP,
     STRIP,
@@ -26,13 +25,15 @@ from cubicfish_cli.extensions.printing.layout import (
     Page,
     Side,
     lay_out,
-    quiet_zone,
 )
 from cubicfish_cli.extensions.printing.paper import Paper
 
-Kind = Literal["corner", "box", "board"]
-Counts = tuple[int, int]
+if TYPE_CHECKING:
+    from cubicfish_cli.extensions.printing.command import PrintOptions
+
 Vector = tuple[float, float, float]
+Meetings = dict[Side, tuple[str, Side]]
+"""Of the sides of a sheet that are cut: the board and the side that each meets."""
 
 BAND = 6.0
 """Beyond an edge that is cut, room for its words, in millimetres."""
@@ -40,27 +41,6 @@ _INSET = 2.0  # of the strip from edges that are cut
 _SIDES: tuple[Side, ...] = ("top", "right", "bottom", "left")
 # Sides of squares that are tried, in millimetres.
 _SQUARES = (*range(5, 40), *range(40, 80, 2), *range(80, 301, 5))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wanted:
-    """What a target is to be like; None where that is for the paper to decide.
-
-    Attributes:
-        kind: which target: three boards that meet like the floor and two walls of a room, the
-            bottom and the four walls of an open box (both seen from inside), or one flat board.
-        type: of its boards.
-        square: side of a square, or of a tag, in millimetres.
-        counts: inner corners (of an aprilgrid: tags) along x and y of the largest board.
-        dictionary: the markers' family.
-
-    """
-
-    kind: Kind
-    type: str = "checkerboard"
-    square: float | None = None
-    counts: Counts | None = None
-    dictionary: str | None = None
 
 
 @dataclass(frozen=True)
@@ -88,10 +68,20 @@ class _Sheet:
         ends = zip(around, around[1:] + around[:1], strict=True)
         return dict(zip(_SIDES, map(frozenset, ends), strict=True))
 
+    def meets(self, sheets: Sequence[_Sheet]) -> Meetings:
+        """What its sides meet."""
+        return {
+            side: (other.name, far)
+            for side, ends in self.edges().items()
+            for other in sheets
+            for far, its in other.edges().items()
+            if its == ends and other is not self
+        }
+
 
 _LEFT, _DOWN = (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 _RIGHT, _DEEP, _NEAR = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
-_SHEETS: dict[Kind, tuple[_Sheet, ...]] = {
+_SHEETS: dict[str, tuple[_Sheet, ...]] = {
     "corner": (
         _Sheet("left", (0, 2), (1, 0, 1), _LEFT, _DOWN),
         _Sheet("right", (0, 2), (0, 0, 1), _DEEP, _DOWN),
@@ -108,11 +98,11 @@ _SHEETS: dict[Kind, tuple[_Sheet, ...]] = {
 }
 
 
-def design(wanted: Wanted, paper: Paper, *, margin: float) -> tuple[Target, list[Page]]:
+def design(asked: PrintOptions, paper: Paper, *, margin: float) -> tuple[Target, list[Page]]:
     """A target that fits the paper, each board on one page.
 
     Args:
-        wanted: what it is to be like.
+        asked: what it is to be like.
         paper: the paper.
         margin: at the paper's edges, where nothing is printed, in millimetres.
 
@@ -120,44 +110,46 @@ def design(wanted: Wanted, paper: Paper, *, margin: float) -> tuple[Target, list
         TargetError: nothing like that fits, or the markers' family has not enough of them.
 
     """
-    sheets = _SHEETS[wanted.kind]
-    if wanted.kind == "board":
-        if wanted.square is not None and wanted.counts is not None:
-            square, counts = wanted.square, [wanted.counts]
-        else:
-            # White up to the paper's edge begins where the printer can print.
-            rooms = [(paper.long, paper.short - margin)]
-            square, counts = _fitting(wanted, rooms, paper, rim=margin)
-        pages = [lay_out(board, paper, margin=margin) for board in _boards(wanted, square, counts)]
+    kind, made = asked.kind or "board", DESIGNS[asked.board_type or "checkerboard"]
+    sheets = _SHEETS[kind]
+    if kind == "board":
+        # White up to the paper's edge begins where the printer can print.
+        sides, rim = np.array([paper.long, paper.short - margin, 0.0]), margin
     else:
-        sides = _largest(wanted.kind, paper, margin)
-        rooms = [(sides[one.size[0]], sides[one.size[1]]) for one in sheets]
-        square, counts = _fitting(wanted, rooms, paper, rim=0.0)
-        boards = _boards(wanted, square, counts)
-        pages = [
-            _cut_out(one, board, _meetings(one, sheets), sides, paper, margin)
-            for one, board in zip(sheets, boards, strict=True)
-        ]
-    return Target(units="mm", boards=tuple(page.board for page in pages)), pages
+        sides, rim = _largest(kind, paper, margin), 0.0
+    rooms = [sides[[*one.size]] for one in sheets]
+    square, counts = _fitting(asked, made, rooms, paper, rim=rim)
+    markers = list(map(made.marker_count, counts))
+    family = made.family(asked.dictionary, sum(markers))
+    places = [
+        _place(one.meets(sheets), room, made, own, square)
+        for one, room, own in zip(sheets, rooms, counts, strict=True)
+    ]
+    boards: list[dict[str, Any]] = []
+    for number, (one, place) in enumerate(zip(sheets, places, strict=True)):
+        x_axis, y_axis = np.array(one.x_axis), np.array(one.y_axis)
+        origin = np.array(one.corner) * sides + place[0] * x_axis + place[1] * y_axis
+        board = made.record(counts[number], square, family, sum(markers[:number]))
+        board |= {"name": one.name, "x_axis": [*one.x_axis], "y_axis": [*one.y_axis]}
+        # The file is read by people: no digits beyond what rounding left.
+        board["origin"] = [0.0] * 3 if kind == "board" else (np.round(origin, 6) + 0.0).tolist()
+        boards.append(board)
+    target = Target.from_data({"units": "mm", "boards": boards})
+    if kind == "board":
+        return target, [lay_out(target.boards[0], paper, margin=margin)]
+    pages = [
+        _cut_out(board, one.meets(sheets), room, place, paper)
+        for board, one, room, place in zip(target.boards, sheets, rooms, places, strict=True)
+    ]
+    return target, pages
 
 
-def _meetings(one: _Sheet, sheets: Sequence[_Sheet]) -> dict[Side, tuple[str, Side]]:
-    """For each side of a sheet that is cut, the board and side that it meets."""
-    return {
-        side: (other.name, far)
-        for side, ends in one.edges().items()
-        for other in sheets
-        for far, its in other.edges().items()
-        if its == ends and other is not one
-    }
-
-
-def _largest(kind: Kind, paper: Paper, margin: float) -> tuple[float, float, float]:
+def _largest(kind: str, paper: Paper, margin: float) -> FloatArray:
     """The largest sheets that the paper holds, across: their sides a, b and c."""
     width, height = paper.long - 2 * margin, paper.short - 2 * margin
-    sides = [width, width, width]
+    sides = np.array([width, width, width])
     for one in _SHEETS[kind]:
-        meets = _meetings(one, _SHEETS[kind])
+        meets = one.meets(_SHEETS[kind])
         across, down = one.size
         sides[across] = min(sides[across], width - BAND * len({"left", "right"} & meets.keys()))
         sides[down] = min(sides[down], height - BAND * len({"top", "bottom"} & meets.keys()))
@@ -168,83 +160,63 @@ def _largest(kind: Kind, paper: Paper, margin: float) -> tuple[float, float, flo
         )
     # Joined all around, sheets are cut to size: whole half centimetres are easily measured.
     step = 1.0 if kind == "corner" else 5.0
-    a, b, c = (step * floor(side / step + 1e-9) for side in sides)
-    return a, b, c
+    return step * np.floor(sides / step + 1e-9)
 
 
 def _fitting(
-    wanted: Wanted, rooms: Sequence[tuple[float, float]], paper: Paper, *, rim: float
+    asked: PrintOptions, made: Design, rooms: Sequence[FloatArray], paper: Paper, *, rim: float
 ) -> tuple[float, list[Counts]]:
     """The squares and their numbers that cover most of sheets of these widths and heights.
 
     White at the sheets' edges is at least ``rim`` wide.
     """
-    made, per_cell = DESIGNS[wanted.type], BOARD_TYPES[wanted.type].per_cell
-    given = None if wanted.counts is None else _given_counts(wanted, wanted.counts)
+    side = None if asked.square is None else length_mm(asked.square)
+    if side is not None and asked.counts is not None:
+        return side, [asked.counts]
+    most = made.counts[1] if asked.square is None and asked.counts is None else 1000
     best: tuple[float, float, list[Counts]] = (0.0, 0.0, [])
-    for square in _SQUARES if wanted.square is None else (wanted.square,):
-        quiet = square / per_cell
+    for square in _SQUARES if side is None else (side,):
+        quiet = made.quiet * square
         white = max(quiet, rim)
         limits = [
             (
-                made.count(width - 2 * white, square),
-                made.count(height - STRIP - quiet - white, square),
+                min(most, made.count(width - 2 * white, square)),
+                min(most, made.count(height - STRIP - quiet - white, square)),
             )
             for width, height in rooms
         ]
-        counts = given
-        if given is None:
-            fewest, most = made.counts
-            if wanted.square is None:
-                limits = [(min(columns, most), min(rows, most)) for columns, rows in limits]
-            counts = _told_apart(wanted, limits, fewest)
-        if counts is None or (np.array(counts) > limits).any():
-            continue
+        if asked.counts is None:
+            counts = _told_apart(made, limits)
+        else:
+            counts = [asked.counts] if (np.array(limits) >= asked.counts).all() else []
         lengths = [[made.length(n, square) for n in own] for own in counts]
         best = max(best, (sum(across * down for across, down in lengths), square, counts))
     if not best[2]:
-        what = [f"squares of {wanted.square:g} mm"] if wanted.square is not None else []
-        what += ["{}x{} corners".format(*wanted.counts)] if wanted.counts is not None else []
+        what = f"{made.type}s"
+        if side is not None:
+            what = f"squares of {side:g} mm"
+        elif asked.counts is not None:
+            what = "{}x{} corners".format(*asked.counts)
         raise TargetError(
-            f"a {wanted.kind} of {' and '.join(what) or wanted.type + 's'} does not fit on "
-            f"{paper.name}, a board a page: take larger paper, smaller squares or fewer corners"
+            f"a {asked.kind} of {what} does not fit on {paper.name}, a board a page: take larger "
+            "paper, smaller squares or fewer corners"
         )
     return float(best[1]), best[2]
 
 
-def _given_counts(wanted: Wanted, counts: Counts) -> list[Counts]:
-    """Numbers of corners of all boards, where those of the largest are given.
-
-    Raises:
-        TargetError: they leave the others none by which boards are told apart.
-
-    """
-    along = (counts[0], counts[1], counts[1])
-    sheets = _SHEETS[wanted.kind]
-    chosen = _told_apart(wanted, [(along[one.size[0]], along[one.size[1]]) for one in sheets], 3)
-    if chosen is None:
-        raise TargetError(
-            "{}x{} corners leave no different numbers for the other boards of a {}, which must "
-            "be told apart: take more corners, or '--type charuco'".format(*counts, wanted.kind)
-        )
-    return chosen
-
-
-def _told_apart(wanted: Wanted, limits: Sequence[Counts], fewest: int) -> list[Counts] | None:
-    """The largest numbers of corners within limits; None where there are too few.
+def _told_apart(made: Design, limits: Sequence[Counts]) -> list[Counts]:
+    """The largest numbers of corners within limits; none where there are too few.
 
     Plain boards are told apart by their numbers and by the colours of their squares, so no two
     have the same numbers, either way round, and none looks the same upside down: the sum of its
-    numbers is odd. The first may be given, and is as it is.
+    numbers is odd.
     """
-    if DESIGNS[wanted.type].marker:
-        few = wanted.counts is None and min(map(min, limits)) < fewest
-        return None if few else list(limits)
-    chosen: dict[int, Counts] = {} if wanted.counts is None else {0: wanted.counts}
+    fewest = made.counts[0]
+    if made.marker:
+        return list(limits) if np.min(limits) >= fewest else []
+    chosen: dict[int, Counts] = {}
     # Where there is the least room there is the least choice.
     for index in sorted(range(len(limits)), key=lambda k: (limits[k][0] * limits[k][1], k)):
-        if index in chosen:
-            continue
         columns, rows = limits[index]
         taken = {tuple(sorted(counts)) for counts in chosen.values()}
         free = [
@@ -254,67 +226,48 @@ def _told_apart(wanted: Wanted, limits: Sequence[Counts], fewest: int) -> list[C
             if (c + r) % 2 == 1 and (min(c, r), max(c, r)) not in taken
         ]
         if not free:
-            return None
+            return []
         chosen[index] = max(free, key=lambda counts: ((counts[0] + 1) * (counts[1] + 1), counts))
     return [chosen[index] for index in range(len(limits))]
 
 
-def _boards(wanted: Wanted, square: float, counts: Sequence[Counts]) -> list[Board]:
-    """The boards, not yet in their places."""
-    made = DESIGNS[wanted.type]
-    markers = list(map(made.marker_count, counts))
-    family = made.family(wanted.dictionary, sum(markers))
-    boards, first = [], 0
-    for one, own, carried in zip(_SHEETS[wanted.kind], counts, markers, strict=True):
-        boards.append(made.board(one.name, own, square, family, first))
-        first += carried
-    return boards
+def _place(
+    meets: Meetings, room: FloatArray, made: Design, counts: Counts, square: float
+) -> FloatArray:
+    """Where on a sheet (width, height) its corner (0, 0) is (2,), from the top left.
+
+    At a single cut edge there is as little white as is allowed, else as much on both sides. Words
+    and ruler keep off an edge that is cut.
+    """
+    place = []
+    for k, (near, far) in enumerate((("left", "right"), ("top", "bottom"))):
+        strip = STRIP * k
+        free = float(room[k]) - made.length(counts[k], square) - strip
+        quiet = made.quiet * square
+        white = free / 2
+        if (near in meets) != (far in meets):
+            white = quiet if near in meets else free - quiet
+        place.append(white + (near not in meets) * strip + made.before * square)
+    return np.array(place)
 
 
 def _cut_out(
-    one: _Sheet,
-    board: Board,
-    meets: dict[Side, tuple[str, Side]],
-    sides: tuple[float, float, float],
-    paper: Paper,
-    margin: float,
+    board: Board, meets: Meetings, room: FloatArray, place: FloatArray, paper: Paper
 ) -> Page:
-    """A sheet that is cut out of its page, with its board where it belongs in the world."""
-    width, height = (sides[k] for k in one.size)
-    face, quiet = board_face(board, margin=0.0), quiet_zone(board)
-    (left, top), (right, bottom) = face.lower, face.upper
-    # Words and ruler keep off an edge that is cut.
-    above = "top" not in meets
-    across = _white(width - (right - left), quiet, meets, "left", "right")
-    down = _white(height - (bottom - top) - STRIP, quiet, meets, "top", "bottom") + STRIP * above
-    x_axis, y_axis = np.array(one.x_axis), np.array(one.y_axis)
-    origin = np.array(one.corner) * sides + (across - left) * x_axis + (down - top) * y_axis
+    """A sheet (width, height) that is cut out of its page; corner (0, 0) has a place on it."""
+    width, height = room.tolist()
     bands = {side: BAND * (side in meets) for side in _SIDES}
-    x = margin + bands["left"]
-    x += (paper.long - margin - bands["right"] - width - x) / 2
-    y = margin + bands["top"]
-    y += (paper.short - margin - bands["bottom"] - height - y) / 2
+    x = (paper.long + bands["left"] - bands["right"] - width) / 2
+    y = (paper.short + bands["top"] - bands["bottom"] - height) / 2
     ends = {"left": x, "top": y, "right": x + width, "bottom": y + height}
     return Page(
-        # The file is read by people: no digits beyond what rounding left.
-        board=replace(
-            board, origin=np.round(origin, 6) + 0.0, x_axis=x_axis + 0.0, y_axis=y_axis + 0.0
-        ),
+        board=board,
         width=paper.long,
         height=paper.short,
-        shift=(x + across - left, y + down - top),
-        strip=(x + _INSET, y if above else y + height - STRIP),
+        shift=(x + float(place[0]), y + float(place[1])),
+        strip=(x + _INSET, y + height - STRIP if "top" in meets else y),
         length=width - 2 * _INSET,
         cuts={
             side: Cut(place=ends[side], board=name, side=far) for side, (name, far) in meets.items()
         },
     )
-
-
-def _white(
-    free: float, quiet: float, meets: dict[Side, tuple[str, Side]], near: Side, far: Side
-) -> float:
-    """White before a print: as little as allowed at a single cut edge, else as much as after it."""
-    if (near in meets) == (far in meets):
-        return free / 2
-    return quiet if near in meets else free - quiet

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,7 +25,6 @@ from cubicfish_cli.app.terminal.terminal import print_next, print_wrote, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.wording import did_you_mean, quoted
-from cubicfish_cli.extensions.simulation.options import FORMATS, LOOKS, LookOptions
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.files import Content
@@ -35,49 +35,68 @@ if TYPE_CHECKING:
 _SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml"}
 _MOST_PHOTOS = 10_000
 _RENDERING = "Rendering"
+_FORMATS = ("jpg", "png")
+_BOUNDS: Mapping[str, tuple[float, float]] = {
+    "noise": (0, 100),
+    "blur": (0, 50),
+    "vignetting": (0, 0.8),
+    "exposure": (0.02, 4),
+}
 
-look_options = bundle(
-    LookOptions,
-    noise=option(
+
+@record
+class LookOptions:
+    """How simulated pictures look, and from where they are taken.
+
+    Attributes:
+        noise: standard deviation of the sensor's noise, grey levels of 255, at most 100.
+        blur: standard deviation of the lens's blur, pixels, at most 50.
+        vignetting: share of the light that is lost 90° from the axis, at most 0.8.
+        exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
+        seed: another one gives other poses and other noise, the same one the same.
+
+    Raises:
+        UsageError: one is out of its bounds.
+
+    """
+
+    noise: float = option(
         "--noise LEVELS",
         "Standard deviation of the sensor's noise, grey levels of 255.",
-        FloatRange(*LOOKS["noise"]),
-        LookOptions.noise,
-    ),
-    blur=option(
+        FloatRange(*_BOUNDS["noise"]),
+        2.0,
+    )
+    blur: float = option(
         "--blur PX",
         "Standard deviation of the lens's blur, pixels.",
-        FloatRange(*LOOKS["blur"]),
-        LookOptions.blur,
-    ),
-    vignetting=option(
+        FloatRange(*_BOUNDS["blur"]),
+        0.7,
+    )
+    vignetting: float = option(
         "--vignetting SHARE",
         "Share of the light that is lost 90° from the axis.",
-        FloatRange(*LOOKS["vignetting"]),
-        LookOptions.vignetting,
-    ),
-    exposure=option(
+        FloatRange(*_BOUNDS["vignetting"]),
+        0.4,
+    )
+    exposure: float = option(
         "--exposure FACTOR",
         "1 is a well-lit photo, 0.2 a dark one. Above 1.15 white paper saturates and bleeds: "
         "dark squares come apart at their corners, by some 2 px at 1.5 and 5 px at 3.",
-        FloatRange(*LOOKS["exposure"]),
-        LookOptions.exposure,
-    ),
-    seed=option(
+        FloatRange(*_BOUNDS["exposure"]),
+        1.0,
+    )
+    seed: int = option(
         "--seed N",
         "Other poses and other noise; the same seed gives the same photos.",
         click.IntRange(0),
-        LookOptions.seed,
-    ),
-)
+        0,
+    )
 
-
-def _lens(model: Path | None, lens: Path | None) -> Path:
-    if lens is None:
-        return options.model_path(model)
-    if options.is_given("model"):
-        raise UsageError("--lens stands in the place of --model: leave one of them out")
-    return lens
+    def __post_init__(self) -> None:
+        for name, (least, most) in _BOUNDS.items():
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise UsageError(f"{name} must be from {least:g} to {most:g}, not {value}")
 
 
 @record
@@ -86,8 +105,7 @@ class SimulateOptions:
 
     Attributes:
         target: the calibration target, or its file; its boards are rendered flat.
-        lens: a camera or a fit; or a file: camera.yaml or another tool's.
-        image_size: (width, height) of the pictures in pixels, for files that do not say.
+        camera: a camera, a fit, or the file of one.
         number: of photos, where there are no ``poses``; by default 12.
         folder: where photo_01.jpg and so on go, true_corners.csv (pixels), true_poses.csv and
             true_camera.yaml.
@@ -102,20 +120,7 @@ class SimulateOptions:
     """
 
     target: Target | StrPath = options.needed_target
-    lens: Calibrated | CubicCamera | StrPath = bundle(
-        _lens,
-        needed=True,
-        model=options.model_option,
-        lens=option(
-            "--lens FILE",
-            "In place of --model: another tool's camera file, such as mrcal's .cameramodel or "
-            "COLMAP's cameras.txt, as it is.",
-            options.FILE,
-        ),
-    )
-    image_size: Sequence[int] | None = option(
-        "--size", "Size of the photos, where the file of --lens does not say.", options.SIZE
-    )
+    camera: Calibrated | CubicCamera | StrPath = options.model_options
     number: int | None = option(
         "-n --number N", "How many photos. [default: 12]", click.IntRange(1, _MOST_PHOTOS)
     )
@@ -128,12 +133,12 @@ class SimulateOptions:
         "(camera_from_world), such as the true_poses.csv of earlier photos.",
         options.FILE,
     )
-    look: LookOptions = look_options
+    look: LookOptions = bundle(LookOptions)
     form: str = option(
         "--format",
         "Of the photos; png keeps every grey level.",
-        click.Choice(FORMATS),
-        FORMATS[0],
+        click.Choice(_FORMATS),
+        _FORMATS[0],
     )
 
     def __post_init__(self) -> None:
@@ -141,8 +146,8 @@ class SimulateOptions:
             raise UsageError("--poses says how many photos there are: leave --number out")
         if self.number is not None and not 1 <= self.number <= _MOST_PHOTOS:
             raise UsageError(f"number must be from 1 to {_MOST_PHOTOS}, not {self.number}")
-        if self.form not in FORMATS:
-            told = did_you_mean(str(self.form), FORMATS)
+        if self.form not in _FORMATS:
+            told = did_you_mean(str(self.form), _FORMATS)
             raise UsageError(f"photos are not written as {quoted(self.form)}: {told}")
 
 
@@ -178,7 +183,7 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
 
     Raises:
         UsageError: what is asked does not go together.
-        CameraFileError: the lens cannot be used.
+        CameraFileError: the camera cannot be used.
         CorrespondenceError: the table cannot be used.
         TargetError: the target cannot be drawn, or is not seen so often.
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
@@ -186,42 +191,47 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
     """
     from cubicfish_cli.app.listener import Event
     from cubicfish_cli.app.viewpoints.truth import pose_table_text, true_corners_text
-    from cubicfish_cli.app.words.phrases import plural
+    from cubicfish_cli.app.viewpoints.views import NearLens
+    from cubicfish_cli.core.assess.fit_record import FitRecord
     from cubicfish_cli.core.files import write_files
+    from cubicfish_cli.core.io.camera_yaml import camera_text, load_camera
+    from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.extensions.simulation.simulate import (
         chosen_poses,
         photo_bytes,
+        poses_of_table,
         simulated_photos,
     )
-    from cubicfish_cli.extensions.simulation.simulated_files import poses_of_table, source_of
 
     thing, form, look, listener = target_in(asked.target), asked.form, asked.look, run.listener
     listener.progress("Choosing where to take photos from")
-    source = source_of(asked.lens, asked.image_size, thing)
-    if source.note is not None:
-        listener.tell(Event.NEAREST_CAMERA, **source.note)
+    made_by, known = {"command": "simulate"}, asked.camera
+    if isinstance(known, str | os.PathLike):
+        made_by["camera"], known = str(known), load_camera(Path(known))
+    camera = known if isinstance(known, CubicCamera) else known.camera
+    camera, size = camera.in_units(thing.units), camera.image_size
+    lens = NearLens(camera=camera) if camera.pupil_travel else camera
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
-    folder = Path(asked.folder)
-    flat, seed = thing.with_flat_boards(), look.seed
+    folder, flat = Path(asked.folder), thing.with_flat_boards()
     if asked.poses is None:
-        chosen = chosen_poses(thing, source.lens, source.image_size, asked.number or 12, seed=seed)
+        chosen = chosen_poses(thing, lens, size, asked.number or 12, seed=look.seed)
         digits = max(2, len(str(len(chosen))))
         named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
     else:
         named = poses_of_table(Path(asked.poses), form)
-    corners = true_corners_text(flat, source.lens, named, source.image_size)
+    corners = true_corners_text(flat, lens, named, size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
     texts = {
         "true_corners": corners,
         "true_poses": pose_table_text(named),
-        "true_camera": source.text,
+        "true_camera": camera_text(camera, fit=FitRecord(), made_by=made_by),
     }
-    width, height = source.image_size
-    listener.tell(Event.RENDERING, pictures=plural(len(named), "photo"), width=width, height=height)
+    pictures = plural(len(named), "photo")
+    listener.tell(Event.RENDERING, pictures=pictures, width=size[0], height=size[1])
     listener.progress(_RENDERING)
-    rendered = simulated_photos(flat, source.lens, source.image_size, named, look)
+    rendered = simulated_photos(flat, lens, size, named, look)
 
     def write(done: int, path: Path) -> None:
         path.write_bytes(photo_bytes(next(rendered)[1], path.suffix[1:]))
@@ -235,8 +245,8 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         photos=list(photos),
         truth=truth,
         corners=corners.count("\n") - 2,
-        image_size=source.image_size,
-        seed=seed,
+        image_size=size,
+        seed=look.seed,
     )
 
 
@@ -245,7 +255,6 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
     "Render photos of a target through a camera, with the truth beside them.",
     "cubicfish simulate --target target.yaml --model calibration/camera.yaml -n 12 -o photos/",
     "cubicfish simulate -t target.yaml -m camera.yaml --noise 6 --blur 1.5 --exposure 0.3",
-    "cubicfish simulate -t target.yaml --lens other.cameramodel --exposure 2",
     "cubicfish simulate -t target.yaml -m camera.yaml --poses photos/true_poses.csv -o again/",
     do=simulate_files,
     how=("overwrite", "as_json"),
@@ -253,11 +262,10 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
 def command(made: SimulatedFiles, given: SimulateOptions, how: How) -> None:
     """Render photos of the target in target.yaml as a camera would take them.
 
-    The camera is a camera.yaml, or another tool's file with --lens, which does not flatter the fit
-    as a lens does that the cubic can hold. Poses are chosen so that the photos together fill its
-    field, from different sides and distances, each with whole boards. Beside the photos go
-    true_corners.csv (where each corner that can be seen really is), true_poses.csv and
-    true_camera.yaml: calibrate the photos, and you know how far the result is from the truth.
+    Poses are chosen so that the photos together fill the camera's field, from different sides and
+    distances, each with whole boards. Beside the photos go true_corners.csv (where each corner that
+    can be seen really is), true_poses.csv and true_camera.yaml: calibrate the photos, and you know
+    how far the result is from the truth.
     """
     if how.print(made):
         return

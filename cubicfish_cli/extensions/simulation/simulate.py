@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.viewpoints.truth import (
-    Plate,
     Pose,
+    load_poses,
     nearest,
     plates,
     rotation_matrix,
@@ -29,10 +31,13 @@ from cubicfish_cli.app.viewpoints.views import (
     sample_views,
 )
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.errors import TargetError
+from cubicfish_cli.core.errors import CorrespondenceError, TargetError
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.core.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.extensions.simulation.command import LookOptions
 
 # Rays to 1e-7: a thousandth of a pixel of a lens with 10,000 pixels per radian, in half the memory.
 FloatArray32 = npt.NDArray[np.float32]
@@ -66,20 +71,10 @@ class RayGrid:
     def of(cls, unproject: Unproject, image_size: tuple[int, int]) -> RayGrid:
         """Tabulate ``unproject`` for photos of ``image_size`` (width, height)."""
         width, height = image_size
-        # One pixel more on each side, so that every slope has two neighbours.
-        framed = np.empty((height + 2, width + 2, 3), np.float32)
-        x = np.arange(-1.0, width + 1)
-        rows_per_block = max(1, _PIXELS_PER_BLOCK // len(x))
-        for top in range(0, height + 2, rows_per_block):
-            y = np.arange(top, min(height + 2, top + rows_per_block)) - 1.0
-            pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
-            rays = unproject(pixel.reshape(-1, 2))
-            framed[top : top + len(y)] = rays.reshape(len(y), width + 2, 3)
-        return cls(
-            ray=framed[1:-1, 1:-1],
-            by_x=_slope(framed[1:-1, :-2], framed[1:-1, 1:-1], framed[1:-1, 2:]),
-            by_y=_slope(framed[:-2, 1:-1], framed[1:-1, 1:-1], framed[2:, 1:-1]),
-        )
+        ray = np.empty((height, width, 3), np.float32)
+        for rows, pixel in _rows_of_pixels(image_size, _PIXELS_PER_BLOCK):
+            ray[rows] = unproject(pixel.reshape(-1, 2)).reshape(-1, width, 3)
+        return cls(ray=ray, by_x=_slope(ray, axis=1), by_y=_slope(ray, axis=0))
 
     def __call__(self, pixel: FloatArray) -> FloatArray:
         """Pixels (N, 2) of the photo -> rays (N, 3), as a renderer wants them."""
@@ -93,12 +88,22 @@ class RayGrid:
         return rays
 
 
-def _slope(before: FloatArray32, here: FloatArray32, after: FloatArray32) -> FloatArray32:
-    """Change a step; from one side where the other is outside the field, else none."""
-    both = (after - before) / 2
-    one = np.where(np.isnan(before), after - here, here - before)
-    slope = np.where(np.isnan(both), one, both)
-    return np.nan_to_num(slope, nan=0.0)
+def _slope(ray: FloatArray32, axis: int) -> FloatArray32:
+    """Change a pixel; from one side where the other is outside the field, else none."""
+    behind = np.diff(ray, axis=axis, prepend=np.float32(np.nan))
+    ahead = np.diff(ray, axis=axis, append=np.float32(np.nan))
+    ahead = np.where(np.isnan(ahead), behind, ahead)
+    behind = np.where(np.isnan(behind), ahead, behind)
+    return np.nan_to_num((ahead + behind) / 2)
+
+
+def _rows_of_pixels(image_size: tuple[int, int], most: int) -> Iterator[tuple[slice, FloatArray]]:
+    """Rows of a picture, at most so many pixels at a time, and their pixels (rows, width, 2)."""
+    width, height = image_size
+    step = max(1, most // width)
+    for top in range(0, height, step):
+        y, x = np.mgrid[top : min(height, top + step), :width]
+        yield slice(top, top + step), np.stack([x, y], axis=-1).astype(float)
 
 
 def chosen_poses(
@@ -119,6 +124,25 @@ def chosen_poses(
             "larger squares, a camera with more pixels or a wider field, or name poses with --poses"
         )
     return [view.pose for view in choose_views(views, lens, image_size, count)]
+
+
+def poses_of_table(path: Path, form: str) -> dict[str, Pose]:
+    """Read the poses of a table, by the photos' file names.
+
+    Raises:
+        CorrespondenceError: a row names no file of its own, or the table cannot be used.
+
+    """
+    named: dict[str, Pose] = {}
+    for name, pose in load_poses(path).items():
+        own = Path(name).stem + f".{form}"
+        if Path(name).name != name or own in named or own.startswith("."):
+            raise CorrespondenceError(
+                f"{path}: {quoted(name)} cannot be the name of a photo here: give each row a file "
+                "name of its own, without folders"
+            )
+        named[own] = pose
+    return named
 
 
 def simulated_photos(
@@ -146,13 +170,11 @@ def simulated_photos(
                 rays,
                 pose,
                 image_size,
-                supersample=_SUPERSAMPLE,
                 noise=look.noise,
                 blur=look.blur,
                 vignetting=look.vignetting,
                 exposure=look.exposure,
                 light_from=rotation_matrix(pose[0]).T @ LAMP,
-                edges_only=True,
                 seed=(look.seed, number),
                 ray_starts=lens.ray_starts if isinstance(lens, WanderingPupil) else None,
             ),
@@ -243,21 +265,21 @@ def render(
     camera_from_world: Pose,
     image_size: tuple[int, int],
     *,
-    supersample: int = 4,
+    supersample: int = _SUPERSAMPLE,
     noise: float = 2.0,
     blur: float = 0.5,
     vignetting: float = 0.4,
     exposure: float = 1.0,
     light_from: npt.ArrayLike = _LIGHT,
     background: Background = room_background,
-    edges_only: bool = False,
     seed: int | Sequence[int] = 0,
     ray_starts: Starts | None = None,
 ) -> npt.NDArray[np.uint8]:
     """Render a grey photo of the target -> (height, width) uint8.
 
-    Each pixel is the mean of ``supersample``² rays over its area, so a printed edge lies
-    exactly where the lens puts it. Memory is bounded: rows are done in blocks.
+    A pixel beside which something else is seen is the mean of ``supersample``² rays over its area,
+    so a printed edge lies exactly where the lens puts it; any other is one ray. Memory is bounded:
+    rows are done in blocks.
 
     Args:
         target: the calibration target; boards that are seen from behind are plain grey.
@@ -273,8 +295,6 @@ def render(
             into dark squares, see :func:`cubicfish_cli.extensions.simulation.simulate.bloomed`.
         light_from: (3,) unit world direction in which the lamp is; shadows are not cast.
         background: world directions (N, 3) -> brightness (N,) where no board is.
-        edges_only: sub-sample only the pixels beside which something else is seen, several times
-            faster. Elsewhere a pixel is one ray, so that seams of the background stay hard.
         seed: of the noise; the same arguments give the same photo.
         ray_starts: for a lens that is not central: rays (N, 3) -> where on its axis each starts,
             z (N,) in the target's units. What is seen of the background does not depend on it.
@@ -288,43 +308,36 @@ def render(
     world_from_camera = rotation_matrix(camera_from_world[0]).T
 
     def light_of(pixel: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Light of pixels (N, 2), and a number for what each shows."""
         rays = lens_unproject(pixel)
-        light, shown = np.zeros(len(rays)), np.full(len(rays), _BLACK)
-        lit = ~np.isnan(rays).any(axis=1)
-        light[lit], shown[lit] = _light(
-            rays[lit], seen, world_from_camera, background, vignetting, lamp, ray_starts
-        )
+        inside = ~np.isnan(rays).any(axis=1)
+        rays = rays[inside] / np.linalg.norm(rays[inside], axis=1, keepdims=True)
+        starts = None if ray_starts is None else ray_starts(rays)
+        index, _, position = nearest(seen, rays, starts)
+        lit, what = np.empty(len(rays)), np.where(index < 0, _NOTHING, 2 * index)
+        lit[index < 0] = background(rays[index < 0] @ world_from_camera.T)
+        for number, plate in enumerate(seen):
+            here = index == number
+            facing = -(plate.board_from_camera @ world_from_camera.T)[2] @ lamp
+            if plate.faces_camera:
+                dark = plate.face.is_dark(position[here])
+                thrown = np.where(dark, INK, PAPER)
+                what[here] += dark
+            else:
+                thrown, facing = np.full(int(here.sum()), _BACK), -facing
+            lit[here] = thrown * (AMBIENT + (1 - AMBIENT) * max(0.0, float(facing)))
+        light, shown = np.zeros(len(pixel)), np.full(len(pixel), _BLACK)
+        light[inside] = lit * vignette(angle_from_axis(rays), vignetting)
+        shown[inside] = what
         return light, shown
 
-    if edges_only:
-        photo, shown = _sampled(light_of, image_size, 1)
-        _smooth_edges(photo, shown, light_of, supersample)
-    else:
-        photo, _ = _sampled(light_of, image_size, supersample)
-    return sensed(photo, exposure=exposure, blur=blur, noise=noise, seed=seed)
-
-
-def _sampled(
-    light_of: Callable[[FloatArray], tuple[FloatArray, IntArray]],
-    image_size: tuple[int, int],
-    supersample: int,
-) -> tuple[FloatArray, IntArray]:
-    """Light and, with one ray per pixel, what is shown: (height, width) each, in blocks of rows."""
     width, height = image_size
-    offset = _offsets(supersample)
-    x = (np.arange(width)[:, None] + offset).ravel()
-    photo = np.empty((height, width))
-    shown = np.full((height, width), _NOTHING)
-    rows_per_block = max(1, _RAYS_PER_BLOCK // (len(x) * supersample))
-    for top in range(0, height, rows_per_block):
-        rows = np.arange(top, min(height, top + rows_per_block))
-        y = (rows[:, None] + offset).ravel()
-        pixel = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2)
-        light, here = light_of(pixel)
-        photo[rows] = light.reshape(len(rows), supersample, width, supersample).mean(axis=(1, 3))
-        if supersample == 1:
-            shown[rows] = here.reshape(len(rows), width)
-    return photo, shown
+    light, shown = np.empty((height, width)), np.empty((height, width), np.intp)
+    for rows, pixel in _rows_of_pixels(image_size, _RAYS_PER_BLOCK):
+        own = light_of(pixel.reshape(-1, 2))
+        light[rows], shown[rows] = (values.reshape(-1, width) for values in own)
+    _smooth_edges(light, shown, light_of, supersample)
+    return sensed(light, exposure=exposure, blur=blur, noise=noise, seed=seed)
 
 
 def _smooth_edges(
@@ -334,14 +347,10 @@ def _smooth_edges(
     supersample: int,
 ) -> None:
     """Sub-sample, in place, the pixels that have a neighbour which shows something else."""
-    framed = np.pad(shown, 1, mode="edge")
-    height, width = shown.shape
-    edge = np.zeros(shown.shape, bool)
-    for down in range(3):
-        for right in range(3):
-            edge |= framed[down : down + height, right : right + width] != shown
-    row, column = np.nonzero(edge)
-    offset = _offsets(supersample)
+    around = np.ones((3, 3), np.uint8)
+    number = shown.astype(np.int16)
+    row, column = np.nonzero(cv2.dilate(number, around) != cv2.erode(number, around))
+    offset = (np.arange(supersample) + 0.5) / supersample - 0.5
     within = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
     pixels_per_block = max(1, _RAYS_PER_BLOCK // len(within))
     for first in range(0, len(row), pixels_per_block):
@@ -349,39 +358,6 @@ def _smooth_edges(
         middle = np.stack([column[block], row[block]], axis=-1)
         light, _ = light_of((middle[:, None] + within).reshape(-1, 2))
         photo[row[block], column[block]] = light.reshape(-1, len(within)).mean(axis=1)
-
-
-def _offsets(supersample: int) -> FloatArray:
-    """Where the rays of a pixel are, along either axis, relative to its middle."""
-    return (np.arange(supersample) + 0.5) / supersample - 0.5
-
-
-def _light(
-    rays: FloatArray,
-    seen: list[Plate],
-    world_from_camera: FloatArray,
-    background: Background,
-    vignetting: float,
-    lamp: FloatArray,
-    ray_starts: Starts | None,
-) -> tuple[FloatArray, IntArray]:
-    """Light of rays (N, 3) -> (N,), and a number for what each shows (N,)."""
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    index, _, position = nearest(seen, rays, None if ray_starts is None else ray_starts(rays))
-    light, shown = np.empty(len(rays)), 2 * index
-    light[index < 0] = background(rays[index < 0] @ world_from_camera.T)
-    for i, plate in enumerate(seen):
-        here = index == i
-        outward = -(plate.board_from_camera @ world_from_camera.T)[2]
-        if plate.faces_camera:
-            dark = plate.face.is_dark(position[here])
-            thrown = np.where(dark, INK, PAPER)
-            shown[here] += dark
-        else:
-            thrown, outward = np.full(int(here.sum()), _BACK), -outward
-        light[here] = thrown * (AMBIENT + (1 - AMBIENT) * max(0.0, float(outward @ lamp)))
-    light *= vignette(angle_from_axis(rays), vignetting)
-    return light, np.where(index < 0, _NOTHING, shown)
 
 
 def vignette(angle: FloatArray, vignetting: float) -> FloatArray:

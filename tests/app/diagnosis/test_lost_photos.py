@@ -13,7 +13,7 @@ from cubicfish_cli.app.viewpoints.truth import camera_points
 from cubicfish_cli.core.codes import Code, Remedy, Severity
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.identification.identified import CODES, Decided, PhotoReport, remark_of
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import simulated_photos
 from tests.app.diagnosis.test_another_target import LARGE, ONE, identified, report
 

@@ -19,7 +19,7 @@ from cubicfish_cli.app.diagnosis.corner_count import Count, miscounted
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.corners.identification.name_grids import name_grids
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import simulated_photos
 
 pytestmark = pytest.mark.slow

@@ -21,9 +21,9 @@ BOARDS = {
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
 def test_ink_is_where_the_renderer_has_it(board):
-    face, wider = board_face(board, margin=0.0), board_face(board, margin=0.5)
+    wider = board_face(board, margin=0.5)
     points = np.random.default_rng(1).uniform(wider.lower, wider.upper, (5_000, 1, 2))
-    ink = ink_rectangles(face)
+    ink = ink_rectangles(board)
     inside = ((points > ink[:, 0]) & (points < ink[:, 2])).all(axis=-1).sum(axis=1)
     assert set(inside.tolist()) == {0, 1}
     np.testing.assert_array_equal(inside == 1, wider.is_dark(points[:, 0]))
@@ -32,13 +32,13 @@ def test_ink_is_where_the_renderer_has_it(board):
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
 def test_ink_that_touches_shares_its_edge_to_the_last_bit(board):
     # One path whose parts share edges is filled without a hair between them.
-    ink = ink_rectangles(board_face(board, margin=0.0))
+    ink = ink_rectangles(board)
     for axis in (0, 1):
         places = np.unique(ink[..., axis])
         assert np.diff(places).min() > 1e-3
 
 
 def test_a_dark_square_is_one_rectangle():
-    ink = ink_rectangles(board_face(checkerboard("a", 6, 4, 21.0), margin=0.0))
+    ink = ink_rectangles(checkerboard("a", 6, 4, 21.0))
     assert len(ink) == (7 * 5 + 1) // 2
     np.testing.assert_allclose(ink[:, 2] - ink[:, 0], 21.0, rtol=1e-12)

@@ -173,7 +173,7 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
         for index, (pose, stay) in enumerate(zip(poses(12), stays, strict=True)):
             picture = render(
                 target(), lens.unproject, combined(own, pose), SIZE, supersample=2,
-                edges_only=True, noise=1.0, seed=(number, index),
+                noise=1.0, seed=(number, index),
             )  # fmt: skip
             frames += [picture] * int(stay)
         write_film(tmp_path / f"cam{number}.mp4", frames[7 * number :])

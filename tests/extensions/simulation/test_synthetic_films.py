@@ -12,7 +12,7 @@ from synthetic_films import Film, FilmOptions, HandPath
 
 from cubicfish_cli.app.viewpoints.truth import look_at, rotation_matrix
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.simulation.options import LookOptions
+from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
 
 LENS = lens_of_size(0.5)

@@ -265,7 +265,7 @@ SCENARIOS = {
         ),
         Scenario(
             name="target print new",
-            args=("target", "print", "--object", "corner", "--corners", "9x6", "--square", "8mm",
+            args=("target", "print", "--object", "corner", "--square", "8mm",
                   "--paper", "A5", "-o", "out"),
             prepare=fault_inputs.board,
             head="boards.pdf",
