@@ -48,7 +48,12 @@ def test_sizes_of_paper(text, short, long):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("A44", "did you mean 'A4'"), ("80x90mm", "at least"), ("9000x1000mm", "at most"), ("", "known:")],
+    [
+        ("A44", "did you mean 'A4'"),
+        ("80x90mm", "at least"),
+        ("9000x1000mm", "at most"),
+        ("", "known:"),
+    ],
 )
 def test_what_is_no_paper(text, said):
     with pytest.raises(TargetError, match=said):
