@@ -14,26 +14,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
-from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.rig_lens import PhotoTimes, RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.extensions.rigs.fit.motion import paths_between
 from cubicfish_cli.extensions.rigs.fit.shots import time_of
 
 # Shots farther apart than so many usual steps say nothing of each other's motion.
 _NEAR = 2.5
-# So many shots to either side say how the target moves.
-_BESIDE, _DEGREE = 2, 3
 # Photos get times where the rig's corners are off by so many times more than each photo's alone:
 # where only shots beside tell of motion, and where times or films do.
 _STRAINED, _TOLD = 1.5, 1.05
-# and where this takes away so much of what is more: a sixth would go by chance.
-_EXPLAINED = 0.5
+# and where this takes away so much of what is more: of ten simulated shots that moved each by
+# itself up to two thirds went by chance, before hands that were simulated all but a thirtieth.
+_EXPLAINED = 0.8
 # The scatter at first: of the step between shots, or seconds of films.
 _FIRST_SHARE, _FIRST_S = 0.3, 0.03
 _ROUNDS, _LEAST_SHARE, _ROUGH_DECREASE = 8, 1e-3, 1e-5
@@ -193,50 +191,21 @@ class Motion:
         gaps = np.diff(np.sort(list(self.moment.values())))
         return float(np.median(gaps)) if len(gaps) else 0.0
 
-    def paths(self, fit: Adjustment[RigLens], shots: Sequence[str]) -> FloatArray:
+    def paths(self, fit: Adjustment[RigLens], shots: Sequence[str], late: FloatArray) -> FloatArray:
         """(V, P, 6) how the target moves about each view's shot; see :class:`PhotoTimes`."""
         shot = fit.lens.shot
         if self.flow is not None:
-            path = _paths_of_flow(fit, self.flow)
+            path = _paths_of_flow(fit, self.flow)[shot]
         else:
             moment = np.array([self.moment.get(name, np.nan) for name in shots])
-            path = paths_between(fit.poses, moment, _NEAR * self.step())
-        path[np.bincount(shot) < 2] = 0  # a view by itself is of its own moment
-        return path[shot]
+            path = paths_between(fit.poses, moment, _NEAR * self.step(), shot, late)
+        path[np.bincount(shot)[shot] < 2] = 0  # a view by itself is of its own moment
+        return path
 
 
 def known_as(photo: str, times: Mapping[str, float]) -> str | None:
     """The name by which a photo stands in a table of times."""
     return next((name for name in (photo, Path(photo).name) if name in times), None)
-
-
-def paths_between(poses: Poses, moment: FloatArray, near: float) -> FloatArray:
-    """(S, P, 6) how the target moves about each shot, by where it was in the shots beside it.
-
-    A polynomial near these and its own place, which may be early or late as much as any other's:
-    turns in the target's own frame, shifts in the rig's.
-
-    Args:
-        poses: rig_from_world of each shot.
-        moment: (S,) when it was; NaN where not known.
-        near: how far apart neighbours in time are at most.
-
-    """
-    found = np.zeros((len(poses), _DEGREE, 6))
-    order = np.argsort(moment)[: int(np.isfinite(moment).sum())]
-    for run in np.split(order, np.flatnonzero(np.diff(moment[order]) > near) + 1):
-        for place, shot in enumerate(run.tolist()):
-            beside = run[max(0, place - _BESIDE) : place + _BESIDE + 1]
-            degree = min(_DEGREE, len(beside) - 1)
-            if not degree:
-                continue
-            since = moment[beside] - moment[shot]
-            turn = Rotation.from_matrix(poses.rotation[shot].T @ poses.rotation[beside])
-            way = np.hstack([turn.as_rotvec(), poses.translation[beside] - poses.translation[shot]])
-            powers = np.arange(degree + 1)
-            factors = np.linalg.lstsq((since / near)[:, None] ** powers, way, rcond=None)[0]
-            found[shot, :degree] = (factors / near ** powers[:, None])[1:]
-    return found
 
 
 def _paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
@@ -309,7 +278,7 @@ class Timing:
         width = np.bincount(lens.camera, total * free, len(count)) / np.maximum(count, 1)
         hold = self.noise_px / np.maximum(np.sqrt(width), self.least)[lens.camera]
         hold[~free] = self.noise_px / self.least
-        path = self.motion.paths(fit, self.shots)
+        path = self.motion.paths(fit, self.shots, times.late)
         return replace(fit, lens=replace(lens, times=replace(times, hold=hold, path=path)))
 
 
@@ -338,7 +307,7 @@ def on_time(
         stated=stated,
         usual=np.zeros(len(lens.lenses)),
         hold=hold,
-        path=motion.paths(fit, shots),
+        path=motion.paths(fit, shots, stated),
     )
     timing = Timing(motion=motion, shots=shots, noise_px=alone, least=_LEAST_SHARE * first)
     found = replace(fit, lens=replace(lens, times=times))

@@ -1,0 +1,58 @@
+"""How a target moves about its shots, and rigs whose photos are not of one moment."""
+
+import numpy as np
+import pytest
+from hand_held import RATE, Hand, hand_held
+from scipy.interpolate import make_smoothing_spline
+
+from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
+from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
+from cubicfish_cli.extensions.rigs.fit.motion import paths_between, smooth_track
+
+
+def test_a_smooth_track_is_the_spline_of_cross_validation() -> None:
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.5, 1.5, 40))
+    waves = np.column_stack([np.sin(time / 3), np.cos(time / 5)])
+    waves += 0.05 * rng.standard_normal(waves.shape)
+    between = np.linspace(time[0], time[-1], 99)
+    for own, values in zip(smooth_track(time, waves)(between).T, waves.T, strict=True):
+        assert np.allclose(own, make_smoothing_spline(time, values)(between), atol=0.01)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_what_stands_still_has_a_track_too(count: int) -> None:
+    time = np.arange(float(count))
+    values = np.column_stack([np.ones(count), 2 * time])
+    assert np.allclose(smooth_track(time, values)(time + 0.3), np.column_stack(
+        [np.ones(count), 2 * time + 0.6]
+    ))  # fmt: skip
+
+
+def test_shots_beside_tell_where_a_hand_was() -> None:
+    """Better than a cubic through five of them does, a tenth of a second on."""
+    off = []
+    for seed in range(8):
+        rng = np.random.default_rng((seed, 3))
+        hand = Hand.moving(rng, 12)
+        moment = np.arange(40) / RATE + 1
+        place = np.array([hand.at(time) for time in moment])
+        poses = Poses(rotation=rotation_from_vector(place[:, :3]), translation=place[:, 3:])
+        late = rng.choice([-0.1, 0.1], 40)
+        path = paths_between(poses, moment, 2.5 / RATE, np.arange(40), late)
+        moved = np.einsum("vp,vpk->vk", late[:, None] ** np.arange(1, 4), path)
+        truth = np.array([hand.at(time) for time in moment + late])
+        turned = poses.rotation @ rotation_from_vector(moved[:, :3])
+        assert np.abs(turned - rotation_from_vector(truth[:, :3])).max() < 0.1
+        off.append((place + moved - truth)[2:-2, 3:])
+    assert np.sqrt(np.mean(np.square(off))) < 0.15  # cm; 0.27 with that cubic
+
+
+@pytest.mark.slow
+def test_no_shot_that_is_left_out_is_far_off_where_cameras_run_free() -> None:
+    made = hand_held(2)
+    rig = calibrate_rig(
+        dict(zip("abc", made.corners, strict=True)), made.target, refine_target="off"
+    )
+    assert rig.fit.rms_px < 0.13  # 0.07 of it noise
+    assert rig.fit.rms_px < rig.fit.held_out_rms_px < 1.2 * rig.fit.rms_px
