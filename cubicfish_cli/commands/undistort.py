@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.core.io.camera_yaml import Calibrated
     from cubicfish_cli.core.lenses.cubic import CubicCamera
-    from cubicfish_cli.core.views.choose import ChosenView
     from cubicfish_cli.core.views.view import View
 
 _WITH_QUALITY = {".jpg", ".jpeg", ".webp"}
@@ -176,7 +175,7 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
     from cubicfish_cli.core.io.camera_yaml import load_any_camera, load_camera
     from cubicfish_cli.core.lenses.cubic import CubicCamera
 
-    kind, sources, alone = _named_sources(named_sources(asked.photos), run)
+    kind, sources, alone = _find_sources(named_sources(asked.photos), run)
     photos = {name: (name, {"": one}) for name, one in sources}
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
@@ -207,9 +206,7 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
     )
 
 
-def _named_sources(
-    photos: StrPath | Sequence[StrPath], run: Run
-) -> tuple[str, list[tuple[str, Path]], bool]:
+def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, Path]], bool]:
     """What photos or videos are meant, by their names; and whether one was named alone.
 
     Raises:
@@ -220,7 +217,6 @@ def _named_sources(
     """
     from cubicfish_cli.app.photos import VIDEO_SUFFIXES, expanded
 
-    names = [os.fspath(one) for one in paths_of(photos)]
     paths = [path for name in names for path in expanded(name)]
     videos = [one for one in paths if one.suffix.lower() in VIDEO_SUFFIXES and not one.is_dir()]
     if videos and len(videos) < len(paths):
@@ -229,8 +225,7 @@ def _named_sources(
     sources = sources or [(one.name, one.path) for one in named_photos(names, run.listener)]
     if len({name for name, _ in sources}) < len(sources):
         raise OutputError("two videos have the same name: do them one at a time")
-    alone = isinstance(photos, str | os.PathLike) and len(sources) == 1
-    alone = alone and os.fspath(sources[0][1]) == names[0]
+    alone = [os.fspath(path) for _, path in sources] == list(names) and len(names) == 1
     return "video" if videos else "photo", sources, alone
 
 
@@ -289,6 +284,8 @@ def command(made: UndistortedFiles, given: UndistortOptions, how: How) -> None:
     are black. A picture keeps the depth and the channels of its photo, and the EXIF record and the
     quality of a JPEG; a video keeps its audio and its timestamps.
     """
+    if made.view is not None and not how.as_json:
+        say_what_is_unseen(made.view)
     print_pictures(made, how)
 
 
@@ -306,7 +303,17 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
                 tell(f"failed: {f'shot {name}: ' * (made.kind == 'shot')}{error}")
         if len(failures) > _FEW:
             tell(f"and {len(failures) - _FEW:,} more, which --json lists")
-        _print(made)
+        if made.skipped:
+            say(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
+        if made.view is not None:
+            what = plural(len(made.files), "video" if made.kind == "video" else "picture")
+            alone = len(made.files) == 1 == number
+            there = made.files[0] if alone else f"{what} to {made.files[0].parent}"
+            result(f"wrote {there}: {made.view.describe()}")
+        elif not failures:
+            result("nothing to do")
+        if not failures:
+            print_wrote(made.extras)
     if failures:
         if number == 1:
             raise failures[0][1]
@@ -316,11 +323,10 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
         )
 
 
-def named_sources(sources: StrPath | Sequence[StrPath]) -> StrPath | list[StrPath]:
-    """The sources, with the names that stdin lists in the place of '-'; one that is named alone."""
-    given = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
-    names: list[StrPath] = []
-    for source in given:
+def named_sources(sources: StrPath | Sequence[StrPath]) -> list[str]:
+    """The names of the sources, with those that stdin lists in the place of '-'."""
+    names: list[str] = []
+    for source in map(os.fspath, paths_of(sources)):
         if source != "-":
             names.append(source)
             continue
@@ -328,25 +334,4 @@ def named_sources(sources: StrPath | Sequence[StrPath]) -> StrPath | list[StrPat
         if not listed:
             raise click.UsageError("stdin lists no photos: give one name a line")
         names += listed
-    return names[0] if len(names) == 1 and given == names else names
-
-
-def _print(made: UndistortedFiles) -> None:
-    """Print what was written, and what it shows."""
-    if made.skipped:
-        say(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
-    if made.view is not None:
-        result(f"wrote {_wrote(made, made.view)}")
-        say_what_is_unseen(made.view)
-    elif not made.failures:
-        result("nothing to do")
-    if not made.failures:
-        print_wrote(made.extras)
-
-
-def _wrote(made: UndistortedFiles, view: ChosenView) -> str:
-    """The picture or how many there are, where they are, and what they show."""
-    what = plural(len(made.files), "video" if made.kind == "video" else "picture")
-    alone = len(made.files) == len(made.written) + len(made.failures) == 1
-    there = made.files[0] if alone else f"{what} to {made.files[0].parent}"
-    return f"{there}: {view.describe()}"
+    return names

@@ -12,7 +12,7 @@ from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
-from cubicfish_cli.commands.view_options import view_options
+from cubicfish_cli.commands.view_options import say_what_is_unseen, view_options
 from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.extensions.rigs.options import rig_option
 
@@ -78,6 +78,8 @@ def command(made: UndistortedFiles, given: Asked, how: How) -> None:
     the rig's order. A folder with a folder for each camera holds many shots, photos of the same
     name being one.
     """
+    if made.view is not None and not how.as_json:
+        say_what_is_unseen(made.view)
     print_pictures(made, how)
 
 
