@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.listener import Listener
@@ -48,7 +48,6 @@ class _Shown(Listener):
 
     def __init__(self) -> None:
         self._step: str | None = None
-        self._lines = ExitStack()
         self._line: _Line | None = None
 
     def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
@@ -56,7 +55,7 @@ class _Shown(Listener):
             self.end()
             self._step = step
             if can_redraw(sys.stderr) and verbosity() >= 0:
-                self._line = self._lines.enter_context(_Line(step))
+                self._line = _Line(step)
         if self._line is not None and (now or done or total):
             self._line.show(done, total, now)
 
@@ -70,7 +69,8 @@ class _Shown(Listener):
 
     def end(self) -> None:
         """Wipe the line away."""
-        self._lines.close()
+        if self._line is not None:
+            self._line.close()
         self._step = self._line = None
 
 
@@ -105,12 +105,10 @@ class _Line:
         self._task = self._progress.add_task(self._plain(step), total=None, counts="")
         self._timer = Timer(_PATIENCE_SECONDS, self._progress.start)
         self._timer.daemon = True
-
-    def __enter__(self) -> Self:
         self._timer.start()
-        return self
 
-    def __exit__(self, *problem: object) -> None:
+    def close(self) -> None:
+        """Wipe it away."""
         self._timer.cancel()
         self._timer.join()
         self._progress.stop()
