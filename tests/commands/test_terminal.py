@@ -88,7 +88,6 @@ def test_a_terminal_gets_colours_and_lines_that_fit(calibrated: Path) -> None:
     assert widest(ended.screen) <= 60
     rows = [line.split() for line in unstyled(ended.screen).splitlines()]
     assert sum(row[0].startswith("corner_") for row in rows if row) == 10
-    assert ["all", "10", "1139"] in [row[:3] for row in rows]
 
 
 @pytest.mark.slow
