@@ -51,10 +51,10 @@ class CameraFormat:
         written: by the names that it is written under: ``what`` comes of it, for people; the
             ``lens`` that the file holds; and ``front_only``, what reads it and divides by z first:
             it sees nothing behind, whatever the lens.
-        write: :class:`~cubicfish_cli.app.lenses.camera_format.PlacedLens` -> text. Raises
+        write: :class:`~cubicfish_cli.app.lenses.file_contents.PlacedLens` -> text. Raises
             :class:`~cubicfish_cli.core.errors.CameraFileError` for values that the format does not
             take.
-        write_rig: :class:`~cubicfish_cli.app.lenses.camera_format.LensRig` -> text, or texts by the
+        write_rig: :class:`~cubicfish_cli.app.lenses.file_contents.LensRig` -> text, or texts by the
             names of files; "" where it holds no rigs.
         file_name, rig_name: what its file, and that or the folder of a rig, are usually called.
         holds_several: whether a file holds several cameras, of which one is named.

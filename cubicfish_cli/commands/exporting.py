@@ -12,7 +12,7 @@ import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.extensions import load_place, written_formats
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD
 from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix

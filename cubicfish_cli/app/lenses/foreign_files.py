@@ -1,4 +1,4 @@
-"""Other tools' camera files by name: which lens each holds, how it is written and read."""
+"""Other tools' camera files: of which format one is, and the lens in it."""
 
 from __future__ import annotations
 

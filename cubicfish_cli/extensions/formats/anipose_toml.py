@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens
+from cubicfish_cli.app.lenses.file_contents import LensRig, PlacedLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, matrix_rows
 

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import (
+from cubicfish_cli.app.lenses.file_contents import (
     LensRig,
     PlacedLens,
     chosen_camera,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cubicfish_cli.app.lenses.camera_format import (
+from cubicfish_cli.app.lenses.file_contents import (
     PlacedLens,
     json_text,
     load_plain_json,

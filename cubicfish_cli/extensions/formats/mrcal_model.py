@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import (
+from cubicfish_cli.app.lenses.file_contents import (
     Fields,
     LensRig,
     PlacedLens,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.camera_format import (
+from cubicfish_cli.app.lenses.file_contents import (
     Fields,
     LensRig,
     PlacedLens,

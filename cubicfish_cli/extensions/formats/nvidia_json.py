@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens, json_text
+from cubicfish_cli.app.lenses.file_contents import LensRig, PlacedLens, json_text
 from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.lenses.radial import RadialCamera

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
-from cubicfish_cli.app.lenses.camera_format import PlacedLens, numbers, size
+from cubicfish_cli.app.lenses.file_contents import PlacedLens, numbers, size
 from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CameraFileError

@@ -26,7 +26,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.camera_format import (
+from cubicfish_cli.app.lenses.file_contents import (
     LensRig,
     PlacedLens,
     numbers,
@@ -117,7 +117,7 @@ def opencv_stereo_text(rig: LensRig) -> str:
     """Two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
 
     M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
-    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.app.lenses.camera_format.FlatPair`.
+    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.app.lenses.file_contents.FlatPair`.
 
     Raises:
         CameraFileError: the rig has more cameras than two.

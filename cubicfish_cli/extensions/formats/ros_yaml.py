@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.camera_format import Fields, LensRig, PlacedLens
+from cubicfish_cli.app.lenses.file_contents import Fields, LensRig, PlacedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.camera_format import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.app.lenses.file_contents import FlatPair, LensRig, PlacedLens
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.sphere import cone_rays

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.lenses.camera_format import numbers
+from cubicfish_cli.app.lenses.file_contents import numbers
 from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.verdict import Verdict

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, radial_camera
 
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import sniffed
 from cubicfish_cli.app.lenses.from_lens import from_lens
 from cubicfish_cli.app.lenses.to_lens import to_lens

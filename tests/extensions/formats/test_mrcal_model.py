@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens

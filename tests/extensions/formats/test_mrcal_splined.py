@@ -7,7 +7,7 @@ import pytest
 from lenses import cubic_camera, random_rays
 from mrcal_itself import ask_mrcal, needs_mrcal
 
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lenses import cubic_camera
 
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import sniffed
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.sphere import cone_rays

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli import Rig, load_rig
 from cubicfish_cli.app.extensions import written_formats
-from cubicfish_cli.app.lenses.camera_format import LensRig, PlacedLens
+from cubicfish_cli.app.lenses.file_contents import LensRig, PlacedLens
 from cubicfish_cli.commands.export import FORMATS
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.extensions.formats.anipose_toml import anipose_rig_text

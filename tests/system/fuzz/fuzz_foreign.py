@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.formats.mrcal_model import mrcal_text, read_mrcal

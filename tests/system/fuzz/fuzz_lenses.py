@@ -12,7 +12,7 @@ from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
 from cubicfish_cli.app.extensions import load_place, read_formats
-from cubicfish_cli.app.lenses.camera_format import PlacedLens
+from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import read_foreign
 from cubicfish_cli.app.lenses.to_lens import to_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import MODELS as COLMAP_MODELS

@@ -9,7 +9,7 @@ import fuzz_foreign as foreign
 import pytest
 from fuzz_readers import READERS
 
-from cubicfish_cli.app.lenses import camera_format
+from cubicfish_cli.app.lenses import file_contents
 from cubicfish_cli.app.lenses.foreign_files import read_foreign
 from cubicfish_cli.core import plain_yaml, tables
 from cubicfish_cli.core.errors import CubicfishError
@@ -29,7 +29,7 @@ _TOO_MUCH = r"more than [15],000|too much in it"
         (tables, "MAX_VALUES", READERS["corners.csv"].read, ".csv", "," * (MOST + 1)),
         (vnlog, "MAX_LINES", foreign.read_corners, ".vnl", "# filename x y\n" + "\n" * MOST),
         (vnlog, "MAX_LINES", foreign.read_corners, ".vnl", "# filename x y" + "\r" * (MOST + 1)),
-        (camera_format, "MAX_VALUES", read_nerfstudio, ".json",
+        (file_contents, "MAX_VALUES", read_nerfstudio, ".json",
          '{{"a": [{}1]}}'.format("[]," * MOST)),
         (plain_yaml, "MAX_VALUES", foreign.look_through_mrcal, ".cameramodel",
          "{{'a': [{}]}}".format("1," * (MOST + 1))),

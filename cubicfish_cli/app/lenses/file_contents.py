@@ -1,6 +1,6 @@
-"""Lenses alone and in rigs, as other tools' camera files hold them.
+"""What other tools' camera files hold: lenses with their places, and values that are checked.
 
-Bounded reading of JSON and of checked values from untrusted files, with one-line errors.
+Values come from untrusted files: reading is bounded, and errors have one line.
 """
 
 from __future__ import annotations
