@@ -141,8 +141,8 @@ class CalibrateOptions:
     )
     lift: Literal["ray", "point"] = option(
         "--lift",
-        "What the cubics take: the viewing ray, as most commands need it, or the 3D point itself, "
-        "as the paper has it, which holds only where the corners were.",
+        "What the cubics are functions of: the viewing ray, as most commands need it, or the 3D "
+        "point itself, as the paper has it, which holds only where the corners were.",
         click.Choice(["ray", "point"]),
         "ray",
     )

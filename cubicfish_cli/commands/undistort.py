@@ -122,7 +122,7 @@ class UndistortOptions(PictureOptions):
         output: a folder; of one photo or video that is named alone, also a name for its result.
         camera: its file or the folder of that, or the camera or a fit.
         view: also the plane of a board, of photos.
-        crf: of videos: lower is better and larger; by default 18.
+        crf: of videos; a lower number is better and makes a larger file. By default 18.
 
     """
 

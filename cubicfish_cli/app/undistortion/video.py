@@ -102,7 +102,7 @@ def undistort_video(
         destination: where the result goes; its suffix says what kind of file.
         make_map: frames' (width, height) -> the map for them.
         interpolation: how pixels are blended.
-        crf: constant rate factor of the encoder; lower is better and larger.
+        crf: constant rate factor of the encoder; a lower number is better and makes a larger file.
         overwrite: whether ``destination`` may be replaced.
         progress: called with the number of frames done and of all (0 when unknown).
 

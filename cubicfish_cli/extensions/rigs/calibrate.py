@@ -34,6 +34,7 @@ from cubicfish_cli.app.terminal.options import (
 )
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
+from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
@@ -266,7 +267,8 @@ def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | str | None) -> 
     given = given.split(",") if isinstance(given, str) else given
     names = list(map(named_by, inputs)) if given is None else [name.strip() for name in given]
     if len(names) != len(inputs):
-        raise UsageError(f"--names has {len(names)} names for {len(inputs)} cameras")
+        named = plural(len(names), "name")
+        raise UsageError(f"--names has {named}, and there are {len(inputs)} cameras")
     if len(set(names)) < len(names) or not all(names):
         raise UsageError(
             f"the cameras would be called {', '.join(names)}: give each a name of its own with "

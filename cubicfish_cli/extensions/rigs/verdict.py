@@ -49,7 +49,7 @@ def _find_strained(rig: Rig) -> Iterator[Finding]:
 
 
 def _find_uncertain(rig: Rig) -> Iterator[Finding]:
-    """Cameras of which it is not well known how they stand."""
+    """Cameras whose pose is uncertain."""
     cameras = [one for one in rig.cameras if one.covariance is not None]
     places = [one.position for one in cameras]
     apart = [float(np.linalg.norm(a - b)) for a, b in pairwise([*places, *places[:1]])]

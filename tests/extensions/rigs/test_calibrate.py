@@ -423,7 +423,11 @@ def test_cameras_are_called_as_their_photos_are(path: str, name: str) -> None:
     [
         (["left.csv"], 2, "name two cameras or more"),
         (["left.csv", "left.csv"], 2, "give each a name of its own with --names"),
-        (["left.csv", "right.csv", "--names", "a"], 2, "--names has 1 names for 2 cameras"),
+        (
+            ["left.csv", "right.csv", "--names", "a"],
+            2,
+            "has 1 name, and there are 2 cameras",
+        ),
         (["left.csv", "right.csv", "--lens", "rear=x.yaml"], 2, "names no camera"),
         (["left.csv", "film.mp4"], 2, "is a film, and other cameras have none"),
         (["a.mp4", "b.mp4", "--shots", "s.csv"], 2, "films are matched by time"),
