@@ -27,12 +27,12 @@ from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.placement import TURNS
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.core.wording import listed
 from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.identified import (
     CODES,
     FEWEST_CORNERS,
     Decided,
-    GridReport,
     Identified,
 )
 
@@ -41,13 +41,15 @@ if TYPE_CHECKING:
 
 # Counting squares shows in so many photos of the whole board.
 _WHOLE_BOARDS = 3
-# Photos of another target show the same grid again and again, and so much of its corners is
-# larger than every board where it is a larger one.
+# So many of the photos of another target show the same grid whole.
 _COMMON = 0.5
+# So many sizes of grids are told.
+_MOST_SIZES = 4
 # So many photos must show a thing: in one, anything may cover a line of corners, or two things may
 # look like one grid.
 _FEWEST_PHOTOS = 2
-# Fewer that are lost for one reason may be of another board, or taken by mistake.
+# Fewer that are lost for one reason may be of another board, or taken by mistake. And where boards
+# have their names in so many, whatever is larger stands in the background.
 _MANY = 1 / 3
 # A grid fills its box when it has so much of it.
 _FILLED = 0.9
@@ -285,16 +287,20 @@ def _ends_in_view(ends: Ends) -> BoolArray:
 def nothing_named(evidence: GridEvidence) -> list[Finding]:
     """Why none of the grids could be named, where there is any."""
     identified, target = evidence.identified, evidence.target
-    if not any(identified.grids):
-        return []
     grids = [grid for own in identified.grids for grid in own]
+    if not grids:
+        return []
     boards = grid_boards(target)
-    if _is_another_object(identified, target):
+    seen = sum(bool(own) for own in identified.grids)
+    drawn = {_sort_sides((board.columns, board.rows)) for board in boards}
+    whole = _count_whole_grids(identified)
+    common = max(_FEWEST_PHOTOS, _COMMON * seen)
+    others = [size for size, photos in whole.items() if photos >= common and size not in drawn]
+    if others or all(grid.verdict is Decided.TOO_LARGE for grid in grids):
         return [_describe_another_target(identified, target)]
-    largest = max(grids, key=lambda grid: grid.corners)
-    photos = sum(bool(own) for own in identified.grids)
+    columns, rows = _find_largest(identified)
     for board in boards:
-        if sorted(largest.size) == sorted((board.columns - 1, board.rows - 1)):
+        if (columns, rows) == _sort_sides((board.columns - 1, board.rows - 1)):
             return [squares_counted([board], 1)]
     why = CODES[Counter(grid.verdict for grid in grids).most_common(1)[0][0]]
     finding = Finding(
@@ -302,9 +308,9 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
         severity=Severity.BAD,
         figures={
             "grids": len(grids),
-            "columns": max(largest.size),
-            "rows": min(largest.size),
-            "photos": photos,
+            "columns": columns,
+            "rows": rows,
+            "photos": seen,
             "says": ", ".join(f"{board.columns}x{board.rows}" for board in boards[:6]),
             "why": why.value,
             "help": why.value,
@@ -317,30 +323,24 @@ def another_target(evidence: GridEvidence) -> list[Finding]:
     """That corners have names, but those of another target's boards."""
     identified, target = evidence.identified, evidence.target
     boards = grid_boards(target)
-    if len(boards) == 1:
-        off = [
-            np.abs(np.subtract(count.size, (boards[0].columns, boards[0].rows)))
-            for count in evidence.counts
-        ]
-        other = any(one.sum() > 1 for one in off)
-        return [_describe_another_target(identified, target)] if other else []
+    drawn = (boards[0].columns, boards[0].rows)
+    counts = evidence.counts if len(boards) == 1 else []
+    other = any(np.abs(np.subtract(one.size, drawn)).sum() > 1 for one in counts)
     grids = [grid for own in identified.grids for grid in own if grid.corners >= FEWEST_CORNERS]
-    corners = sum(grid.corners for grid in grids)
     beyond = sum(grid.corners for grid in grids if grid.verdict is Decided.TOO_LARGE)
-    together = sum(sum(grid.named for grid in own) > 1 for own in identified.grids)
+    enough = min(2, len(boards))
+    named = sum(sum(grid.named for grid in own) >= enough for own in identified.grids)
     seen = sum(bool(own) for own in identified.grids)
-    if beyond > _COMMON * corners and together < _COMMON * seen:
-        return [_describe_another_target(identified, target)]
-    return []
+    if 2 * beyond > sum(grid.corners for grid in grids) and named < _MANY * seen:
+        other = True
+    return [_describe_another_target(identified, target)] if other else []
 
 
 def _describe_another_target(identified: Identified, target: Target) -> Finding:
     """That photos and target.yaml are of different targets: what both show."""
-    largest = [max(own, key=lambda grid: grid.corners) for own in identified.grids if own]
-    size = max(largest, key=lambda grid: grid.corners).size
     boards = grid_boards(target)
     # With the longer side first, as boards lie in photos any way round.
-    sizes = [(max(board.columns, board.rows), min(board.columns, board.rows)) for board in boards]
+    sizes = [_sort_sides((board.columns, board.rows)) for board in boards]
     named = list(zip(boards, sizes, strict=True))[:6]
     says = ", ".join(f"{board.name} {long}x{short}" for board, (long, short) in named)
     more = f" and {len(boards) - 6} more boards" if len(boards) > 6 else ""
@@ -349,32 +349,44 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
         severity=Severity.BAD,
         boards=tuple(board.name for board in boards),
         figures={
-            "photos": len(largest),
-            "columns": max(size),
-            "rows": min(size),
+            "photos": sum(bool(own) for own in identified.grids),
+            "seen": _describe_sizes(identified),
             "says": says + more,
         },
     )
 
 
-def _is_another_object(identified: Identified, target: Target) -> bool:
-    """Whether photo after photo shows one grid whole that is none of the boards."""
-    grids = [grid for own in identified.grids for grid in own]
-    if all(grid.verdict is Decided.TOO_LARGE for grid in grids):
-        return True
-    full = Counter(
+def _describe_sizes(identified: Identified) -> str:
+    """The sizes of grids that photos show whole again and again, or of the largest one."""
+    whole = _count_whole_grids(identified).most_common(_MOST_SIZES)
+    common = [(size, photos) for size, photos in whole if photos >= _FEWEST_PHOTOS]
+    if common:
+        return listed([f"{long}x{short} (in {photos})" for (long, short), photos in common], "")
+    columns, rows = _find_largest(identified)
+    return f"up to {columns}x{rows}"
+
+
+def _count_whole_grids(identified: Identified) -> Counter[Size]:
+    """In how many photos there is a grid of a size, the longer side first, without any gap."""
+    return Counter(
         size
         for own in identified.grids
         for size in {
-            (max(grid.size), min(grid.size))
+            _sort_sides(grid.size)
             for grid in own
-            if grid.corners == grid.size[0] * grid.size[1] >= FEWEST_CORNERS
+            if grid.corners >= max(grid.size[0] * grid.size[1], FEWEST_CORNERS)
         }
     )
-    drawn = {tuple(sorted((b.columns, b.rows), reverse=True)) for b in grid_boards(target)}
-    seen = sum(bool(own) for own in identified.grids)
-    least = max(_FEWEST_PHOTOS, _COMMON * seen)
-    return any(photos >= least for size, photos in full.items() if size not in drawn)
+
+
+def _find_largest(identified: Identified) -> Size:
+    """Size of the grid with most corners, the longer side first."""
+    grids = [grid for own in identified.grids for grid in own]
+    return _sort_sides(max(grids, key=lambda grid: grid.corners).size)
+
+
+def _sort_sides(size: Size) -> Size:
+    return max(size), min(size)
 
 
 def many_lost(evidence: PhotoEvidence) -> list[Finding]:
@@ -385,43 +397,15 @@ def many_lost(evidence: PhotoEvidence) -> list[Finding]:
     own = max(lost.values(), key=len, default=[])
     if len(own) < _FEWEST_PHOTOS or len(own) <= _MANY * evidence.with_boards:
         return []
-    finding = Finding(
-        code=own[0].code,
-        case="many",
-        severity=Severity.CARE,
-        images=tuple(name for one in own for name in one.images),
-        figures={**own[0].figures, "left_out": len(own), "photos": evidence.with_boards},
-    )
-    boards = grid_boards(evidence.target)
-    if finding.code is Code.TOO_LARGE and isinstance(evidence, GridEvidence) and len(boards) == 1:
-        return [_count_lone_board(finding, boards[0], evidence)]
-    return [finding]
-
-
-def _count_lone_board(finding: Finding, board: Board, evidence: GridEvidence) -> Finding:
-    """The same of a lone board, with the numbers of corners that photos show."""
-    largest = [max(own, key=_corners) for own in evidence.identified.grids if own]
-    sides = [Counter(pick(one.size) for one in largest) for pick in (max, min)]
-    long, short = (
-        max((side for side in own if own[side] >= _FEWEST_PHOTOS), default=max(own))
-        for own in sides
-    )
-    upright = board.columns < board.rows
-    counted = {
-        "columns": short if upright else long,
-        "rows": long if upright else short,
-        "drawn_columns": board.columns,
-        "drawn_rows": board.rows,
-    }
-    return Finding(
-        code=Code.CORNER_COUNT,
-        case="many",
-        severity=finding.severity,
-        images=finding.images,
-        boards=(board.name,),
-        figures={**finding.figures, **counted},
-    )
-
-
-def _corners(grid: GridReport) -> int:
-    return grid.corners
+    figures = {**own[0].figures, "left_out": len(own), "photos": evidence.with_boards}
+    if isinstance(evidence, GridEvidence):
+        figures["seen"] = _describe_sizes(evidence.identified)
+    return [
+        Finding(
+            code=own[0].code,
+            case="many",
+            severity=Severity.CARE,
+            images=tuple(name for one in own for name in one.images),
+            figures=figures,
+        )
+    ]

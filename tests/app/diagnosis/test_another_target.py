@@ -47,7 +47,7 @@ def test_one_grid_in_all_photos_that_is_no_board(size):
     (said,) = nothing_named(grid_evidence(identified(*[(report(size, verdict),)] * 5), LARGE))
     assert said.code is Code.ANOTHER_TARGET
     assert said.what == (
-        f"5 photos show grids of up to {max(size)}x{min(size)} inner corners, but the target has "
+        f"5 photos show grids of {max(size)}x{min(size)} (in 5) inner corners, but the target has "
         "boards of another size (floor 9x7, wall 8x6)"
     )
 
@@ -84,7 +84,7 @@ def test_a_lone_board_that_is_off_by_more_than_a_line_is_another_one(size, wrong
     for said in found:
         assert said.code is Code.ANOTHER_TARGET
         assert said.what == (
-            f"3 photos show grids of up to {size[0]}x{size[1]} inner corners, but the target has "
+            f"3 photos show grids of {size[0]}x{size[1]} (in 3) inner corners, but the target has "
             "one board of another size (b 9x7)"
         )
 
@@ -93,7 +93,20 @@ def test_few_names_among_grids_that_are_too_large():
     large, small = report((14, 12), Decided.TOO_LARGE), report((5, 3), Decided.NAMED)
     photos = [(large, small)] * 4
     (told,) = another_target(grid_evidence(identified(*photos), corner_of_three()))
-    assert (told.figures["columns"], told.figures["rows"]) == (14, 12)
+    assert told.figures["seen"] == "14x12 (in 4) and 5x3 (in 4)"
+
+
+def test_the_boards_of_another_target_are_told_of_a_lone_one():
+    """Three boards where the target is to have one: their sizes, those of most photos first."""
+    sizes = [[(9, 6), (8, 7)], [(6, 9)], [(9, 6), (8, 7), (5, 4)]]
+    verdicts = {(5, 4): Decided.NAMED}
+    photos = [tuple(report(s, verdicts.get(s, Decided.TOO_LARGE)) for s in own) for own in sizes]
+    small = Target(units="mm", boards=(checkerboard("board", 5, 4, 30.0),))
+    (told,) = another_target(grid_evidence(identified(*photos, photos[1]), small, counts=[]))
+    assert told.what == (
+        "4 photos show grids of 9x6 (in 4) and 8x7 (in 2) inner corners, but the target has one "
+        "board of another size (board 5x4)"
+    )
 
 
 def test_a_larger_board_in_the_background_is_no_other_object():

@@ -173,7 +173,7 @@ def test_a_photo_of_a_larger_board_says_so_without_counting_strays():
     assert identified.grids[0][0].verdict is Decided.TOO_LARGE
     assert identified.grids[0][0].size == (12, 8)
     (told,) = nothing_named(grid_evidence(identified, target))
-    assert (told.figures["columns"], told.figures["rows"]) == (12, 8)
+    assert told.figures["seen"] == "12x8 (in 2)"
 
 
 def shifted_by_a_line(own: Grid) -> tuple[Grid, np.ndarray, tuple[int, int]] | None:
