@@ -18,12 +18,6 @@ if TYPE_CHECKING:
 INSTALL = "pip install 'cubicfish[report]'"
 PRINTING = ("matplotlib",)
 REPORT = ("jinja2", "matplotlib")
-# Of matplotlib's settings, what concerns windows and files, and not drawing.
-_NOT_STYLE = (
-    "backend", "datapath", "docstring", "figure.max_open_warning", "figure.raise_window",
-    "interactive", "keymap", "savefig.directory", "tk.", "toolbar", "webagg", "timezone",
-    "animation", "examples",
-)  # fmt: skip
 
 
 def missing(libraries: tuple[str, ...]) -> list[str]:
@@ -59,12 +53,9 @@ def drawing(style: dict[Any, Any]) -> Iterator[None]:
     with quiet():
         import matplotlib as mpl
 
-        defaults: dict[Any, Any] = {
-            key: value
-            for key, value in mpl.rcParamsDefault.items()
-            if not key.startswith(_NOT_STYLE) and not key.startswith("_")
-        }
-        with mpl.rc_context({**defaults, **style}):
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            mpl.rcParams.update(style)
             yield
 
 

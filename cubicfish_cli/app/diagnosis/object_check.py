@@ -13,6 +13,7 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.boards.board import Board
@@ -128,39 +129,21 @@ def _find_look_alikes(target: Target) -> tuple[tuple[str, ...], ...]:
 
 def _find_crossing(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
     """Pairs whose prints, outer squares included, cut through or cover each other."""
-    if not boards:
-        return ()
-    rim = np.array([b.rim for b in boards])
-    touch = _TOUCH * np.array([b.square for b in boards])
-    size = np.array([b.plane_points(b.columns - 1, b.rows - 1) for b in boards])
-    low = (touch - rim)[:, None] * np.ones(2)
-    high = size - low
-    axes = np.array([b.axes for b in boards])
-    origin = np.array([b.origin for b in boards])
-    x = np.stack([low[:, 0], high[:, 0], high[:, 0], low[:, 0]], axis=1)
-    y = np.stack([low[:, 1], low[:, 1], high[:, 1], high[:, 1]], axis=1)
-    outline = origin[:, None] + np.stack([x, y], axis=-1) @ axes[:, :2]
-    count = len(boards)
-    # (B, B, 4, 3): the outline of board i in the frame of board j, and its next corner.
-    local = np.einsum("ijkc,jdc->ijkd", outline[:, None] - origin[None, :, None], axes)
-    ahead = np.roll(local, -1, axis=2)
-    height, next_height = local[..., 2], ahead[..., 2]
-    through = height * next_height < 0
-    share = np.where(through, height, 0) / np.where(through, height - next_height, 1)
-    hit = local[..., :2] + share[..., None] * (ahead - local)[..., :2]
-    inside = (hit > low[:, None]) & (hit < high[:, None])
-    cut = (through & inside.all(axis=-1)).any(axis=-1)
-    coplanar = (np.abs(local[..., 2]) < touch[:, None]).all(axis=-1)
-    # Two boards of one plane that look the same way; back to back is a plate with two faces.
-    coplanar &= np.einsum("ic,jc->ij", axes[:, 2], axes[:, 2]) > 0
-    for i, j in combinations(range(count), 2):
-        if coplanar[i, j]:
-            cut[i, j] = _overlap(outline[i], outline[j], np.concatenate([axes[i, :2], axes[j, :2]]))
-    pairs = np.argwhere(np.triu(cut | cut.T, 1))
-    return tuple((boards[i].name, boards[j].name) for i, j in pairs)
+    return tuple((a.name, b.name) for a, b in combinations(boards, 2) if _do_cross(a, b))
 
 
-def _overlap(one: FloatArray, other: FloatArray, directions: FloatArray) -> bool:
-    """Whether two rectangles (4, 3) of one plane overlap: none of their sides parts them."""
-    a, b = one @ directions.T, other @ directions.T
-    return bool((np.minimum(a.max(0), b.max(0)) > np.maximum(a.min(0), b.min(0))).all())
+def _do_cross(one: Board, other: Board) -> bool:
+    """Whether two prints, less what may touch, come nearer to each other than that."""
+    if one.axes[2] @ other.axes[2] < -1 + 1e-9:  # back to back they are a plate with two faces
+        return False
+    touch = np.repeat([_TOUCH * board.square for board in (one, other)], 2)
+    rim = np.repeat([board.rim for board in (one, other)], 2)
+    last = [board.plane_points(board.columns - 1, board.rows - 1) for board in (one, other)]
+    low, high = touch - rim, np.concatenate(last) + rim - touch
+    axes = np.concatenate([one.axes[:2], -other.axes[:2]]).T
+    apart = other.origin - one.origin
+    middle = np.linalg.norm(apart - axes @ (low + high) / 2)
+    if middle > (np.linalg.norm((high - low)[:2]) + np.linalg.norm((high - low)[2:])) / 2:
+        return False
+    nearest = lsq_linear(axes, apart, (low, high), method="bvls")
+    return bool(np.linalg.norm(nearest.fun) < touch.min() / 2)
