@@ -6,7 +6,6 @@ once, and from the one of its first ten seeds that makes the fewest corners, to 
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,7 +14,6 @@ import pytest
 import wrong_setups as wrong
 from running import SAMPLE, Run
 
-from cubicfish_cli.app.diagnosis import diagnose
 from cubicfish_cli.core.io.camera_yaml import load_camera
 
 pytestmark = pytest.mark.slow
@@ -42,19 +40,6 @@ FROM_CORNERS = [
     ("one grid one column off", 2),
     ("all from one place, flat board", 9),
 ]
-
-
-@pytest.fixture(autouse=True)
-def hypotheses_keep_to_their_codes(monkeypatch: pytest.MonkeyPatch) -> None:
-    def checked(row: diagnose.Hypothesis) -> diagnose.Hypothesis:
-        def explain(evidence: diagnose.Evidence) -> list[diagnose.Finding]:
-            found = list(row.explain(evidence))
-            assert {finding.code for finding in found} <= set(row.codes)
-            return found
-
-        return replace(row, explain=explain)
-
-    monkeypatch.setattr(diagnose, "HYPOTHESES", tuple(map(checked, diagnose.HYPOTHESES)))
 
 
 def case_of(name: str) -> tuple[int, wrong.Case]:

@@ -1,13 +1,12 @@
 """What is likely wrong with a set-up, told from its corners: hypotheses, tested by cheap fits.
 
 `HYPOTHESES` of `app/diagnosis/diagnose.py` lists every kind of thing that may be wrong with a
-set-up: by which kind of evidence it is judged, the codes that it may find, what it costs, when it
-applies, and the function that explains it. `find_faults` tries those of one evidence from the
-cheapest on, each knowing what was found before, and tells them in the order of the table. The
-library hands it to the fit and to rigs, and asks it itself about photos. A right set-up costs a
-pass over its corners (`photo_lenses.py`); beyond that, things are fitted only where the fit is
-worse than its corners' own noise, or was refused, and grids are named again (`object_faults.py`)
-only where many fit nowhere. What belongs to one slip
+set-up: by which kind of evidence it is judged, the function that explains it, and when it
+applies. `find_faults` tries those of one evidence in the order of the table, each knowing what
+was found before. The library hands it to the fit and to rigs, and asks it itself about photos. A
+right set-up costs a pass over its corners (`photo_lenses.py`); beyond that, things are fitted only
+where the fit is worse than its corners' own noise, or was refused, and grids are named again
+(`object_faults.py`) only where many fit nowhere. What belongs to one slip
 stands in one module: mirrors in `mirrored.py`, counts of corners in `corner_count.py`, markers in
 `markers.py`, drawings in `wrong_drawing.py` and `object_faults.py`, two groups of photos with a
 lens each in `two_lenses.py`, photos each by itself in `photo_lenses.py`, and photos that were left

@@ -20,7 +20,7 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.calibration import FitEvidence
+from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
 from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.start import fit_poses
@@ -234,7 +234,7 @@ def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adj
 def left_out(evidence: FitEvidence) -> list[Finding]:
     """Why photos, or boards in photos, do not fit the lens of the others."""
     pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.nominal
-    mirrored = {name for one in handed(pairs) for name in one.images}
+    mirrored = {name for one in handed(evidence) for name in one.images}
     names = _find_left_out(pairs, fit, evidence.dropped) - mirrored
     photos = np.flatnonzero([name in names for name in pairs.images])
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
@@ -340,13 +340,9 @@ def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
     return noise_px(own.residual) ** 2 < _HALF * noise_px(fit.residual) ** 2
 
 
-def failed_lens(pairs: Observations) -> list[Finding]:
-    """Some photos that agree on a lens, and others that do not, where such are found.
-
-    Args:
-        pairs: all pairs, in units in which the target is of order 1.
-
-    """
+def failed_lens(evidence: FailedFit) -> list[Finding]:
+    """Some photos that agree on a lens, and others that do not, where such are found."""
+    pairs, _ = evidence.scaled
     count = len(pairs.images)
     if count <= _FEWEST_PHOTOS:
         return []

@@ -13,7 +13,7 @@ import numpy as np
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, grid_boards
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.calibration import FailedFit
+from cubicfish_cli.core.fit.calibration import CornerEvidence, FailedFit
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.statistics import neighbours, noise_px
 from cubicfish_cli.core.fit.subset import flatness
@@ -28,8 +28,9 @@ _SURE_FOCAL = 0.03
 _FLAT = 1e-4
 
 
-def handed(pairs: Observations) -> list[Finding]:
+def handed(evidence: CornerEvidence) -> list[Finding]:
     """Photos or boards that are seen as in a mirror, though the fit succeeded."""
+    pairs = evidence.pairs
     sides = seen_sides(pairs)
     some = some_mirrored(sides, pairs)
     if some:
@@ -56,13 +57,9 @@ def mirrored_photos(evidence: FailedFit) -> list[Finding]:
     return some_mirrored(seen_sides(pairs), pairs)
 
 
-def mirrored_object(pairs: Observations) -> list[Finding]:
-    """Photos that fit a lens and the target as it is seen in a mirror.
-
-    Args:
-        pairs: all pairs, in units in which the target is of order 1.
-
-    """
+def mirrored_object(evidence: FailedFit) -> list[Finding]:
+    """Photos that fit a lens and the target as it is seen in a mirror."""
+    pairs, _ = evidence.scaled
     if flatness(pairs.world) < _FLAT:
         return []
     fit = fit_radial(in_mirror(pairs), thorough=False)

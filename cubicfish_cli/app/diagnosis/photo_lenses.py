@@ -17,6 +17,7 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import adjust, huber_weight
+from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic
 from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
@@ -224,8 +225,9 @@ class Unlike:
     gain_px: float
 
 
-def odd_photos(fit: TargetFit) -> list[Finding]:
+def odd_photos(evidence: FitEvidence) -> list[Finding]:
     """Photos that by themselves have another lens than the rest, or are sheared."""
+    fit = evidence.fit
     pairs, photos = fit.reference.pairs, lenses_of(fit)
     suspects = [
         one.photo for one in unlike(photos) if one.chance < _SUSPICIOUS and one.share > WORTH / 2

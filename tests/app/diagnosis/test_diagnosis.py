@@ -46,7 +46,7 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit import radial_reference
-from cubicfish_cli.core.fit.calibration import FailedFit
+from cubicfish_cli.core.fit.calibration import CornerEvidence, FailedFit
 from cubicfish_cli.core.fit.folds import NEAR_SHARE, repeated_groups
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
@@ -131,11 +131,11 @@ def test_boards_are_seen_from_their_face_or_mirrored(exact):
     against = seen_sides(mirrored(exact, photo))
     np.testing.assert_array_equal(against[3], -sides[3])
     np.testing.assert_array_equal(np.delete(against, 3, 0), np.delete(sides, 3, 0))
-    (some,) = handed(mirrored(exact, photo))
+    (some,) = handed(CornerEvidence(pairs=mirrored(exact, photo), target=None))
     assert (some.code, some.severity, some.images) == ("mirrored", "note", ("03.png",))
-    assert not handed(exact)
+    assert not handed(CornerEvidence(pairs=exact, target=None))
     # As many one way as the other: nobody knows which.
-    assert not handed(mirrored(exact, exact.image < 4))
+    assert not handed(CornerEvidence(pairs=mirrored(exact, exact.image < 4), target=None))
 
 
 def test_few_squares_and_lists_of_points_have_no_side(exact):
@@ -767,13 +767,13 @@ def test_one_odd_photo_is_no_reason_to_doubt_a_camera(fitted, monkeypatch, odd, 
     for name, answer in (("unlike", told), ("lenses_of", None), ("_refit_without", None)):
         monkeypatch.setattr(photo_lenses, name, lambda *_, answer=answer: answer)
     monkeypatch.setattr(photo_lenses, "_can_do_without", lambda *_: True)
-    (found,) = photo_lenses.odd_photos(fit)
+    (found,) = photo_lenses.odd_photos(SimpleNamespace(fit=fit))
     assert (found.code, found.severity) == (Code.PHOTO_LENS, severity)
     assert found.images == tuple(fitted.pairs.images[photo] for photo in odd)
     assert found.figures["worst"] == found.images[-1]
     # Without the others nobody can say so.
     monkeypatch.setattr(photo_lenses, "_can_do_without", lambda *_: False)
-    assert photo_lenses.odd_photos(fit) == []
+    assert photo_lenses.odd_photos(SimpleNamespace(fit=fit)) == []
 
 
 def test_photos_that_all_differ_accuse_none_of_them():
@@ -1005,7 +1005,7 @@ def test_points_that_fit_in_a_mirror_are_told(points):
     with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
         calibrate(mirrored(points, slice(None)))
     with pytest.raises(FitError):
-        mirrored_object(points)
+        mirrored_object(FailedFit(pairs=points, target=None))
 
 
 @pytest.mark.slow
@@ -1031,7 +1031,7 @@ def test_a_flat_object_is_the_same_in_a_mirror():
     flat = synthetic.flat_board()
     poses = synthetic.poses_around(flat, 5, seed=1)
     pairs = synthetic.synthetic_correspondences(flat, poses, lens=LENS, noise=0.1)
-    assert mirrored_object(mirrored(pairs, slice(None))) == []
+    assert mirrored_object(FailedFit(pairs=mirrored(pairs, slice(None)), target=None)) == []
 
 
 @pytest.mark.slow
@@ -1041,7 +1041,7 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
     world = points.world / world_scale(points)
     moved = np.isin(points.image, [1, 6])
     world[moved] = rng.permutation(world[moved])
-    (found,) = failed_lens(replace(points, world=world))
+    (found,) = failed_lens(FailedFit(pairs=replace(points, world=world), target=None))
     assert (found.code, found.images) == ("photo_lens", ("01.png", "06.png"))
     assert found.what.startswith("01.png and 06.png do not go with the other 6 photos")
 

@@ -1,4 +1,4 @@
-"""The table of hypotheses: what is tried first, what is told first, and what is looked for."""
+"""The table of hypotheses: what is tried, and in which order it is told."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.app.diagnosis import diagnose
-from cubicfish_cli.app.diagnosis.diagnose import HYPOTHESES, Cost, Hypothesis, find_faults
+from cubicfish_cli.app.diagnosis.diagnose import Hypothesis, find_faults
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
@@ -20,12 +20,12 @@ class Seen(Evidence):
     """Evidence of a kind of its own."""
 
 
-def hypothesis(code, cost, tried, **more):
+def hypothesis(code, tried, **more):
     def explain(evidence):
         tried.append(code)
         return [Finding(code=code)]
 
-    return Hypothesis(Seen, (code,), cost, explain, **more)
+    return Hypothesis(Seen, explain, **more)
 
 
 @pytest.fixture
@@ -37,16 +37,12 @@ def codes(found):
     return [finding.code for finding in found]
 
 
-def test_the_cheapest_is_tried_first_and_the_first_of_the_table_told_first(table):
+def test_what_is_known_is_told_first(table):
     tried: list[Code] = []
-    table(
-        hypothesis(Code.ZOOM, Cost.TRIALS, tried),
-        hypothesis(Code.REPEATS, Cost.TABLES, tried),
-        hypothesis(Code.SCALED, Cost.PASS, tried),
-    )
+    table(hypothesis(Code.ZOOM, tried), hypothesis(Code.REPEATS, tried))
     known = [Finding(code=Code.MIRRORED)]
-    assert codes(find_faults(Seen(), known)) == ["mirrored", "zoom", "repeats", "scaled"]
-    assert tried == [Code.REPEATS, Code.SCALED, Code.ZOOM]
+    assert codes(find_faults(Seen(), known)) == ["mirrored", "zoom", "repeats"]
+    assert tried == [Code.ZOOM, Code.REPEATS]
 
 
 def test_what_does_not_apply_is_not_tried(table):
@@ -56,8 +52,8 @@ def test_what_does_not_apply_is_not_tried(table):
         return Code.ZOOM not in codes(found)
 
     table(
-        hypothesis(Code.SCALED, Cost.TRIALS, tried, applies=without_zoom),
-        hypothesis(Code.ZOOM, Cost.PASS, tried),
+        hypothesis(Code.ZOOM, tried),
+        hypothesis(Code.SCALED, tried, applies=without_zoom),
     )
     assert codes(find_faults(Seen())) == tried == [Code.ZOOM]
     tried.clear()
@@ -71,13 +67,7 @@ def test_what_cannot_be_tried_explains_nothing(table, error):
 
     tried: list[Code] = []
     table(
-        Hypothesis(Seen, (Code.ZOOM,), Cost.TABLES, fail),
-        hypothesis(Code.SCALED, Cost.TABLES, tried),
+        Hypothesis(Seen, fail),
+        hypothesis(Code.SCALED, tried),
     )
     assert codes(find_faults(Seen())) == [Code.SCALED]
-
-
-def test_all_that_may_be_wrong_with_a_set_up_is_looked_for():
-    known = list(Code)
-    of_a_set_up = known[known.index(Code.BOARD_ORDER) : known.index(Code.ONE_PLACE) + 1]
-    assert set(of_a_set_up) <= {code for row in HYPOTHESES for code in row.codes}
