@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.app.sufficiency.enough import Gaps, default_goal, find_gaps, why_not_enough
-from cubicfish_cli.app.viewpoints.views import Distances, Viewpoint, sample_views
+from cubicfish_cli.app.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import FEW_OF_A_PLANE, FEW_PHOTOS, verdict
@@ -21,9 +21,8 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.advice.knowledge import (
-    GRID,
-    Field,
     Knowledge,
+    field_rays,
     know,
     reach_of,
     recorded_poses,
@@ -51,8 +50,6 @@ class Advice:
         noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
         goal_px: uncertainty that proposals aim at over the field.
         now: uncertainty; None where it cannot be worked out.
-        sigma: (rows, columns) the uncertainty over the photo, pixels; NaN outside the field, or
-            where it cannot be worked out.
         gaps: what photos so far do not show.
         enough: whether no more photos are needed.
         reasons: why it is not enough.
@@ -70,7 +67,6 @@ class Advice:
     noise_px: float | None
     goal_px: float
     now: FieldUncertainty | None
-    sigma: FloatArray
     gaps: Gaps
     enough: bool
     reasons: tuple[Finding, ...]
@@ -133,26 +129,24 @@ def advise(
         notes.append(Finding(code=Code.NO_POSES))
     knowledge = None if poses is None else know(camera, fit, pairs, poses, target)
     own = camera if knowledge is None else knowledge.camera
-    field = Field(camera=own, blind=gaps.cells.blind)
-    sigma = np.full(GRID[::-1], np.nan)
-    now = None
+    blind, now = gaps.cells.blind, None
+    rays = field_rays(own, blind)
     noise = knowledge.information.noise_px if knowledge else None
     if knowledge is not None:
-        knowledge, now = _as_recorded(knowledge, fit, field)
-        sigma = field.sigma_px(knowledge.information)
+        knowledge, now = _as_recorded(knowledge, fit, rays)
     judged = verdict(fit, camera.image_size, camera.outline())
     reasons = why_not_enough(judged, now, goal_px)
-    if field.blind:
-        figures = {"blind_deg": float(np.degrees(field.blind))}
+    if blind:
+        figures = {"blind_deg": float(np.degrees(blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))
     within = None if poses is None or target is None else distances_within(pairs, poses)
     found: tuple[Proposal, ...] = ()
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, within, notes, field, seed)
+        views = _views(knowledge, target, within, notes, reach_of(own, blind=blind), seed)
         if knowledge is not None and views:
-            found, needed = proposed(knowledge, views, gaps.cells, field, goal, proposals)
+            found, needed = proposed(knowledge, views, gaps.cells, rays, goal, proposals)
         short = (FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS) - len(pairs.images)
         needed = None if needed is None else max(needed, short, 1)
     return Advice(
@@ -163,7 +157,6 @@ def advise(
         noise_px=noise,
         goal_px=goal,
         now=now,
-        sigma=sigma,
         gaps=gaps,
         enough=not reasons,
         reasons=tuple(reasons),
@@ -186,13 +179,13 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
 
 
 def _as_recorded(
-    knowledge: Knowledge, fit: FitRecord, field: Field
+    knowledge: Knowledge, fit: FitRecord, rays: FloatArray
 ) -> tuple[Knowledge, FieldUncertainty]:
     """The knowledge with the uncertainty that the record has, to the last digit, and that.
 
     Where the target was fitted too, a fit that begins at its end differs by a few percent.
     """
-    own, known = field.summed(knowledge.information), fit.uncertainty.field
+    own, known = knowledge.information.summed(rays), fit.uncertainty.field
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
         return knowledge, own
     noise_px = knowledge.information.noise_px * known.median_px / own.median_px
@@ -205,7 +198,7 @@ def _views(
     target: Target | None,
     within: Distances | None,
     notes: list[Finding],
-    field: Field,
+    lens: WholeLens,
     seed: int,
 ) -> list[Viewpoint]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
@@ -217,8 +210,8 @@ def _views(
         return []
     if knowledge is None:
         return []
-    lens = reach_of(field.camera, blind=field.blind)
-    views = sample_views(target, lens, field.camera.image_size, _VIEWS, seed=seed, within=within)
+    size = knowledge.camera.image_size
+    views = sample_views(target, lens, size, _VIEWS, seed=seed, within=within)
     if not views:
         notes.append(Finding(code=Code.NO_VIEW))
     return views

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, summed
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.uncertainty import Gauge, Uncertainty, covariance
 from cubicfish_cli.core.types import FloatArray
@@ -58,3 +59,7 @@ class Information:
     def uncertainty(self) -> Uncertainty:
         """The covariance σ² H⁻¹."""
         return covariance(self.gauge, self.hessian, self.noise_px)
+
+    def summed(self, rays: FloatArray) -> FieldUncertainty:
+        """The uncertainty over rays (N, 3)."""
+        return summed(self.uncertainty().sigma_px(rays))

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,6 @@ import numpy.typing as npt
 from cubicfish_cli.app.viewpoints.views import Viewpoint, WholeLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, summed
 from cubicfish_cli.core.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
@@ -36,6 +34,8 @@ _DECREASE = 1e-7
 _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
 _HELD_BEYOND_DEG = 5.0
+_OFFSET_SHARE = 1e-4
+_BEYOND_DEG = 5.0
 _OFFSET_SHARE = 1e-4
 GRID = (80, 60)
 """Columns and rows over the photo of the uncertainty that the picture shows."""
@@ -151,40 +151,13 @@ def _offset_spread(fit: FitRecord, scale: float) -> float:
     return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE
 
 
-@dataclass(frozen=True, eq=False)
-class Field:
-    """The trusted field without where the camera sees itself: what uncertainty is told of.
+def field_rays(camera: CubicCamera, blind: float) -> FloatArray:
+    """(N, 3) rays over the trusted field, those that camera.yaml's figures are of.
 
-    Attributes:
-        camera: whose field it is.
-        blind: how far from its axis the camera sees itself, radians.
-
+    Without those within ``blind`` radians of the axis, where the camera sees itself.
     """
-
-    camera: CubicCamera
-    blind: float
-
-    @cached_property
-    def _rays(self) -> FloatArray:
-        """(N, 3) rays over it, those that camera.yaml's figures are of."""
-        rays = field_grid(self.camera, self.blind)[2].reshape(-1, 3)
-        return np.asarray(rays[np.isfinite(rays[:, 0])])
-
-    def sigma_px(self, known: Information) -> FloatArray:
-        """(rows, columns) the uncertainty over the photo, NaN outside the field."""
-        x, y = (
-            (np.arange(n) + 0.5) / n * size - 0.5
-            for n, size in zip(GRID, self.camera.image_size, strict=True)
-        )
-        rays = self.camera.unproject(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-        seen = angle_from_axis(rays) >= self.blind
-        sigma = np.full(len(rays), np.nan)
-        sigma[seen] = known.uncertainty().sigma_px(rays[seen])
-        return sigma.reshape(GRID[::-1])
-
-    def summed(self, known: Information) -> FieldUncertainty:
-        """The uncertainty over all of it."""
-        return summed(known.uncertainty().sigma_px(self._rays))
+    rays = field_grid(camera, blind)[2].reshape(-1, 3)
+    return np.asarray(rays[np.isfinite(rays[:, 0])])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

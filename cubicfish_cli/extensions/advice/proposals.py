@@ -21,7 +21,7 @@ from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import COVERAGE
 from cubicfish_cli.core.fit.coverage import FieldCells
 from cubicfish_cli.core.types import BoolArray, FloatArray
-from cubicfish_cli.extensions.advice.knowledge import Field, Knowledge
+from cubicfish_cli.extensions.advice.knowledge import Knowledge
 
 MOST_PHOTOS = 12
 """Photos are counted up to this many; beyond it another target or camera is the better advice."""
@@ -76,7 +76,7 @@ def proposed(
     knowledge: Knowledge,
     views: Sequence[Viewpoint],
     cells: FieldCells,
-    field: Field,
+    rays: FloatArray,
     goal: float,
     proposals: int,
 ) -> tuple[tuple[Proposal, ...], int | None]:
@@ -88,11 +88,11 @@ def proposed(
     # The same photo twice would say little that is new of a real lens and a real target.
     taken = np.zeros(len(views), bool)
     state = knowledge.information
-    level = field.summed(state)
+    level = state.summed(rays)
     needed = None
     while len(chosen) < MOST_PHOTOS and not taken.all():
         tried = [state + photo for photo in added]
-        sums = [field.summed(one) for one in tried]
+        sums = [one.summed(rays) for one in tried]
         fill = (filled & empty).sum(axis=(1, 2)) / squares
         left = np.array([_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
