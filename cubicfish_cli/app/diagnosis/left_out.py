@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -65,44 +65,20 @@ _MOST_RUNS = 12
 _MOST_LENSES = 8
 
 
-@dataclass(frozen=True, kw_only=True)
-class Misnaming:
-    """How the corners of a board are counted or named otherwise than the drawing says.
-
-    Attributes:
-        code: what kind of fault of the drawing it is, where it is so in all photos.
-        named: how, a key of the catalogue.
-        figures: what that needs, as pairs of name and value.
-
-    """
-
-    code: Code
-    named: str
-    figures: tuple[tuple[str, int | bool | str], ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class BoardFault:
-    """Why one photo does not fit.
-
-    Attributes:
-        photo: its name.
-        board: the board to blame; None for all boards alike.
-        misnaming: what its corners are; None where the board lies elsewhere.
-        error_px: how far, in the median, corners then are from where the rest puts them, pixels.
-
-    """
-
-    photo: str
-    board: str | None
-    misnaming: Misnaming | None
-    error_px: float
+# What kind of fault of the drawing it is where the corners of a board are named so in all photos;
+# any other way is another order.
+_FAULT_OF_DRAWING = {
+    "columns": Code.BOARD_PLACE,
+    "rows": Code.BOARD_PLACE,
+    "both": Code.BOARD_PLACE,
+    "other_board": Code.BOARD_NAMES,
+}
 
 
 def board_fault(
     camera: RadialCamera, pairs: Observations, target: Target, scale: float, noise: float
-) -> BoardFault | None:
-    """Why one photo does not fit, if one of its boards is to blame.
+) -> Finding | None:
+    """Why one photo does not fit, if one of its boards is to blame, or the names of all.
 
     Args:
         camera: the lens of the photos that fit.
@@ -112,7 +88,6 @@ def board_fault(
         noise: standard deviation of a corner's coordinate in photos that fit, pixels.
 
     """
-    blamed = partial(BoardFault, photo=pairs.images[0])
     boards, counts = np.unique(pairs.board, return_counts=True)
     for board in boards[np.argsort(counts, kind="stable")]:
         others, _ = select(pairs, pairs.board != board)
@@ -122,23 +97,23 @@ def board_fault(
         fit = _fit_sharply(camera, others, noise)
         if fit is None:
             continue
-        best: tuple[Misnaming | None, float] = (None, np.inf)
-        for misnaming, points in _rename_corners(own, target):
+        blame = partial(Finding, images=pairs.images, boards=(target.boards[board].name,))
+        best: dict[str, Any] = {}
+        least = np.inf
+        for naming, points in _rename_corners(own, target):
             miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
             length = np.hypot(miss[:, 0], miss[:, 1])
             error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
             # Of two that fit the simpler one, unless the other fits clearly better.
-            if error < _NEAR * 2 * noise and error < 0.5 * best[1]:
-                best = (misnaming, error)
-        if best[0] is None:
-            # Corners that are no clean board by themselves are blurred, and say nothing of a place.
-            alone, _, _ = fit_poses(camera, own)
-            if alone is None:
-                continue
-            if noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
-                continue
-            best = (None, noise_px(fit.residual))
-        return blamed(board=target.boards[board].name, misnaming=best[0], error_px=best[1])
+            if error < _NEAR * 2 * noise and error < 0.5 * least:
+                best, least = naming, error
+        if best:
+            return blame(code=Code.CORNER_NAMES, figures={"error_px": least, **best})
+        # Corners that are no clean board by themselves are blurred, and say nothing of a place.
+        alone, _, _ = fit_poses(camera, own)
+        if alone is None or noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
+            continue
+        return blame(code=Code.BOARD_PLACE, case="moved")
     # Or the corners of all its boards are counted from one line further on.
     plain = all(target.boards[board].points is None for board in boards)
     for step in _STEPS[:8] if plain and len(boards) > 1 else []:
@@ -149,13 +124,15 @@ def board_fault(
             world[here] = flat_points(target.boards[board], *counted) / scale
         fit = _fit_sharply(camera, pairs.with_world(world), noise)
         if fit is not None:
-            error = noise_px(fit.residual)
-            return blamed(board=None, misnaming=_describe_step(step), error_px=error)
+            figures = {"error_px": noise_px(fit.residual), **_describe_step(step)}
+            return Finding(
+                code=Code.CORNER_NAMES, case="all_boards", images=pairs.images, figures=figures
+            )
     return None
 
 
 def board_findings(
-    faults: Sequence[BoardFault], is_usual: Callable[[str, int], bool]
+    faults: Sequence[Finding], is_usual: Callable[[str, int], bool]
 ) -> list[Finding]:
     """What is to be said of photos with the same fault together.
 
@@ -165,46 +142,44 @@ def board_findings(
             show it, so that the drawing is to blame.
 
     """
-    alike: defaultdict[tuple[str | None, Misnaming | None], list[BoardFault]] = defaultdict(list)
+    alike: defaultdict[object, list[Finding]] = defaultdict(list)
     for fault in faults:
-        alike[fault.board, fault.misnaming].append(fault)
+        same = frozenset(one for one in fault.figures.items() if one[0] != "error_px")
+        alike[fault.boards, same].append(fault)
     findings = []
-    for (board, misnaming), own in alike.items():
-        usual = board is not None and is_usual(board, len(own))
-        blame = partial(
-            Finding,
-            severity=Severity.CARE if usual else Severity.NOTE,
-            images=tuple(fault.photo for fault in own),
-            boards=() if board is None else (board,),
-        )
-        figures: dict[str, Any] = {"photos": len(own)} if usual else {}
-        if misnaming is None:
-            case = "in_most" if usual else "moved"
-            findings.append(blame(code=Code.BOARD_PLACE, case=case, figures=figures))
-            continue
-        error = max(fault.error_px for fault in own)
-        code, case = (misnaming.code, "of_photos") if usual else (Code.CORNER_NAMES, "")
-        key = "order" if code is Code.BOARD_ORDER else "named"
-        figures = {**figures, "error_px": error, **dict(misnaming.figures), key: misnaming.named}
-        findings.append(blame(code=code, case=case if board else "all_boards", figures=figures))
+    for own in alike.values():
+        fault, figures = own[0], dict(own[0].figures)
+        if figures:
+            figures["error_px"] = max(one.figures["error_px"] for one in own)
+        together = replace(fault, images=sum((one.images for one in own), ()), figures=figures)
+        if fault.boards and is_usual(fault.boards[0], len(own)):
+            code, case = fault.code, "in_most"
+            if figures:
+                named = figures.pop("named")
+                code, case = _FAULT_OF_DRAWING.get(named, Code.BOARD_ORDER), "of_photos"
+                figures["order" if code is Code.BOARD_ORDER else "named"] = named
+            figures = {"photos": len(own), **figures}
+            together = replace(
+                together, code=code, case=case, severity=Severity.CARE, figures=figures
+            )
+        findings.append(together)
     return findings
 
 
-def _describe_step(step: tuple[int, int]) -> Misnaming:
+def _describe_step(step: tuple[int, int]) -> dict[str, Any]:
     columns, rows = step
-    return Misnaming(
-        code=Code.BOARD_PLACE,
-        named="both" if columns and rows else "columns" if columns else "rows",
-        figures=(
-            ("column_steps", abs(columns)),
-            ("columns_far", columns < 0),
-            ("row_steps", abs(rows)),
-            ("rows_far", rows < 0),
-        ),
-    )
+    return {
+        "column_steps": abs(columns),
+        "columns_far": columns < 0,
+        "row_steps": abs(rows),
+        "rows_far": rows < 0,
+        "named": "both" if columns and rows else "columns" if columns else "rows",
+    }
 
 
-def _rename_corners(own: Observations, target: Target) -> Iterator[tuple[Misnaming, FloatArray]]:
+def _rename_corners(
+    own: Observations, target: Target
+) -> Iterator[tuple[dict[str, Any], FloatArray]]:
     """Other names of the corners of one board, and the places of what is named so."""
     board = target.boards[own.board[0]]
     if board.points is not None:
@@ -214,13 +189,10 @@ def _rename_corners(own: Observations, target: Target) -> Iterator[tuple[Misnami
         yield _describe_step(step), flat_points(board, c + step[0], r + step[1])
     for order in COUNTED:
         counted = ORDERS[order](c, r, board.columns, board.rows)
-        misnaming = Misnaming(code=Code.BOARD_ORDER, named=order.removesuffix("_back"))
-        yield misnaming, flat_points(board, *counted)
+        yield {"named": order.removesuffix("_back")}, flat_points(board, *counted)
     for other in target.boards:
         if other is not board and other.points is None:
-            figures = (("other", other.name),)
-            misnaming = Misnaming(code=Code.BOARD_NAMES, named="other_board", figures=figures)
-            yield misnaming, flat_points(other, c, r)
+            yield {"other": other.name, "named": "other_board"}, flat_points(other, c, r)
 
 
 def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
