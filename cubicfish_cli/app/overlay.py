@@ -58,15 +58,17 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
 
     """
     canvas = _Canvas(picture)
-    boards, left_out = _boards(report, corners), _left_out(report)
+    boards = _find_boards(report, corners)
     for row, (text, colour) in enumerate(_caption(report, boards)):
         canvas.write(text, np.array([0.0, (row + 1) * canvas.line]), colour)
-    for mesh, why in left_out:
-        canvas.lines(mesh.between(canvas.unit), LEFT_OUT)
-        for pixel in mesh.pixel:
-            ends = pixel + mesh.mark(canvas.unit) * _SQUARE
-            canvas.lines(np.stack([ends[:2], ends[2:]], axis=1), LEFT_OUT)
-        canvas.write(f"left out: {why}", mesh.pixel.mean(axis=0), LEFT_OUT)
+    for grid, fate in zip(report.found.grids if report.found else (), report.grids, strict=True):
+        if not fate.named:
+            lines, mark = _join_neighbours(grid.cells, grid.pixel, canvas.unit)
+            cross = grid.pixel[:, None] + mark * _SQUARE
+            canvas.lines(lines, LEFT_OUT)
+            canvas.lines(np.concatenate([cross[:, ::2], cross[:, 1::2]]), LEFT_OUT)
+            why = Finding(code=CODES[fate.verdict], case="short").what
+            canvas.write(f"left out: {why}", grid.pixel.mean(axis=0), LEFT_OUT)
     for board in boards:
         _draw_board(canvas, board)
     return canvas.pixels
@@ -115,8 +117,9 @@ class _Canvas:
 
 
 def _draw_board(canvas: _Canvas, board: _Board) -> None:
-    colour, mark = board.colour, board.mark(canvas.unit)
-    canvas.lines(board.between(canvas.unit), colour)
+    colour = board.colour
+    lines, mark = _join_neighbours(board.cells, board.pixel, canvas.unit)
+    canvas.lines(lines, colour)
     # Open marks, so that the corners themselves can be seen in them.
     for pixel in board.pixel[~board.added]:
         canvas.disc(pixel, BLACK, mark + canvas.unit, round(canvas.unit))
@@ -156,53 +159,28 @@ def _fixed(pixel: FloatArray) -> npt.NDArray[np.int32]:
     return np.round(np.asarray(pixel) * (1 << _SHIFT)).astype(np.int32)
 
 
+def _join_neighbours(cells: IntArray, pixel: FloatArray, unit: float) -> tuple[FloatArray, float]:
+    """Lines (M, 2, 2) along rows and columns, and the radius of a mark between them at a corner.
+
+    The marks suit the photo and leave the squares to be seen, the lines the corners themselves.
+    """
+    at = dict(zip(map(tuple, cells.tolist()), pixel, strict=True))
+    neighbours = [((x, y), step) for x, y in at for step in ((x + 1, y), (x, y + 1)) if step in at]
+    ends = np.array([(at[one], at[other]) for one, other in neighbours]).reshape(-1, 2, 2)
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    mark = min(4 * unit, 0.25 * float(np.median(length))) if len(ends) else 4 * unit
+    gap = along * np.minimum(mark / np.maximum(length, 1e-9), 0.5)
+    return np.stack([ends[:, 0] + gap, ends[:, 1] - gap], axis=1), mark
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Mesh:
-    """Corners with integer places.
+class _Board:
+    """A board's named corners in a photo.
 
     Attributes:
         cells: (N, 2) column and row.
         pixel: (N, 2).
-
-    """
-
-    cells: IntArray
-    pixel: FloatArray
-
-    def edges(self) -> FloatArray:
-        """(M, 2, 2) pixels of neighbours along rows and columns."""
-        at = dict(zip(map(tuple, self.cells.tolist()), self.pixel, strict=True))
-        pairs = [
-            (pixel, at[other])
-            for (x, y), pixel in at.items()
-            for other in ((x + 1, y), (x, y + 1))
-            if other in at
-        ]
-        return np.array(pairs).reshape(-1, 2, 2)
-
-    def between(self, unit: float) -> FloatArray:
-        """(M, 2, 2) lines between neighbours that leave the corners themselves to be seen."""
-        edges = self.edges()
-        along = edges[:, 1] - edges[:, 0]
-        length = np.linalg.norm(along, axis=1, keepdims=True)
-        gap = along * np.minimum(self.mark(unit) / np.maximum(length, 1e-9), 0.5)
-        return np.stack([edges[:, 0] + gap, edges[:, 1] - gap], axis=1)
-
-    def mark(self, unit: float) -> float:
-        """Radius of a mark that suits the photo and leaves the squares to be seen."""
-        edges = self.edges()
-        if not len(edges):
-            return 4 * unit
-        return min(
-            4 * unit, 0.25 * float(np.median(np.linalg.norm(np.ptp(edges, axis=1), axis=-1)))
-        )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Board(_Mesh):
-    """A board's named corners.
-
-    Attributes:
         name: of the board.
         colour: that it is drawn in.
         added: (N,) whether the second pass found the corner.
@@ -210,13 +188,15 @@ class _Board(_Mesh):
 
     """
 
+    cells: IntArray
+    pixel: FloatArray
     name: str
     colour: Colour
     added: BoolArray
     convention: bool
 
 
-def _boards(report: PhotoReport, corners: Observations) -> list[_Board]:
+def _find_boards(report: PhotoReport, corners: Observations) -> list[_Board]:
     """The boards of a photo that have named corners."""
     if report.name not in corners.images:
         return []
@@ -243,20 +223,6 @@ def _boards(report: PhotoReport, corners: Observations) -> list[_Board]:
                 )
             )
     return boards
-
-
-def _left_out(report: PhotoReport) -> list[tuple[_Mesh, str]]:
-    """The grids of a photo that were not named, and why."""
-    if report.found is None:
-        return []
-    return [
-        (
-            _Mesh(cells=grid.cells, pixel=grid.pixel),
-            Finding(code=CODES[fate.verdict], case="short").what,
-        )
-        for grid, fate in zip(report.found.grids, report.grids, strict=True)
-        if not fate.named
-    ]
 
 
 def _caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[str, Colour]]:
