@@ -15,7 +15,7 @@ import numpy as np
 
 from cubicfish_cli.app.diagnosis.mirrored import handed
 from cubicfish_cli.app.diagnosis.object_faults import COUNTED, ORDERS, flat_points
-from cubicfish_cli.app.diagnosis.two_lenses import LensChange, lens_change
+from cubicfish_cli.app.diagnosis.two_lenses import lens_change
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
@@ -282,16 +282,17 @@ def left_out_lens(
     names = list(own.pairs.images)
     if not _clearly_other(camera, own):
         return None
-    because = "own_lens"
-    change = LensChange(ratio=ratio, shift=shift, centre=centres[0])
+    because, centre = "own_lens", centres[0]
     first = list(order[: len(names)]) == names
     if first and len(names) < len(order):  # what came before the others, seen from these
         names = list(order[len(names) :])
-        change = LensChange(ratio=1 / ratio, shift=-shift, centre=centres[1])
+        ratio, shift, centre = 1 / ratio, -shift, centres[1]
         because = "own_lens_before"
     in_order = first or list(order[-len(names) :]) == names
     found = lens_change(
-        change,
+        ratio,
+        shift,
+        centre,
         names,
         [name for name in order if name not in names],
         pairs,

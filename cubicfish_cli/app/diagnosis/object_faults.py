@@ -13,7 +13,7 @@ nearly all is told.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -168,11 +168,15 @@ def _try_orders(seen: _Measured) -> _Hypotheses:
     yield _bad(code=Code.MIRRORED, case="target"), {}
     everyone = tuple(seen.boards)
     for boards in (everyone, *((index,) for index in everyone)):
+        oblong = [one for one in map(seen.boards.get, boards) if one and one.columns != one.rows]
+        size = {"columns": oblong[0].columns, "rows": oblong[0].rows} if oblong else {}
+        which = "all" if seen.every(boards) else "one"
         for order in [*list(ORDERS)[1:], *AXES]:
+            told = ("exchanged_size" if oblong else "exchanged") if order in EXCHANGED else order
             finding = _bad(
                 code=Code.BOARD_ORDER,
                 boards=seen.names(boards),
-                figures=_describe_order(seen, boards, order),
+                figures={**size, "order": told, "which": which},
             )
             yield finding, {index: _place_as_counted(seen.boards[index], order) for index in boards}
     for one, other in combinations(everyone, 2):
@@ -187,15 +191,6 @@ def _place_as_counted(board: Board, order: str) -> FloatArray:
     if order in AXES:
         return flat_points(AXES[order](board), column, row)
     return flat_points(board, *ORDERS[order](column, row, board.columns, board.rows))
-
-
-def _describe_order(seen: _Measured, boards: Sequence[int], order: str) -> dict[str, Any]:
-    """The figures of an order."""
-    oblong = [one for one in map(seen.boards.__getitem__, boards) if one.columns != one.rows]
-    size = {"columns": oblong[0].columns, "rows": oblong[0].rows} if oblong else {}
-    if order in EXCHANGED:
-        order = "exchanged_size" if oblong else "exchanged"
-    return {**size, "order": order, "which": "all" if seen.every(boards) else "one"}
 
 
 def _try_squares(seen: _Measured) -> _Hypotheses:
@@ -293,15 +288,6 @@ _IN_GENERAL = {"exchanged_size": "exchanged", "colours": "some_colours"}
 _NO_PLACE = (Decided.NO_FIT, Decided.NOT_PLANE, Decided.TOO_LARGE, Decided.COLOURS)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Trial:
-    """One thing put right: the target to name with, and which photos are taken as mirrored."""
-
-    finding: Finding
-    target: Target
-    mirrored: IntArray = field(default_factory=lambda: np.zeros(0, np.intp))
-
-
 def misdrawn(evidence: GridEvidence) -> list[Finding]:
     """What is likely wrong with photos or drawing, as the grids that fit nowhere show it.
 
@@ -319,48 +305,47 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
     sizes = np.array([sum(map(len, own)) for own in large], np.intp)
     width = identified.corners.image_size[0]
 
-    def named_by(trial: _Trial, photos: IntArray) -> IntArray:
-        """Corners of each of some photos that have a place, with that put right."""
+    def name_with(other: Target, photos: IntArray, mirrored: IntArray) -> IntArray:
+        """Corners of each of some photos that have a place on a target, some photos mirrored."""
         own = [
             tuple(grid_in_mirror(grid, width) for grid in large[photo])
-            if photo in trial.mirrored
+            if photo in mirrored
             else large[photo]
             for photo in photos
         ]
-        return _count_named(name_again(identified, photos, trial.target, own).grids)[0]
+        return _count_named(name_again(identified, photos, other, own).grids)[0]
 
-    def describe(trial: _Trial, photos: IntArray, again: float) -> list[Finding]:
+    def describe(finding: Finding, photos: IntArray, again: float) -> list[Finding]:
         total = sizes[photos].sum()
         shares = {"before": float(named[photos].sum() / total), "after": float(again / total)}
-        figures = {**trial.finding.figures, **shares}
-        return [replace(trial.finding, because="put_right", figures=figures)]
+        return [replace(finding, because="put_right", figures={**finding.figures, **shares})]
 
     fullest = np.argsort(-(named + lost), kind="stable")
     if 2 * len(odd) < len(fullest):
         names = tuple(identified.corners.images[photo] for photo in odd)
         finding = _bad(code=Code.MIRRORED, case="some_grids", images=names)
-        some = _Trial(finding=finding, target=target, mirrored=odd)
         is_odd = np.isin(fullest, odd)
         photos = np.sort(np.concatenate([fullest[one][:_PHOTOS] for one in (is_odd, ~is_odd)]))
-        again = named_by(some, photos)
+        again = name_with(target, photos, odd)
         # Each of them by itself: one that shows something else does not speak for the others.
         right = np.where(np.isin(photos, odd), sizes[photos], named[photos])
         if (again > _FITS * right).all():
-            return describe(some, photos, again.sum())
+            return describe(finding, photos, again.sum())
     if lost.sum() <= _LOST * (named + lost).sum():
         return []
     chosen = np.sort(fullest[:_PHOTOS])
     if not lost[chosen].any():
         chosen = np.flatnonzero(lost)[:_PHOTOS]
     total = sizes[chosen].sum()
-    best: tuple[float, _Trial] | None = None
-    for trial in _make_trials(target, chosen):
-        share = named_by(trial, chosen).sum() / total
-        if share > _FITS and (best is None or share > best[0] + _CLEARLY):
-            best = (share, trial)
-        if best is not None and best[0] >= 1 - _CLEARLY:
+    best, most = None, _FITS
+    for finding, other in _try_drawings(target):
+        mirrored = chosen if finding.code is Code.MIRRORED else chosen[:0]
+        share = float(name_with(other, chosen, mirrored).sum() / total)
+        if share > most:
+            best, most = describe(finding, chosen, share * total), share + _CLEARLY
+        if most >= 1:
             break
-    return [] if best is None else describe(best[1], chosen, best[0] * total)
+    return best or []
 
 
 def _count_named(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
@@ -375,41 +360,41 @@ def _keep_large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
     return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
 
 
-def _make_trials(target: Target, photos: IntArray) -> Iterator[_Trial]:
-    case = "none" if target.mirrored else "all_grids"
-    yield _Trial(finding=_bad(code=Code.MIRRORED, case=case), target=target, mirrored=photos)
+def _try_drawings(target: Target) -> Iterator[tuple[Finding, Target]]:
+    """One thing put right: what was wrong, and the target to name with."""
+    yield _bad(code=Code.MIRRORED, case="none" if target.mirrored else "all_grids"), target
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
     changes = [list(_change_board(target.boards[index])) for index in plain]
     for index, own in zip(plain, changes, strict=True):
-        for code, figures, board in own:
-            yield _try_drawing(target, code, {**figures, "which": "one"}, {index: board})
+        for change in own:
+            yield _redraw(target, "one", {index: change})
     for every in zip(*changes, strict=False):
-        code, figures, _ = every[0]
-        if any(other != figures for _, other, _ in every):
-            figures = {**figures, "order": _IN_GENERAL[figures["order"]]}
-        boards = (board for *_, board in every)
-        redrawn = dict(zip(plain, boards, strict=True))
-        yield _try_drawing(target, code, {**figures, "which": "all"}, redrawn)
+        yield _redraw(target, "all", dict(zip(plain, every, strict=True)))
     for one, other in combinations(plain, 2):
         a, b = target.boards[one], target.boards[other]
-        yield _Trial(
-            finding=_bad(code=Code.BOARD_NAMES, case="places", boards=(a.name, b.name)),
-            target=target.with_boards({one: _swap_place(a, b), other: _swap_place(b, a)}),
-        )
+        finding = _bad(code=Code.BOARD_NAMES, case="places", boards=(a.name, b.name))
+        yield finding, target.with_boards({one: _swap_place(a, b), other: _swap_place(b, a)})
 
 
-def _try_drawing(
-    target: Target, code: Code, figures: Mapping[str, Any], boards: Mapping[int, Board]
-) -> _Trial:
+_Change = tuple[Code, dict[str, Any], Board]
+"""What was wrong with a board, the figures of that, and the board put right."""
+
+
+def _redraw(target: Target, which: str, changes: Mapping[int, _Change]) -> tuple[Finding, Target]:
+    """The same change of one board, or of all."""
+    code, figures, _ = next(iter(changes.values()))
+    if any(other != figures for _, other, _ in changes.values()):
+        figures = {**figures, "order": _IN_GENERAL[figures["order"]]}
+    boards = {index: board for index, (*_, board) in changes.items()}
     names = tuple(board.name for board in boards.values())
-    finding = _bad(code=code, case="grids", boards=names, figures=figures)
-    return _Trial(finding=finding, target=target.with_boards(boards))
+    figures = {**figures, "which": which}
+    return _bad(code=code, case="grids", boards=names, figures=figures), target.with_boards(boards)
 
 
-def _change_board(board: Board) -> Iterator[tuple[Code, dict[str, Any], Board]]:
-    """One thing of a board put right: what was wrong, the figures of that, and the board."""
+def _change_board(board: Board) -> Iterator[_Change]:
+    """One thing of a board put right."""
 
-    def order(key: str, **changed: Any) -> tuple[Code, dict[str, Any], Board]:
+    def order(key: str, **changed: Any) -> _Change:
         size = {"columns": board.columns, "rows": board.rows} if "columns" in changed else {}
         return Code.BOARD_ORDER, {"order": key, **size}, replace(board, **changed)
 

@@ -187,7 +187,9 @@ def _describe(apart: _Apart, together: float) -> Finding:
         second, ratio, centre, other = ~second, 1 / ratio, other, centre
     names = np.array(pairs.images)[photos.photos]
     return lens_change(
-        LensChange(ratio=ratio, shift=other - centre, centre=centre),
+        ratio,
+        other - centre,
+        centre,
         names[second].tolist(),
         names[~second].tolist(),
         pairs,
@@ -366,24 +368,10 @@ def _sort_along_axes(own: FloatArray, weight: FloatArray) -> IntArray:
     return np.argsort(along, axis=0, kind="stable").T
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LensChange:
-    """How the lens of some photos differs from that of the others.
-
-    Attributes:
-        ratio: of its scale to the others'.
-        shift: (2,) of its centre from the others', pixels.
-        centre: (2,) of the others, pixels.
-
-    """
-
-    ratio: float
-    shift: FloatArray
-    centre: FloatArray
-
-
 def lens_change(
-    change: LensChange,
+    ratio: float,
+    shift: FloatArray,
+    centre: FloatArray,
     names: list[str],
     rest: list[str],
     pairs: Observations,
@@ -395,7 +383,9 @@ def lens_change(
     """What kind of difference there is between the lens of some photos and the others'.
 
     Args:
-        change: the difference.
+        ratio: of its scale to the others'.
+        shift: (2,) of its centre from the others', pixels.
+        centre: (2,) of the others, pixels.
         names: the photos.
         rest: the others.
         pairs: any pairs of the same size of photo.
@@ -406,15 +396,13 @@ def lens_change(
     """
     size = np.array(pairs.image_size, float)
     reach, near = size.min() / 2, _SAME_CENTRE * size.max()
-    by_scale = abs(change.ratio - 1) * reach
-    by_shift = float(np.hypot(*change.shift))
-    scaled_centre = (change.ratio - 1) * (change.centre + 0.5)
-    turned = size - 1 - 2 * change.centre
-    if by_scale < _NONE * by_shift and np.hypot(*(change.shift - turned)) < min(
-        near, 0.2 * by_shift + 1
-    ):
+    by_scale = abs(ratio - 1) * reach
+    by_shift = float(np.hypot(*shift))
+    scaled_centre = (ratio - 1) * (centre + 0.5)
+    turned = size - 1 - 2 * centre
+    if by_scale < _NONE * by_shift and np.hypot(*(shift - turned)) < min(near, 0.2 * by_shift + 1):
         code = Code.TURNED
-    elif by_scale > _NONE * by_shift and np.hypot(*(change.shift - scaled_centre)) < max(
+    elif by_scale > _NONE * by_shift and np.hypot(*(shift - scaled_centre)) < max(
         0.1 * by_shift, near / 4
     ):
         code = Code.SCALED
@@ -434,10 +422,10 @@ def lens_change(
             "where": "from" if in_order else "in",
             "in_order": in_order,
             "rest": rest,
-            "scale": _ratio_words(change.ratio),
-            "focal_off": change.ratio - 1,
-            "x_px": float(change.shift[0]),
-            "y_px": float(change.shift[1]),
+            "scale": _ratio_words(ratio),
+            "focal_off": ratio - 1,
+            "x_px": float(shift[0]),
+            "y_px": float(shift[1]),
         },
     )
 

@@ -36,7 +36,7 @@ from cubicfish_cli.app.diagnosis.photo_lenses import (
     Unlike,
     unlike,
 )
-from cubicfish_cli.app.diagnosis.two_lenses import LensChange, best_split, lens_change
+from cubicfish_cli.app.diagnosis.two_lenses import best_split, lens_change
 from cubicfish_cli.app.diagnosis.wrong_drawing import measured_object
 from cubicfish_cli.app.words.phrases import percent
 from cubicfish_cli.commands.calibration import calibrate
@@ -501,10 +501,11 @@ CENTRE = np.array([500.0, 350.0])
     ],
 )
 def test_how_a_lens_differs_is_named(exact, ratio, shift, cause, words):
-    change = LensChange(ratio=ratio, shift=np.array(shift, float), centre=CENTRE)
     told = [
         lens_change(
-            change,
+            ratio,
+            np.array(shift, float),
+            CENTRE,
             ["a.png", "b.png"],
             ["c.png", "d.png"],
             exact,
