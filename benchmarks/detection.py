@@ -31,8 +31,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
+from looking import look_at
 
-from cubicfish_cli.app.viewpoints.truth import look_at, project_corners
+from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.finder import find_grids
 from cubicfish_cli.extensions.simulation.simulate import render

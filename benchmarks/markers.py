@@ -21,8 +21,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import cv2
 import numpy as np
 from asymmetric_lens import AsymmetricLens
+from looking import look_at
 
-from cubicfish_cli.app.viewpoints.truth import Pose, TrueCorners, look_at, project_corners
+from cubicfish_cli.app.viewpoints.truth import Pose, TrueCorners, project_corners
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.boards.types import BOARD_TYPES

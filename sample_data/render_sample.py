@@ -18,7 +18,6 @@ import numpy.typing as npt
 
 from cubicfish_cli.app.viewpoints.truth import (
     Pose,
-    look_at,
     rotation_matrix,
     true_corners_text,
 )
@@ -27,6 +26,7 @@ from cubicfish_cli.core.target import Target, load_target
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests" / "support")]
 
+from looking import look_at  # noqa: E402
 from room import Room  # noqa: E402
 from synthetic_lenses import SyntheticLens, synthetic_lens  # noqa: E402
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from looking import look_at
 from running import SAMPLE, Run
 from synthetic import IMAGE_SIZE, TRUE_LENS, rays_in_cone
 
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.target import load_target

@@ -8,13 +8,13 @@ from dataclasses import fields, replace
 import numpy as np
 import numpy.typing as npt
 from asymmetric_lens import AsymmetricLens
+from looking import look_at
 
 from cubicfish_cli.app.viewpoints.truth import (
     AnyLens,
     Pose,
     TrueCorners,
     camera_points,
-    look_at,
     project_corners,
 )
 from cubicfish_cli.core.boards.board import Board

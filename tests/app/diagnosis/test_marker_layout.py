@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 from asymmetric_lens import AsymmetricLens
+from looking import look_at
 
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import MarkerEvidence
-from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.codes import Code, Severity

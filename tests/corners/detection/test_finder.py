@@ -3,9 +3,10 @@
 import cv2
 import numpy as np
 import pytest
+from looking import look_at
 from synthetic import box_of_four, lens_of_size
 
-from cubicfish_cli.app.viewpoints.truth import look_at, project_corners
+from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.corners.detection import finder

@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 from asymmetric_lens import AsymmetricLens
+from looking import look_at
 from synthetic import plain_background
 
 from cubicfish_cli.app.look import look_at as search
 from cubicfish_cli.app.photos import Photo
-from cubicfish_cli.app.viewpoints.truth import camera_points, look_at, project_corners
+from cubicfish_cli.app.viewpoints.truth import camera_points, project_corners
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.target import Target

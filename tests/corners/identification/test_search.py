@@ -3,6 +3,7 @@ import pytest
 from anonymous_grids import anonymous, anonymous_photos
 from hypothesis import given
 from hypothesis import strategies as st
+from looking import look_at
 from synthetic import (
     IMAGE_SIZE,
     checkerboard,
@@ -12,7 +13,6 @@ from synthetic import (
     synthetic_corners,
 )
 
-from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.placement import placement_of, reach_of

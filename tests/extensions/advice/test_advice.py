@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from looking import look_at
 from synthetic import (
     IMAGE_SIZE,
     TRUE_LENS,
@@ -16,7 +17,6 @@ from synthetic import (
 
 from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.sufficiency.enough import find_gaps, side_of, summary, why_not_enough
-from cubicfish_cli.app.viewpoints.truth import look_at
 from cubicfish_cli.app.viewpoints.views import Distances, sample_views, view_from
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord

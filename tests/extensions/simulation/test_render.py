@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from asymmetric_lens import AsymmetricLens
+from looking import look_at
 from synthetic import (
     as_type,
     checkerboard,
@@ -16,7 +17,6 @@ from synthetic import (
 
 from cubicfish_cli.app.viewpoints.truth import (
     camera_points,
-    look_at,
     project_corners,
     rotation_matrix,
 )

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from looking import look_at
 from synthetic import corner_of_three, flat_board, lens_of_size
 from synthetic_lenses import synthetic_lens
 
@@ -10,7 +11,7 @@ pytest.importorskip("av")
 
 from synthetic_films import Film, FilmOptions, HandPath
 
-from cubicfish_cli.app.viewpoints.truth import look_at, rotation_matrix
+from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.simulation.command import LookOptions
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses, simulated_photos
