@@ -4,7 +4,6 @@ import pytest
 
 from cubicfish_cli.app.difference_picture import round_up
 from cubicfish_cli.core.units import length_words, two_digits
-from cubicfish_cli.extensions.report.figures import round_down
 
 
 @pytest.mark.parametrize(
@@ -33,10 +32,3 @@ def test_two_digits_are_never_a_power_of_ten():
 )
 def test_scales_end_at_round_numbers(value, up):
     assert round_up(value) == pytest.approx(up)
-
-
-@pytest.mark.parametrize(
-    ("value", "down"), [(7.0, 5.0), (1.9, 1.0), (0.02, 0.02), (1e-13, 1e-12), (0.0, 1e-12)]
-)
-def test_lengths_of_bars_are_round_also_where_cameras_stand_in_one_place(value, down):
-    assert round_down(value) == pytest.approx(down)

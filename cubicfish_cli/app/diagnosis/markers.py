@@ -61,7 +61,7 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
             continue
         boards = _try_layouts(board)
         drawings = [target.with_boards({index: other}) for other in boards]
-        photos = list(islice(richest(evidence), _PHOTOS))
+        photos = list(richest(evidence))
         counts: IntArray = np.zeros(len(boards), np.intp)
         for picture, grids in photos:
             counts = np.maximum(counts, agreeing_markers(picture, drawings, index, grids))
@@ -160,7 +160,7 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
         others += [one.in_mirror() for one in (target, *others)]
     if not others:
         return []
-    for picture, grids in islice(richest(evidence), _PHOTOS):
+    for picture, grids in richest(evidence):
         for other in others:
             found = find_marked_corners(picture, other, grids)
             boards = [index for index in unseen if (found.board == index).any()]
@@ -225,7 +225,7 @@ def _read_any_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
         markers_of_any_kind,  # for photos alone
     )
 
-    seen = [markers_of_any_kind(picture) for picture, _ in islice(richest(evidence), _PHOTOS)]
+    seen = [markers_of_any_kind(picture) for picture, _ in richest(evidence)]
     rows = []
     for name in seen[0] if seen else ():
         ids = np.unique(np.concatenate([one[name] for one in seen]))
@@ -245,7 +245,7 @@ def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
             continue
         gaps, off = _measure_gaps(evidence.corners, index), _OFF
         if len(gaps) < _LEAST_GAPS and not target.mirrored:
-            photos = islice(richest(evidence), _PHOTOS)
+            photos = richest(evidence)
             apart = [tags_apart(picture, target, index, grids) for picture, grids in photos]
             gaps, off = np.concatenate([np.zeros(0), *apart]) - 1, _OFF_OUTLINES
         if len(gaps) < _LEAST_GAPS:
@@ -307,11 +307,12 @@ def hardly_named(evidence: MarkerEvidence) -> bool:
 
 
 def richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
-    """Brightness of photos and their grids, those that show most first."""
-    for number in _sort_richest_first(evidence):
-        picture = evidence.picture(number)
-        if picture is not None:
-            yield picture, evidence.grids[number]
+    """Brightness and grids of those photos that show most, the one with most first."""
+    pictures = (
+        (evidence.picture(one), evidence.grids[one]) for one in _sort_richest_first(evidence)
+    )
+    known = ((picture, grids) for picture, grids in pictures if picture is not None)
+    return islice(known, _PHOTOS)
 
 
 def _sort_richest_first(evidence: MarkerEvidence) -> list[int]:

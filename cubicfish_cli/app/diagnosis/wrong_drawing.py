@@ -162,7 +162,8 @@ def _compare_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarge
     fault = object_fault(target, measured)
     if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
         return []
-    return [_add_evidence(fault, "refined", before_px=before, after_px=after)]
+    figures = {"before_px": before, "after_px": after, **fault.finding.figures}
+    return [replace(fault.finding, because="refined", figures=figures)]
 
 
 def _stands_out(fault: Fault) -> bool:
@@ -171,11 +172,6 @@ def _stands_out(fault: Fault) -> bool:
     return bool(
         fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
     )
-
-
-def _add_evidence(fault: Fault, because: str, **figures: float) -> Finding:
-    finding = fault.finding
-    return replace(finding, because=because, figures={**figures, **finding.figures})
 
 
 def of_failure(evidence: FailedFit) -> list[Finding]:
@@ -198,4 +194,5 @@ def of_failure(evidence: FailedFit) -> list[Finding]:
     noise = local_noise_px(again.pairs, again.residual)
     if noise_px(again.residual) > _AGREES * max(noise, 1e-3):
         return []
-    return [_add_evidence(fault, "corrected", after_px=noise_px(again.residual))]
+    figures = {"after_px": noise_px(again.residual), **fault.finding.figures}
+    return [replace(fault.finding, because="corrected", figures=figures)]

@@ -45,14 +45,12 @@ class Advice:
     Attributes:
         camera: the camera that it is about.
         target: the calibration target; None for pairs that came without one.
-        pixel: (N, 2) corners so far.
-        photos: how many there are.
+        pairs: the corners so far.
         noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
         goal_px: uncertainty that proposals aim at over the field.
         now: uncertainty; None where it cannot be worked out.
         gaps: what photos so far do not show.
-        enough: whether no more photos are needed.
-        reasons: why it is not enough.
+        reasons: why these are not enough.
         photos_needed: how many more photos, as proposed here, reach the goal; None where more than
             :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
         proposals: the next photos, in order.
@@ -62,17 +60,20 @@ class Advice:
 
     camera: CubicCamera
     target: Target | None
-    pixel: FloatArray
-    photos: int
+    pairs: Observations
     noise_px: float | None
     goal_px: float
     now: FieldUncertainty | None
     gaps: Gaps
-    enough: bool
     reasons: tuple[Finding, ...]
     photos_needed: int | None
     proposals: tuple[Proposal, ...]
     notes: tuple[Finding, ...]
+
+    @property
+    def enough(self) -> bool:
+        """Whether no more photos are needed."""
+        return not self.reasons
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -80,7 +81,7 @@ class Advice:
             "enough": self.enough,
             "reasons": [reason.line for reason in self.reasons],
             "findings": [reason.as_record() for reason in self.reasons],
-            "photos": self.photos,
+            "photos": len(self.pairs.images),
             "photos_needed": self.photos_needed,
             "goal_px": self.goal_px,
             "noise_px": self.noise_px,
@@ -152,13 +153,11 @@ def advise(
     return Advice(
         camera=camera,
         target=target,
-        pixel=pairs.pixel,
-        photos=len(pairs.images),
+        pairs=pairs,
         noise_px=noise,
         goal_px=goal,
         now=now,
         gaps=gaps,
-        enough=not reasons,
         reasons=tuple(reasons),
         photos_needed=needed,
         proposals=found,

@@ -20,7 +20,6 @@ from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice
-    from cubicfish_cli.extensions.advice.proposals import Proposal
 
 _MOST_PARTS = 4
 _PICTURES = (".svg", ".png", ".pdf")
@@ -88,11 +87,6 @@ class AdviceFiles:
     advice: Advice
     picture: Path | None = None
     poses: Path | None = None
-
-    @property
-    def written(self) -> list[Path]:
-        """The files."""
-        return [path for path in (self.picture, self.poses) if path is not None]
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish advise --json`` prints."""
@@ -179,13 +173,14 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
     if how.print(made):
         return
     _print(made.advice)
-    print_wrote(made.written)
+    print_wrote([path for path in (made.picture, made.poses) if path is not None])
 
 
 def _print(advice: Advice) -> None:
     from cubicfish_cli.core.assess.camera_facts import COVERED
 
-    result(f"{plural(advice.photos, 'photo')}, {plural(len(advice.pixel), 'corner')}")
+    pairs = advice.pairs
+    result(f"{plural(len(pairs.images), 'photo')}, {plural(len(pairs.pixel), 'corner')}")
     if advice.now is not None:
         goal = "" if advice.enough else f" (goal: {advice.goal_px:g} px)"
         result(f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning}{goal}")
@@ -200,7 +195,11 @@ def _print(advice: Advice) -> None:
         if advice.proposals:
             result("Take these next; what each brings counts those before it:")
         for number, proposal in enumerate(advice.proposals, start=1):
-            _print_proposal(number, proposal)
+            result(f"  {number}  Put {proposal.words}.")
+            result(
+                f"     Lowers the uncertainty over the field from {proposal.before.median_px:.3f} "
+                f"to {proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians)."
+            )
         if advice.proposals:
             result()
     for note in advice.notes:
@@ -230,11 +229,3 @@ def _print_gaps(advice: Advice) -> None:
         if len(parts) > _MOST_PARTS:
             result(f"  and {plural(len(parts) - _MOST_PARTS, 'smaller part')}")
         result()
-
-
-def _print_proposal(number: int, proposal: Proposal) -> None:
-    result(f"  {number}  Put {proposal.words}.")
-    result(
-        f"     Lowers the uncertainty over the field from {proposal.before.median_px:.3f} to "
-        f"{proposal.after.median_px:.3f} px, by {100 * proposal.gain:.0f} % (medians)."
-    )

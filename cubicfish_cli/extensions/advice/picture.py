@@ -82,7 +82,8 @@ def _draw_frame(axes: Axes, advice: Advice, title: str) -> None:
     )  # fmt: skip
     axes.add_collection(empty)
     empty.set_clip_path(field)
-    dots = advice.pixel[:: -(-len(advice.pixel) // _MOST_DOTS)]
+    pixel = advice.pairs.pixel
+    dots = pixel[:: -(-len(pixel) // _MOST_DOTS)]
     axes.scatter(dots[:, 0], dots[:, 1], s=2, color="#333", alpha=0.5, zorder=1.2, rasterized=True)
 
 

@@ -98,7 +98,7 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
 def arrow_zoom(facts: Facts, errors: ErrorFacts) -> float:
     """How many times as long as they are errors are drawn, so that most can be seen."""
     typical = float(np.percentile(errors.length, 95))
-    return round_down(_ARROW_SHARE * max(facts.camera.image_size) / max(typical, 1e-9))
+    return 1 / round_up(typical / (_ARROW_SHARE * max(facts.camera.image_size)))
 
 
 def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
@@ -290,10 +290,3 @@ def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
 def _show_photo(axes: Axes, facts: Facts) -> None:
     width, height = facts.camera.image_size
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
-
-
-def round_down(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten at or below a positive value."""
-    value = max(value, 1e-12)
-    power = 10.0 ** math.floor(math.log10(value) + 1e-9)
-    return max(step * power for step in (1, 2, 5) if step * power <= value * 1.000001)
