@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -29,11 +29,9 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import CornerEvidence, Evidence, FailedFit, FitEvidence
 
-E = TypeVar("E", bound=Evidence)
-
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis(Generic[E]):
+class Hypothesis:
     """One kind of thing that may be wrong.
 
     Attributes:
@@ -43,9 +41,9 @@ class Hypothesis(Generic[E]):
 
     """
 
-    of: type[E]
-    explain: Callable[[E], Sequence[Finding]]
-    applies: Callable[[E, Sequence[Finding]], bool] = lambda evidence, found: True
+    of: type[Evidence]
+    explain: Callable[[Any], Sequence[Finding]]
+    applies: Callable[[Any, Sequence[Finding]], bool] = lambda evidence, found: True
 
 
 def _not_bad(_: CornerEvidence, found: Sequence[Finding]) -> bool:
@@ -89,7 +87,7 @@ def _counted_rightly(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
 
 
 # In the order in which they are tried, and told.
-HYPOTHESES: tuple[Hypothesis[Any], ...] = (
+HYPOTHESES: tuple[Hypothesis, ...] = (
     # Of photos, and of the grids and markers in them.
     Hypothesis(GridEvidence, corner_count.squares_of_grids),
     Hypothesis(GridEvidence, object_faults.misdrawn, _counted_rightly),

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import minimize_scalar
 
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
 from cubicfish_cli.core.boards.board import Board, FirstSquare
@@ -63,7 +64,8 @@ _EXPLAINED = 1 / 3
 # target; a drawing whose boards are nearer to their places has no such fault.
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
-_ROUNDS = 20
+# The ratio of squares that fits best is within so many times of one that is near to it.
+_NEAR_RATIO = 2.0
 _MIXED_UNITS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
 _bad = partial(Finding, severity=Severity.BAD)
 
@@ -145,17 +147,16 @@ class _Measured:
     drawn: dict[int, FloatArray]
     measured: Mapping[int, FloatArray]
 
-    def onto(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> Similarity:
-        """The measured corners, turned, moved and scaled to lie as near to drawn ones as can be."""
-        source = np.concatenate([self.measured[index] for index in self.boards])
-        goal = np.concatenate([drawn[index] for index in self.boards])
-        return similarity(source * ([1, 1, -1] if mirror else 1), goal)
-
     def difference(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> float:
-        """RMS distance of the measured corners from drawn ones, in the drawing's units."""
-        motion, flip = self.onto(drawn, mirror=mirror), [1, 1, -1] if mirror else 1
-        miss = [motion(self.measured[index] * flip) - drawn[index] for index in self.boards]
-        return float(np.sqrt(np.mean(np.sum(np.concatenate(miss) ** 2, axis=1))))
+        """RMS distance of the measured corners from drawn ones, in the drawing's units.
+
+        They are turned, moved and scaled to lie as near to these as can be.
+        """
+        source = np.concatenate([self.measured[index] for index in self.boards])
+        source = source * ([1, 1, -1] if mirror else 1)
+        goal = np.concatenate([drawn[index] for index in self.boards])
+        miss = similarity(source, goal)(source) - goal
+        return float(np.sqrt(np.mean(np.sum(miss**2, axis=1))))
 
     def names(self, boards: Sequence[int]) -> tuple[str, ...]:
         return tuple(self.boards[index].name for index in boards)
@@ -230,18 +231,21 @@ def _try_squares(seen: _Measured) -> _Hypotheses:
 
 
 def _fit_ratio(
-    seen: _Measured, boards: Sequence[int], ratio: float
+    seen: _Measured, boards: Sequence[int], start: float
 ) -> tuple[float, dict[int, FloatArray]]:
     """The ratio of squares that fits best, from one near to it, and where corners are then."""
-    origin = {index: seen.boards[index].origin for index in boards}
-    arm = {index: seen.drawn[index] - at for index, at in origin.items()}
-    size = sum(float(np.sum(one**2)) for one in arm.values())
-    for _ in range(_ROUNDS):
-        points = {index: at + ratio * arm[index] for index, at in origin.items()}
-        motion = seen.onto({**seen.drawn, **points})
-        seen_arm = {index: motion(seen.measured[index]) - at for index, at in origin.items()}
-        ratio = sum(float(np.sum(seen_arm[index] * arm[index])) for index in boards) / size
-    return ratio, {index: at + ratio * arm[index] for index, at in origin.items()}
+
+    def resize(ratio: float) -> dict[int, FloatArray]:
+        origin = {index: seen.boards[index].origin for index in boards}
+        return {index: at + ratio * (seen.drawn[index] - at) for index, at in origin.items()}
+
+    def miss(ratio: float) -> float:
+        return seen.difference({**seen.drawn, **resize(ratio)})
+
+    exactly = {"xatol": 1e-9 * start}
+    near = (start / _NEAR_RATIO, start * _NEAR_RATIO)
+    ratio = float(minimize_scalar(miss, bounds=near, method="bounded", options=exactly).x)
+    return ratio, resize(ratio)
 
 
 def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
