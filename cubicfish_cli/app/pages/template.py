@@ -1,16 +1,15 @@
-"""The template that pages are filled into, and how what they are about was made."""
+"""The template that pages are filled into."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from cubicfish_cli.core.assess.fit_record import origin_of
+from cubicfish_cli.core.assess.fit_record import Origin
 
 _LONGEST_TEXT = 1000
 _IMAGES = ("data:image/jpeg;base64,", "data:image/svg+xml;base64,")
@@ -53,23 +52,6 @@ def _count(value: float) -> str:
     return f"{value:,.0f}"
 
 
-def day_of(made_by: Mapping[str, Any]) -> str | None:
+def day_of(made: Origin) -> str | None:
     """When it was made, for people."""
-    date = origin_of(made_by).date
-    return date.replace("T", " ").replace("+00:00", " UTC") if date else None
-
-
-def made_of(made_by: Mapping[str, Any]) -> dict[str, Any]:
-    """How the calibration was made, as text."""
-    origin = origin_of(made_by)
-    return {
-        "version": origin.version,
-        "date": origin.date,
-        "command": origin.command,
-        "options": [
-            (name, "yes" if value is True else "no" if value is False else str(value))
-            for name, value in origin.options.items()
-        ],
-        "target": origin.target and (origin.target.file, origin.target.sha256),
-        "inputs": [(one.file, one.sha256) for one in origin.inputs],
-    }
+    return made.date.replace("T", " ").replace("+00:00", " UTC") if made.date else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cubicfish_cli.app.calibration_facts import Facts, facts_of_fit, matched
-from cubicfish_cli.app.pages.template import day_of, made_of, template
+from cubicfish_cli.app.pages.template import day_of, template
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord, origin_of
 from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
@@ -52,6 +52,7 @@ def report_html(facts: Facts) -> str:
     if not isinstance(facts.camera, CubicCamera):
         absent.append(_POINT_ABSENT)
     names = [photo.image for photo in facts.photos]
+    origin = origin_of(facts.known.made_by)
     return template(Path(__file__).with_name("report.html")).render(
         facts=facts,
         known=facts.known.facts,
@@ -74,8 +75,8 @@ def report_html(facts: Facts) -> str:
         empty=_without_corners(facts),
         notes=_notes(facts.fit),
         dropped=sorted(facts.fit.dropped_corners, key=_least_off)[:_MOST_DROPPED],
-        made=made_of(facts.known.made_by),
-        day=day_of(facts.known.made_by),
+        made=origin,
+        day=day_of(origin),
         absent=absent,
     )
 

@@ -24,7 +24,8 @@ from cubicfish_cli.app.pages.figures import (
     show_evenly,
     upright,
 )
-from cubicfish_cli.app.pages.template import day_of, made_of, template
+from cubicfish_cli.app.pages.template import day_of, template
+from cubicfish_cli.core.assess.fit_record import origin_of
 from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
@@ -52,8 +53,8 @@ def rig_html(rig: Rig) -> str:
         colours=colours,
         figures={figure.name: figure for figure in drawn if figure is not None},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
-        made=made_of(rig.made_by),
-        day=day_of(rig.made_by),
+        made=origin_of(rig.made_by),
+        day=day_of(origin_of(rig.made_by)),
     )
 
 
