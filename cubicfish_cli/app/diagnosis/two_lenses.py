@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
-from typing import Literal
 
 import numpy as np
 from scipy.special import fdtrc, ndtri
@@ -69,7 +68,6 @@ class TwoLenses:
 
     Attributes:
         second: (K,) which of ``PhotoLenses.photos`` are in the smaller or later group.
-        kind: ``order`` where the lens changed once in the order of the photos, else ``mixed``.
         chance: how often so clear a split would be found among photos through one lens.
         own: (2, 3) scale, shift x, shift y of both groups, pixels.
         share: of all photos' squared error that the two lenses explain, beside one for all.
@@ -79,7 +77,6 @@ class TwoLenses:
     """
 
     second: BoolArray
-    kind: Literal["order", "mixed"]
     chance: float
     own: FloatArray
     share: float
@@ -315,17 +312,15 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
     pull = (weight @ off[:, :, None])[:, :, 0]
     in_order = best_cut(np.arange(count)[None], weight, pull, _FEWEST_IN_GROUP)
     mixed = best_cut(_sort_along_axes(own, weight), weight, pull, _FEWEST_IN_GROUP)
-    trials = {"order": count - 1, "mixed": sum(comb(count - 1, k) for k in range(4))}
     if in_order is None or mixed is None:
         return None
-    kind: Literal["order", "mixed"] = "mixed" if mixed[0] > _CLEARLY * in_order[0] else "order"
-    ratio, between, second = mixed if kind == "mixed" else in_order
-    if kind == "mixed" and 2 * second.sum() > count:
-        second = ~second
+    (ratio, between, second), trials = in_order, count - 1
+    if mixed[0] > _CLEARLY * in_order[0]:
+        (ratio, between, second), trials = mixed, sum(comb(count - 1, k) for k in range(4))
+        second = ~second if 2 * second.sum() > count else second
     return TwoLenses(
         second=second,
-        kind=kind,
-        chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials[kind],
+        chance=float(fdtrc(3, 3 * (count - 2), ratio)) * trials,
         own=np.stack([mean_of(own[part], weight[part]) for part in (~second, second)]),
         share=between / (_sum_scatter(own, weight) + float(photos.squares.sum()) + 1e-300),
         along=_explain_along(own, weight, second),
