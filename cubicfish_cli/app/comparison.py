@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
@@ -15,6 +14,7 @@ from cubicfish_cli.core.assess.fit_record import ErrorStatistics
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.alignment import ProjectingLens, turned_onto
 from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
+from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import all_around
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import Brief
@@ -27,20 +27,6 @@ _RING_DEG = 10.0
 # farthest of such pairs come from outside the other's field and are left out in the next round.
 _START_ROUNDS = 4
 _START_SHARE = 0.8
-
-
-class ComparedCamera(Protocol):
-    """A central camera."""
-
-    @property
-    def image_size(self) -> tuple[int, int]:
-        """(width, height), pixels."""
-
-    def project(self, points: npt.ArrayLike, /) -> FloatArray:
-        """Camera-frame points (..., 3) -> pixels (..., 2), NaN outside the field."""
-
-    def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
-        """Pixels (..., 2) -> unit rays (..., 3), NaN outside the field."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -59,8 +45,8 @@ class Comparison(Brief):
 
     """
 
-    first: ComparedCamera
-    second: ComparedCamera
+    first: CubicCamera
+    second: CubicCamera
     rotation: FloatArray
     scale: float
     statistics: ErrorStatistics
@@ -101,14 +87,14 @@ class Comparison(Brief):
 class _Rescaled:
     """A camera in the pixels of photos that were scaled."""
 
-    def __init__(self, camera: ComparedCamera, scale: float) -> None:
+    def __init__(self, camera: CubicCamera, scale: float) -> None:
         self._camera, self._scale = camera, scale
 
     def project(self, points: FloatArray, /) -> FloatArray:
         return (self._camera.project(points) + 0.5) * self._scale - 0.5
 
 
-def compare(first: ComparedCamera, second: ComparedCamera) -> Comparison:
+def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
     """Differences of two cameras over their common field, frames aligned.
 
     Raises:

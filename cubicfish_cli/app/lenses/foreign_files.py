@@ -70,15 +70,6 @@ def own_field_deg(path: Path) -> float | None:
     return degrees if 0 < degrees < 180 else None
 
 
-def is_foreign(path: Path) -> bool:
-    """Whether a file is of a format that is known by its looks."""
-    try:
-        sniffed(path)
-    except CameraFileError:  # what is wrong with it is said by the reader of our own
-        return False
-    return True
-
-
 def sniffed(path: Path) -> str:
     """The format of a file, by what it holds.
 
