@@ -15,13 +15,14 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.alignment import ProjectingLens, turned_onto
 from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.sphere import all_around
+from cubicfish_cli.core.lenses.sphere import all_around, ray_at
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import Brief
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
 _PIXELS = 40_000
 _ALIGNING_PIXELS = 2_500
+_FEW_PIXELS = 400
 _RING_DEG = 10.0
 # A ray and the one whose pixel is nearest in the other lens say how the frames are turned; the
 # farthest of such pairs come from outside the other's field and are left out in the next round.
@@ -105,6 +106,9 @@ def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
     scale = _scale(first.image_size, second.image_size)
     pixel = pixel_grid(first.image_size, _PIXELS)
     rays = first.unproject(pixel)
+    if np.isfinite(rays[:, 0]).sum() < _FEW_PIXELS:  # a narrow field falls between them
+        pixel = _near_axis(first)
+        rays = first.unproject(pixel)
     seen = np.flatnonzero(np.isfinite(rays[:, 0]))
     some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
     scaled, near = _Rescaled(second, scale), (rays[some], pixel[some])
@@ -171,6 +175,22 @@ def _frames_turn(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) ->
         off = np.linalg.norm(rotation.apply(own) - matched, axis=1)
         near = off <= np.quantile(off, _START_SHARE)
     return rotation
+
+
+def _near_axis(camera: CubicCamera) -> FloatArray:
+    """Pixels (N, 2) spread evenly over the part of the photo that a camera of narrow field sees."""
+    angle = np.deg2rad(np.geomspace(1e-3, 90, 200))[:, None]
+    around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    fan = ray_at(*np.broadcast_arrays(angle, around))
+    edge = camera.project(fan.reshape(-1, 3))
+    edge = edge[np.isfinite(edge[:, 0])]
+    if not len(edge):
+        return np.zeros((0, 2))
+    side = round(_PIXELS**0.5)
+    low = np.maximum(edge.min(axis=0), 0)
+    high = np.minimum(edge.max(axis=0), np.subtract(camera.image_size, 1))
+    x, y = np.linspace(low, high, side).T
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def pixel_grid(image_size: tuple[int, int], count: int) -> FloatArray:
