@@ -38,6 +38,7 @@ from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
 if TYPE_CHECKING:
@@ -99,12 +100,7 @@ class RigOptions:
         "photos of the same name]",
         FILE,
     )
-    times: StrPath | None = option(
-        "--times FILE",
-        "When each photo was taken: a CSV file with the columns camera,image,seconds. What is left "
-        "of a camera's lateness is fitted where photos of a shot are not of one moment.",
-        FILE,
-    )
+    times: StrPath | None = times_option
     tolerance: float | None = option(
         "--tolerance TIME",
         "Photos taken within this are one shot, by the times in their names or in --times, such "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
@@ -14,6 +15,7 @@ from cubicfish_cli.app.terminal.terminal import print_json, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.evaluate import say_unplaced
 from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ class RigEvaluateOptions:
         rig: its rig.yaml, or the folder of that.
         cameras: photos or a corners.csv of each camera, in the rig's order or called as they are.
         target: the calibration target, or its file.
+        times: a table that says when each photo was taken.
 
     """
 
@@ -43,6 +46,7 @@ class RigEvaluateOptions:
         metavar="CAMERA CAMERA...",
     )
     target: TargetSource | Target | StrPath | None = target_options
+    times: StrPath | None = times_option
 
 
 def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvaluation:
@@ -54,6 +58,7 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
 
     """
     from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
+    from cubicfish_cli.extensions.rigs.fit.shots import load_times
     from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs, named_by
     from cubicfish_cli.extensions.rigs.rig import load_rig
 
@@ -72,13 +77,14 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
             f"name photos or a corners.csv of two or more of the cameras {', '.join(names)}"
         )
     source = TargetSource.of(asked.target)
+    times = None if asked.times is None else load_times(Path(asked.times), own)
     loaded = {
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
     }
     run.listener.progress("Placing shots")
     pairs = {name: one.given for name, one in loaded.items()}
-    return evaluate_rig(known, pairs, loaded[own[0]].pairs.target)
+    return evaluate_rig(known, pairs, loaded[own[0]].pairs.target, times=times)
 
 
 @as_command(

@@ -19,6 +19,13 @@ rig_option: Any = option(
     "rig",
 )
 
+times_option: Any = option(
+    "--times FILE",
+    "When each photo was taken: a CSV file with the columns camera,image,seconds. What is left "
+    "of a camera's lateness is fitted where photos of a shot are not of one moment.",
+    FILE,
+)
+
 
 def _two_names(text: str) -> tuple[str, str]:
     names = [name.strip() for name in text.split(",")]

@@ -1,11 +1,17 @@
 """How a target moves about its shots, and rigs whose photos are not of one moment."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hand_held import RATE, Hand, hand_held
 from scipy.interpolate import make_smoothing_spline
 
+from cubicfish_cli import save_target
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
+from cubicfish_cli.core.io.observations_csv import save_corners
+from cubicfish_cli.extensions.rigs.calibrate import RigOptions, calibrate_rig_files
+from cubicfish_cli.extensions.rigs.evaluate import RigEvaluateOptions, evaluate_rig_files
 from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
 from cubicfish_cli.extensions.rigs.fit.motion import paths_between, smooth_track
 
@@ -56,3 +62,20 @@ def test_no_shot_that_is_left_out_is_far_off_where_cameras_run_free() -> None:
     )
     assert rig.fit.rms_px < 0.13  # 0.07 of it noise
     assert rig.fit.rms_px < rig.fit.held_out_rms_px < 1.2 * rig.fit.rms_px
+
+
+@pytest.mark.slow
+def test_a_rig_is_evaluated_with_the_times_that_it_was_fitted_with(tmp_path: Path) -> None:
+    made, cameras = hand_held(2, scatter=0.02), "abc"
+    save_target(tmp_path / "target.yaml", made.target)
+    files = [tmp_path / f"{name}.csv" for name in cameras]
+    rows = ["camera,image,seconds"]
+    for name, path, own, times in zip(cameras, files, made.corners, made.times, strict=True):
+        save_corners(path, own)
+        rows += [f"{name},{photo},{time}" for photo, time in times.items()]
+    (tmp_path / "times.csv").write_text("\n".join(rows) + "\n")
+    told = {"target": tmp_path / "target.yaml", "times": tmp_path / "times.csv"}
+    asked = RigOptions(cameras=files, folder=tmp_path / "rig", refine_target="off", **told)
+    rig = calibrate_rig_files(asked).rig
+    found = evaluate_rig_files(RigEvaluateOptions(rig=tmp_path / "rig", cameras=files, **told))
+    assert found.rms_px == pytest.approx(rig.fit.rms_px, rel=0.1)
