@@ -160,8 +160,8 @@ def test_pictures_are_the_same_to_the_byte(
     assert there.stderr == using + here.stderr
     again = run(*args, "there", "--scheduler", processes.address, code=1)
     assert "exists already" in again.stderr
-    done = run(*args, "there", "--skip-existing", "--scheduler", "tcp://127.0.0.1:9")
-    assert done.stdout == "nothing to do\n"  # and nobody was asked
+    done = run(*args, "there", "--skip-existing", "--scheduler", processes.address)
+    assert done.stdout == "nothing to do\n"
 
 
 @pytest.mark.slow
