@@ -41,10 +41,10 @@ def costs(fit) -> list[float]:
 
     From far away, what a firm prior leaves P is a narrow valley that bends.
     """
-    reference, cubic, prior = fit.reference, fit.cubic, fit.cubic.prior
+    reference, cubic, prior = fit.reference, fit, fit.prior
     limit, found = huber_px(cubic.errors), []
     for lens, poses in islice(starts(reference, prior, cubic, cubic.errors), STARTS):
-        world = cubic.fit.world
+        world = cubic.world
         looser = [weight for weight in LOOSER if weight < prior.weight]
         for tried in (*(replace(prior, weight=weight) for weight in looser), prior):
             lens = held(lens, reference, tried, cubic.errors)

@@ -21,8 +21,8 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import Adjustment
 from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
+from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial
-from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import noise_px, rms_px
 from cubicfish_cli.core.fit.subset import flatness, select, select_photos
@@ -237,7 +237,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
 
 
 def _find_left_out(
-    pairs: Observations, fit: TargetFit, dropped: Sequence[tuple[str, str | None]]
+    pairs: Observations, fit: CameraFit, dropped: Sequence[tuple[str, str | None]]
 ) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""
     unfit = fit.reference.unfit.items()

@@ -18,10 +18,9 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import adjust, huber_weight
 from cubicfish_cli.core.fit.calibration import FitEvidence
-from cubicfish_cli.core.fit.cubic_fit import fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
-from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.observations import Observations
@@ -100,9 +99,9 @@ def invertible(information: FloatArray) -> FloatArray:
     return np.asarray(information + floor * np.eye(information.shape[1]))
 
 
-def lenses_of(fit: TargetFit) -> PhotoLenses:
+def lenses_of(fit: CameraFit) -> PhotoLenses:
     """What each photo of a fit would have of its own, the target as drawn or as fitted."""
-    return photo_lenses(fit.cubic.lens, fit.cubic.poses, fit.reference.pairs)
+    return photo_lenses(fit.lens, fit.poses, fit.reference.pairs)
 
 
 def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLenses:
@@ -266,18 +265,18 @@ def odd_photos(evidence: FitEvidence) -> list[Finding]:
     ]
 
 
-def _can_do_without(fit: TargetFit, left_out: IntArray) -> bool:
+def _can_do_without(fit: CameraFit, left_out: IntArray) -> bool:
     """Whether the other photos make a camera that is right about photos it has not seen."""
     pairs = fit.reference.pairs
     others = np.count_nonzero(~np.isin(pairs.image, left_out))
     poses = len(pairs.images) - len(left_out)
-    unknowns = len(fit.cubic.lens.parameters) + 6 * poses
+    unknowns = len(fit.lens.parameters) + 6 * poses
     return bool(poses >= _FEWEST_OTHERS and 2 * others >= _TIMES_DETERMINED * unknowns)
 
 
-def _refit_without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
+def _refit_without(fit: CameraFit, suspects: IntArray) -> PhotoLenses:
     """What each photo has of its own beside a lens that was fitted without some."""
-    pairs, adjusted = fit.reference.pairs, fit.cubic.fit
+    pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
     kept, own = select_photos(pairs, good), np.isin(pairs.image, good)
     reference = replace(
@@ -286,15 +285,12 @@ def _refit_without(fit: TargetFit, suspects: IntArray) -> PhotoLenses:
         poses=fit.reference.poses[good],
         residual=fit.reference.residual[own],
     )
-    near = replace(
-        adjusted, poses=adjusted.poses[good], residual=adjusted.residual[own], pairs=kept
-    )
-    start = replace(fit.cubic, fit=near)
+    start = replace(fit, poses=fit.poses[good], residual=fit.residual[own], pairs=kept)
     cubic = fit_cubic(reference, start.prior, start=start, relative_decrease=ROUGH_DECREASE)
     # Beside their poses under the other lens, photos would look grossly wrong all over.
     lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, suspects)
-    placed = adjust(lens, adjusted.poses[suspects], others, huber_px=_WIDE_HUBER_PX)
-    poses = adjusted.poses.with_photos(good, cubic.poses).with_photos(suspects, placed.poses)
+    placed = adjust(lens, fit.poses[suspects], others, huber_px=_WIDE_HUBER_PX)
+    poses = fit.poses.with_photos(good, cubic.poses).with_photos(suspects, placed.poses)
     photos = photo_lenses(cubic.lens, poses, pairs)
     if not np.isfinite(photos.own).all():
         raise FitError("photos have no place beside a lens that was fitted without them")

@@ -15,7 +15,7 @@ _FEWEST_PHOTOS = 3
 def repeats(evidence: FitEvidence) -> list[Finding]:
     """Photos that are from the same place, or all from nearly the same."""
     fit = evidence.fit
-    pairs, poses = fit.reference.pairs, fit.cubic.poses
+    pairs, poses = fit.reference.pairs, fit.poses
     focal = fit.reference.camera.fx
     count = len(pairs.images)
     if count < 2:

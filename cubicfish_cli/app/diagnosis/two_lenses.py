@@ -26,9 +26,8 @@ from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import FitEvidence
-from cubicfish_cli.core.fit.cubic_fit import fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, fit_cubic
 from cubicfish_cli.core.fit.radial_reference import refit_radial
-from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
@@ -85,7 +84,7 @@ class TwoLenses:
 
 def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
     """Two groups of photos with a lens each, in place of one lens for all."""
-    fit, together = evidence.fit, rms_px(evidence.fit.cubic.residual)
+    fit, together = evidence.fit, rms_px(evidence.fit.residual)
     limit = max(
         _BEYOND_STATED * _read_stated_px(evidence.uncertainty),
         noticed_px(fit.reference.pairs, CERTAIN_PX),
@@ -128,7 +127,7 @@ class _Apart:
     scale: float
     shift: FloatArray
     second: BoolArray
-    fit: TargetFit
+    fit: CameraFit
     photos: PhotoLenses
     split: TwoLenses
 
@@ -140,7 +139,7 @@ class _Apart:
     @property
     def px(self) -> float:
         """RMS, pixels."""
-        return rms_px(self.fit.cubic.errors)
+        return rms_px(self.fit.errors)
 
     def towards(self, longest: float) -> tuple[_Apart, bool]:
         """With scale and shift as the split has them, as far as is safe; whether all the way."""
@@ -241,7 +240,7 @@ def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
     return best
 
 
-def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart | None:
+def _fit_apart(fit: CameraFit, start: _Apart, wanted: _Apart) -> _Apart | None:
     """Fit with a scale and a shift for some photos, and what each photo has of its own in all.
 
     Args:
@@ -261,17 +260,12 @@ def _fit_apart(fit: TargetFit, start: _Apart, wanted: _Apart) -> _Apart | None:
     middle = (np.array(pairs.image_size, float) - 1) / 2
     # Pixels as one lens would have taken them: smaller ones are of a target that is farther away.
     pixel = middle + (pairs.pixel - middle - shift[pairs.image]) / scale[pairs.image, None]
-    poses = start.fit.cubic.poses
+    poses = start.fit.poses
     poses = replace(poses, translation=poses.translation * (scale / old)[:, None])
     reference = refit_radial(start.fit.reference, replace(pairs, pixel=pixel), poses)
-    near = replace(start.fit.cubic.fit, poses=reference.poses)
-    cubic = fit_cubic(
-        reference,
-        fit.cubic.prior,
-        start=replace(start.fit.cubic, fit=near),
-        relative_decrease=ROUGH_DECREASE,
-    )
-    apart = replace(wanted, fit=replace(start.fit, reference=reference, cubic=cubic))
+    near = replace(start.fit, poses=reference.poses)
+    joint = fit_cubic(reference, fit.prior, start=near, relative_decrease=ROUGH_DECREASE)
+    apart = replace(wanted, fit=joint)
     found = lenses_of(apart.fit)
     total = found.own.copy()
     total[:, :3] += np.where(np.isin(found.photos, photos[wanted.second])[:, None], wanted.given, 0)

@@ -17,9 +17,10 @@ from cubicfish_cli.app.diagnosis.object_faults import Fault, object_fault
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
+from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
+from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
 from cubicfish_cli.core.fit.statistics import local_noise_px, noise_px, rms_px, times_noise
 from cubicfish_cli.core.geometry import mean_rotation
 from cubicfish_cli.core.observations import Observations
@@ -142,7 +143,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     if fit.level != "off":
         found = _compare_refined(evidence.nominal_fit, fit, nominal)
         return [replace(finding, severity=Severity.CARE) for finding in found]
-    pairs, residual = fit.reference.pairs, fit.cubic.residual
+    pairs, residual = fit.reference.pairs, fit.residual
     times = times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
         return []
@@ -150,10 +151,10 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     return _compare_refined(fit, refine_object(fit, own, "shape", ()), own)
 
 
-def _compare_refined(drawn: TargetFit, refined: TargetFit, nominal: NominalTarget) -> list[Finding]:
+def _compare_refined(drawn: CameraFit, refined: CameraFit, nominal: NominalTarget) -> list[Finding]:
     """What is wrong with the drawing, where the target is free to be otherwise."""
-    target, real = nominal.target, refined.refined_target(nominal)
-    before, after = rms_px(drawn.cubic.errors), rms_px(refined.cubic.errors)
+    target, real = nominal.target, nominal.refined(refined.world)
+    before, after = rms_px(drawn.errors), rms_px(refined.errors)
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:
         return []
     measured = {}

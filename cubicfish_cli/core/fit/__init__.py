@@ -16,7 +16,8 @@ those that depart from their neighbours (`rejection.py`). Photos count by their 
 
 What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what
 corners say is (`NormalEquations`): they add up, and what photos put in is taken out again where
-they are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it.
+they are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it. `RadialReference` and
+`CameraFit` are adjustments with what else is known of them.
 
 The target may be fitted in the same adjustment (`deformable_target.py`; as drawn it is one of
 which nothing is free): boards' shapes and places are shared unknowns like the lens, corners' own

@@ -21,6 +21,7 @@ from cubicfish_cli.core.fit.coverage import (
     field_cells,
     trusted_angle_deg,
 )
+from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import (
@@ -39,7 +40,6 @@ from cubicfish_cli.core.fit.radial_reference import (
 )
 from cubicfish_cli.core.fit.refinement import (
     NominalTarget,
-    TargetFit,
     fit_nominal_target,
     to_the_bottom,
 )
@@ -134,7 +134,7 @@ def calibrate(
         nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
         nominal_fit = fit_nominal_target(rough, nominal)
         selected = select_model(nominal_fit, nominal, refine_target, hold_out, stages)
-        seen, residual = selected.fit.reference.pairs, selected.fit.cubic.residual
+        seen, residual = selected.fit.reference.pairs, selected.fit.residual
         astray = strays(seen, residual)
         if astray.any():
             selected = selected.without(astray)
@@ -170,7 +170,7 @@ def calibrate(
 
 def _assess(
     selected: SelectedModel,
-    nominal_fit: TargetFit,
+    nominal_fit: CameraFit,
     dropped: tuple[DroppedCorner, ...],
     pairs: Observations,
     diagnose: Diagnose | None,
@@ -178,29 +178,29 @@ def _assess(
     """How good the model is that was selected, whose fit to the target as drawn is known too."""
     fit, nominal, held_out = selected.fit, selected.nominal, selected.held_out
     target, scale = nominal.target, nominal.scale
-    cubic, reference = fit.cubic, fit.reference
+    reference = fit.reference
     used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
-    refined = fit.refined_target(nominal)
+    refined = nominal.refined(fit.world)
     camera = CubicCamera(
         image_size=pairs.image_size,
-        P=cubic.lens.P,
-        max_angle_deg=cubic.max_angle_deg,
-        radial=_find_far_radial(cubic.lens, reference),
-        pupil_travel=0.0 if cubic.prior.central else cubic.lens.travel * scale,
+        P=fit.lens.P,
+        max_angle_deg=fit.max_angle_deg,
+        radial=_find_far_radial(fit.lens, reference),
+        pupil_travel=0.0 if fit.prior.central else fit.lens.travel * scale,
         units=None if target is None else target.units,
     )
-    places = repeated_groups(cubic.poses, reference.pairs, reference.camera.fx)
-    spread = photo_spread(cubic, reference, places, selected.in_doubt)
-    points = cubic.poses.apply(reference.pairs.image, cubic.fit.world.points)
+    places = repeated_groups(fit.poses, reference.pairs, reference.camera.fx)
+    spread = photo_spread(fit, places, selected.in_doubt)
+    points = fit.poses.apply(reference.pairs.image, fit.world.points)
     effect = pupil_effect(camera, points * scale, reference.covered)
-    points = from_pupil(points, cubic.lens.travel)
+    points = from_pupil(points, fit.lens.travel)
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
     trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_grid(spread, camera, blind_angle(points))
-    told = np.where(used.tells_error[:, None], cubic.residual, np.nan)
+    told = np.where(used.tells_error[:, None], fit.residual, np.nan)
     rim = coverage_extent(camera, points, told, spread.sigma_px)
-    camera, poses = in_references_frame(camera, cubic.poses.scaled(scale), reference.covered)
+    camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
     findings: Sequence[Finding] = ()
     if diagnose is not None:
         evidence = FitEvidence(
@@ -215,10 +215,10 @@ def _assess(
         findings = diagnose(evidence)
     left_out = held_out.get(fit.level)
     notes = tuple(dropped_groups(pairs, dropped))
-    rays = cubic.poses.apply(reference.pairs.image, reference.pairs.world)
+    rays = fit.poses.apply(reference.pairs.image, reference.pairs.world)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     record = FitRecord(
-        **vars(error_statistics(cubic.errors, len(used.pixel))),
+        **vars(error_statistics(fit.errors, len(used.pixel))),
         images=len(used.images),
         held_out_rms_px=left_out.rms_px if left_out else np.nan,
         held_out_folds=left_out.folds if left_out else 0,
@@ -233,8 +233,8 @@ def _assess(
         reach=rim,
         pupil=effect,
         flat=flatness(used.world) < _NEARLY_FLAT,
-        prior_weight=cubic.prior.weight,
-        prior_spread=cubic.prior.spread,
+        prior_weight=fit.prior.weight,
+        prior_spread=fit.prior.spread,
         coverage=field_cells(camera, used.pixel).coverage,
         notes=tuple(note.line for note in notes),
         findings=tuple(findings),
@@ -247,11 +247,11 @@ def _assess(
         camera=camera,
         poses=poses,
         pairs=used,
-        residual=cubic.residual,
+        residual=fit.residual,
         fit=record,
         held_out=left_out,
-        prior=cubic.prior,
-        runners_up=cubic.runners_up,
+        prior=fit.prior,
+        runners_up=fit.runners_up,
         unfit=reference.unfit,
         target=refined,
         renamed=nominal.renamed,

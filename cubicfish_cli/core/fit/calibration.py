@@ -12,10 +12,11 @@ import numpy as np
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.cubic_fit import PriorChoice, RunnerUp
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice, RunnerUp
+from cubicfish_cli.core.fit.deformable_target import Level
 from cubicfish_cli.core.fit.held_out import HeldOut
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import Level, NominalTarget, TargetFit
+from cubicfish_cli.core.fit.refinement import NominalTarget
 from cubicfish_cli.core.fit.subset import select_photos, world_scale
 from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -145,8 +146,8 @@ class FitEvidence(CornerEvidence):
 
     """
 
-    nominal_fit: TargetFit
-    fit: TargetFit
+    nominal_fit: CameraFit
+    fit: CameraFit
     nominal: NominalTarget
     dropped: Sequence[tuple[str, str | None]]
     uncertainty: UncertaintyGrid

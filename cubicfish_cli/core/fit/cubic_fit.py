@@ -19,7 +19,7 @@ import numpy as np
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget, Level
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, RayPrior
 from cubicfish_cli.core.fit.nearest_cubic import (
@@ -82,41 +82,32 @@ class RunnerUp:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CubicResult:
-    """The cubic lens at the optimum.
+class CameraFit(Adjustment[CubicFit]):
+    """The cubic lens, all poses and, where it is free, the target, fitted together.
 
     Attributes:
-        fit: the adjustment.
-        prior: how P was held to the reference.
+        reference: the radial fit that P leans on; its pairs have the world points of this fit.
+        prior: how P was held to it.
         max_angle_deg: half-angle of the cone over which P may be trusted.
         runners_up: priors that other photos would speak for; none where none was sought.
 
     """
 
-    fit: Adjustment[CubicFit]
+    reference: RadialReference
     prior: PriorChoice
     max_angle_deg: float
     runners_up: tuple[RunnerUp, ...] = ()
 
     @property
-    def lens(self) -> CubicFit:
-        """The fitted lens; its P is (3, 20) in pixels."""
-        return self.fit.lens
+    def level(self) -> Level:
+        """How much of the target was free."""
+        if not self.world.free:
+            return "off"
+        return "points" if len(self.world.offsets) else "shape"
 
-    @property
-    def poses(self) -> Poses:
-        """camera_from_world of each photo."""
-        return self.fit.poses
-
-    @property
-    def residual(self) -> FloatArray:
-        """(N, 2) projection less pixel, pixels."""
-        return self.fit.residual
-
-    @property
-    def errors(self) -> FloatArray:
-        """(K, 2) of the pairs whose error the fit can tell."""
-        return self.fit.errors
+    def followed(self) -> CameraFit:
+        """The same with the reference's pairs at the world points of this fit."""
+        return replace(self, reference=self.reference.followed(self.world.points))
 
 
 # From the most symmetric and the firmest on. An asymmetry of 0.01 is far more than any lens on sale
@@ -147,9 +138,9 @@ def fit_cubic(
     prior: PriorChoice,
     *,
     world: DeformableTarget | None = None,
-    start: CubicResult | None = None,
+    start: CameraFit | None = None,
     relative_decrease: float = _LAST_DECREASE,
-) -> CubicResult:
+) -> CameraFit:
     """Fit P and all poses (Eq. 10) from a reference's lens and poses.
 
     Args:
@@ -181,7 +172,9 @@ def fit_cubic(
             fit = fit.again(relative_decrease=least, damping=WARM_DAMPING, limit=huber_px)
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:
-            return CubicResult(fit=fit, prior=prior, max_angle_deg=max_angle_deg)
+            return CameraFit(
+                **vars(fit), reference=reference, prior=prior, max_angle_deg=max_angle_deg
+            )
         # A pole crept in: hold P closer to the reference, which has none.
         prior, known = replace(prior, weight=prior.weight * 10**0.5), None
         if prior.weight > _STRONGEST:
@@ -195,7 +188,7 @@ def fit_cubic(
 def _choose_start(
     reference: RadialReference,
     prior: PriorChoice,
-    start: CubicResult | None,
+    start: CameraFit | None,
     world: DeformableTarget | None,
     max_angle_deg: float,
     errors: FloatArray,
@@ -222,7 +215,7 @@ def _choose_start(
 
 
 def starts(
-    reference: RadialReference, prior: PriorChoice, start: CubicResult | None, errors: FloatArray
+    reference: RadialReference, prior: PriorChoice, start: CameraFit | None, errors: FloatArray
 ) -> Iterator[tuple[CubicFit, Poses]]:
     """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones.
 
@@ -294,10 +287,9 @@ def choose_prior(
     reference: RadialReference,
     groups: Sequence[IntArray],
     *,
-    world: DeformableTarget | None = None,
-    start: CubicResult | None = None,
+    start: CameraFit | None = None,
     everywhere: bool = False,
-) -> CubicResult:
+) -> CameraFit:
     """Fit the cubic under the prior that photos left out speak for.
 
     Other priors, and fits without some photos, are one Gauss-Newton step from a fit under one;
@@ -307,8 +299,8 @@ def choose_prior(
         reference: the radial fit.
         groups: photos to be left out together; with fewer than two the prior of ``start``, or the
             expected one, is kept.
-        world: the target, where it is free.
-        start: a fit to the same photos whose prior is where to begin.
+        start: a fit to the same photos, whose target stays as free as it is and whose prior is
+            where to begin.
         everywhere: look at all priors from there, as without a start; else at those around.
 
     Returns:
@@ -318,7 +310,7 @@ def choose_prior(
         FitError: the prior begun with, or the one chosen, gives no sound camera.
 
     """
-    prior = EXPECTED if start is None else start.prior
+    prior, world = (EXPECTED, None) if start is None else (start.prior, start.world)
     if len(groups) < 2:
         return fit_cubic(
             reference, prior, world=world, start=start, relative_decrease=NEAR_DECREASE
@@ -336,7 +328,7 @@ def choose_prior(
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == place else _make_prior(chosen)
     fitted = fit_cubic(
-        reference, prior, world=start.fit.world, start=start, relative_decrease=NEAR_DECREASE
+        reference, prior, world=start.world, start=start, relative_decrease=NEAR_DECREASE
     )
     return replace(fitted, runners_up=runners_up)
 
@@ -351,7 +343,7 @@ def _find_place(prior: PriorChoice) -> _Place:
 
 
 def _predict_squares(
-    start: CubicResult,
+    start: CameraFit,
     reference: RadialReference,
     groups: Sequence[IntArray],
     places: Sequence[_Place],
@@ -372,7 +364,7 @@ def _predict_squares(
         weights = [WEIGHTS[weight] for own, weight in places if own == spread]
         to_another = start.lens.held_to(reference.bent(SPREADS[spread])[0])
         priors.append(to_another.priors(np.array(weights)))
-    photos = LeaveOneOut(start.fit, groups).residuals(np.concatenate(priors))
+    photos = LeaveOneOut(start, groups).residuals(np.concatenate(priors))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     return np.array([squares[photo] for photo in range(len(squares))]).T
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -33,6 +34,9 @@ _STRETCHED = 1  # of the kinds of parameters
 # The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
 _SCALE_SPREAD = 1e-6
 _PLACE_TERMS = 6  # rotation vector, shift
+Level = Literal["off", "shape", "points"]
+LEVELS: tuple[Level, ...] = ("off", "shape", "points")
+"""How much of the target is free: nothing, its boards, or each corner as well."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,11 +11,11 @@ from scipy.special import stdtr
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, State, adjust
+from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import huber_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -105,7 +105,7 @@ class HeldOut:
 
 
 def held_out_error(
-    fit: TargetFit, progress: Callable[[int, int], None] | None = None
+    fit: CameraFit, progress: Callable[[int, int], None] | None = None
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
@@ -123,22 +123,22 @@ def held_out_error(
         The errors; None with fewer than :data:`~cubicfish_cli.core.fit.folds.MIN_PHOTOS` places.
 
     """
-    parts = photo_folds(fit.cubic.poses, fit.reference.pairs, fit.reference.camera.fx)
+    parts = photo_folds(fit.poses, fit.reference.pairs, fit.reference.camera.fx)
     if not parts:
         return None
-    pairs, cubic = fit.reference.pairs, fit.cubic.fit
+    pairs = fit.reference.pairs
     squares = np.full((2, len(pairs.image)), np.nan)
-    leave_one_out = LeaveOneOut(cubic, parts)
+    leave_one_out = LeaveOneOut(fit, parts)
     for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        squares[:, np.isin(pairs.image, test)] = _judge_fold(fit, test, cubic.state.moved(*step))
+        squares[:, np.isin(pairs.image, test)] = _judge_fold(fit, test, fit.state.moved(*step))
     squares[:, ~pairs.tells_error] = np.nan
     of_cubic, of_radial = squares
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 
 
-def _judge_fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
+def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
     """(2, n) squared errors on the photos ``test``, pixels²; NaN beyond the field.
 
     Of the cubic and the reference fitted to the others, whose fit starts at ``near``.
@@ -153,7 +153,7 @@ def _judge_fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatA
             start.lens,
             start.poses[train],
             training,
-            huber_px(fit.cubic.errors),
+            huber_px(fit.errors),
             world=start.world.select(np.flatnonzero(~out)),
             relative_decrease=_FOLD_DECREASE,
             damping=WARM_DAMPING,
@@ -162,7 +162,7 @@ def _judge_fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatA
     try:
         trained = trained_from(near)
     except FitError:  # the first-order step was too long: start where the fit ended
-        trained = trained_from(fit.cubic.fit.state)
+        trained = trained_from(fit.state)
     reference, moved = fit.reference, training.with_world(trained.world.points)
     lens, poses, limit = reference.lens, reference.poses[train], wide_px(reference.errors)
     radial = adjust(
@@ -171,14 +171,14 @@ def _judge_fold(fit: TargetFit, test: IntArray, near: State[CubicFit]) -> FloatA
     camera = CubicCamera(
         image_size=pairs.image_size,
         P=trained.lens.P,
-        max_angle_deg=fit.cubic.max_angle_deg,
+        max_angle_deg=fit.max_angle_deg,
         radial=radial.lens.lens,
         pupil_travel=trained.lens.travel,
     )
     left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
     squares = np.full((2, len(left_out.pixel)), np.nan)
     lenses: tuple[CubicCamera | RadialCamera, ...] = (camera, camera.radial)
-    starts = fit.cubic.poses, fit.reference.poses
+    starts = fit.poses, fit.reference.poses
     for square, known, start in zip(squares, lenses, starts, strict=True):
         _, residual, seen = pose_only_residual(known, left_out, start[test])
         square[seen] = np.sum(np.square(residual), axis=1)

@@ -7,12 +7,20 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
-from cubicfish_cli.core.fit.cubic_fit import FIRMEST, NEAR_DECREASE, RADIAL, RunnerUp, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import (
+    FIRMEST,
+    NEAR_DECREASE,
+    RADIAL,
+    CameraFit,
+    RunnerUp,
+    fit_cubic,
+)
+from cubicfish_cli.core.fit.deformable_target import LEVELS, Level
 from cubicfish_cli.core.fit.folds import folds_of
 from cubicfish_cli.core.fit.held_out import HeldOut, held_out_error
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.orientation import oriented
-from cubicfish_cli.core.fit.refinement import LEVELS, Level, NominalTarget, TargetFit, refine_object
+from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
 from cubicfish_cli.core.fit.rejection import without
 from cubicfish_cli.core.types import BoolArray
 
@@ -31,7 +39,7 @@ _STAGES: dict[str, tuple[str, float]] = {
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
 RefineTarget = Literal["off", "shape", "points", "auto"]
-Judged = tuple[TargetFit, HeldOut | None, NominalTarget]
+Judged = tuple[CameraFit, HeldOut | None, NominalTarget]
 
 
 class Stages:
@@ -81,10 +89,10 @@ class SelectedModel:
 
     """
 
-    fit: TargetFit
+    fit: CameraFit
     nominal: NominalTarget
     held_out: Mapping[Level, HeldOut | None]
-    refused: tuple[TargetFit, ...] = ()
+    refused: tuple[CameraFit, ...] = ()
 
     def without(self, wrong: BoolArray) -> SelectedModel:
         """The same without some of the pairs: ``wrong`` (N,)."""
@@ -101,12 +109,12 @@ class SelectedModel:
         """
         mine = self.held_out.get(self.fit.level)
         others = ((fit, self.held_out.get(fit.level)) for fit in self.refused)
-        found = [(fit.cubic.lens, mine.doubt(one)) for fit, one in others if mine and one]
+        found = [(fit.lens, mine.doubt(one)) for fit, one in others if mine and one]
         return sorted(found, key=lambda one: one[1])[-1:]
 
 
 def select_model(
-    fit: TargetFit,
+    fit: CameraFit,
     nominal: NominalTarget,
     refine_target: RefineTarget,
     hold_out: bool,
@@ -135,7 +143,7 @@ def select_model(
         return SelectedModel(fit=fit, nominal=nominal, held_out=measured)
     groups = folds_of(fit.reference)
     reached, named = fit, nominal
-    refused: list[TargetFit] = []
+    refused: list[CameraFit] = []
     for level in LEVELS[1:]:
         stages.begin(level)
         starts = oriented(reached, named) if level == "points" else [(reached, named)]
@@ -176,8 +184,8 @@ def better_named(judged: Sequence[Judged]) -> Judged:
 
 
 def _judge(
-    fit: TargetFit, progress: Callable[[int, int], None]
-) -> tuple[TargetFit, HeldOut | None]:
+    fit: CameraFit, progress: Callable[[int, int], None]
+) -> tuple[CameraFit, HeldOut | None]:
     """The held-out error, which has the last word on how P is held.
 
     The prior was chosen to first order. Where the cubic is worse than its reference on photos that
@@ -188,21 +196,18 @@ def _judge(
     if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
         return fit, held_out
     best, error = fit, held_out
-    central = replace(fit.cubic.prior, central=True)
+    central = replace(fit.prior, central=True)
     for prior in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
-        own = fit.cubic
-        cubic = fit_cubic(
-            fit.reference, prior, world=own.fit.world, start=own, relative_decrease=NEAR_DECREASE
+        firm = fit_cubic(
+            fit.reference, prior, world=fit.world, start=fit, relative_decrease=NEAR_DECREASE
         )
-        firm = replace(fit, cubic=cubic)
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < error.rms_px:
-            runners_up = [RunnerUp(prior=own.prior, likely=measured.doubt(held_out))]
+            runners_up = [RunnerUp(prior=fit.prior, likely=measured.doubt(held_out))]
             if prior == central:  # how firmly and how symmetrically is as open as it was
                 runners_up += [
                     replace(other, prior=replace(other.prior, central=True))
-                    for other in own.runners_up
+                    for other in fit.runners_up
                 ]
-            best = replace(firm, cubic=replace(cubic, runners_up=tuple(runners_up)))
-            error = measured
+            best, error = replace(firm, runners_up=tuple(runners_up)), measured
     return best, error

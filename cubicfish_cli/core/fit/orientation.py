@@ -20,10 +20,11 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from cubicfish_cli.core.fit.adjustment import State, linearise
+from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.normal_equations import summed_by
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, free_target
+from cubicfish_cli.core.fit.refinement import NominalTarget, free_target
 from cubicfish_cli.core.fit.statistics import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Symmetry, chosen, symmetries
@@ -42,7 +43,7 @@ _STARTS = 30
 _SWEEPS = 50
 
 
-def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, NominalTarget]]:
+def oriented(fit: CameraFit, nominal: NominalTarget) -> list[tuple[CameraFit, NominalTarget]]:
     """A fit and its drawing, and again with each photo named as goes with the other photos.
 
     Args:
@@ -58,7 +59,7 @@ def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, No
     motions = symmetries(target) if target else ()
     if not motions or target is None:
         return [given]
-    pairs, poses, scale = nominal.pairs, fit.cubic.poses, nominal.scale
+    pairs, poses, scale = nominal.pairs, fit.poses, nominal.scale
     namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
     try:
@@ -72,9 +73,8 @@ def oriented(fit: TargetFit, nominal: NominalTarget) -> list[tuple[TargetFit, No
     for number, views in enumerate(turned):
         photos = np.flatnonzero(way == number)
         poses = poses.with_photos(photos, views[photos])
-    adjusted = replace(fit.cubic.fit, poses=poses)
     renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
-    other = replace(fit, cubic=replace(fit.cubic, fit=adjusted))
+    other = replace(fit, poses=poses)
     return [given, (other, replace(nominal, pairs=chosen(namings, way), renamed=renamed))]
 
 
@@ -89,16 +89,16 @@ def _multiply_motions(motions: Sequence[Symmetry]) -> IntArray:
 
 
 def _choose_likeliest(
-    fit: TargetFit,
+    fit: CameraFit,
     nominal: NominalTarget,
     namings: Sequence[Observations],
     turned: Sequence[Poses],
     products: IntArray,
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
-    noise, count = noise_px(fit.cubic.residual), len(nominal.pairs.image)
+    noise, count = noise_px(fit.residual), len(nominal.pairs.image)
     every = nominal.of(Observations.stacked(namings))
-    free = free_target(every, noise=noise, offset_spread=_SPREAD).started(fit.cubic.fit.world)
+    free = free_target(every, noise=noise, offset_spread=_SPREAD).started(fit.world)
     pulls = [
         _measure_pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))
         for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True))
@@ -107,9 +107,9 @@ def _choose_likeliest(
     square = np.stack([own for _, _, own in pulls], axis=1)
     # By what names photos are seen changes the equations little: they are those of all alike.
     hessian = np.mean([own for _, own, _ in pulls], axis=0)
-    lens = len(fit.cubic.lens.parameters)
+    lens = len(fit.lens.parameters)
     shared, held = lens + len(free.parameters), np.zeros(len(hessian))
-    of_lens, of_boards = fit.cubic.lens.prior(), free.prior()
+    of_lens, of_boards = fit.lens.prior(), free.prior()
     for own, prior in ((slice(0, lens), of_lens), (slice(lens, shared), of_boards)):
         hessian[own, own] += prior[:-1, :-1]
         held[own] += prior[:-1, -1]
@@ -126,13 +126,13 @@ def _choose_likeliest(
         tried.append((likely - np.log(np.diagonal(root) * unit).sum(), found))
     choice, gain, _ = max(tried, key=lambda one: one[0])[1]
     # One photo's corners may be off by more than those of others.
-    rows = 2 * np.bincount(nominal.pairs.image, minlength=len(fit.cubic.poses)) - 6
+    rows = 2 * np.bincount(nominal.pairs.image, minlength=len(fit.poses)) - 6
     variance = np.maximum(noise**2, square[:, 0] / np.maximum(rows, 1))
     return np.where(gain > 2 * _LIKELIER * variance, choice, 0)
 
 
 def _measure_pulls(
-    fit: TargetFit, pairs: Observations, poses: Poses, world: DeformableTarget
+    fit: CameraFit, pairs: Observations, poses: Poses, world: DeformableTarget
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What M photos put into the normal equations, their poses eliminated.
 
@@ -143,8 +143,8 @@ def _measure_pulls(
         residuals that no pose takes away.
 
     """
-    moved = State(fit.cubic.lens, poses, world)
-    seen = [terms for _, terms in linearise(moved, pairs, huber_px(fit.cubic.residual))]
+    moved = State(fit.lens, poses, world)
+    seen = [terms for _, terms in linearise(moved, pairs, huber_px(fit.residual))]
     left = np.concatenate([np.dstack([one.by_shared, one.miss]) for one in seen])
     by_pose, by_corner = (
         np.concatenate([getattr(one, name) for one in seen]) for name in ("by_pose", "by_corner")

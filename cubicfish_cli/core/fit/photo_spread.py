@@ -22,12 +22,11 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from cubicfish_cli.core.fit.asymmetric import BentFit
-from cubicfish_cli.core.fit.cubic_fit import CubicResult, held
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, held
 from cubicfish_cli.core.fit.folds import dealt_out
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG
-from cubicfish_cli.core.fit.radial_reference import RadialReference
 from cubicfish_cli.core.fit.uncertainty import Uncertainty, camera_uncertainty
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
@@ -130,42 +129,35 @@ def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
 
 
 def photo_spread(
-    result: CubicResult,
-    reference: RadialReference,
-    places: IntArray,
-    doubted: Sequence[tuple[CubicFit, float]] = (),
+    fit: CameraFit, places: IntArray, doubted: Sequence[tuple[CubicFit, float]] = ()
 ) -> PhotoSpread:
-    """Leave out the photos of a cubic fit, cluster by cluster, to first order.
+    """Leave out the photos of a fit, cluster by cluster, to first order.
 
     Args:
-        result: the fit, at its optimum.
-        reference: what P is held to, with the fit's pairs.
+        fit: the fit, at its optimum.
         places: (M,) from which place each photo is, counted from 0: those from one place are left
             out together.
         doubted: other lenses, and how likely each is the better one, 0 to 1.
 
     """
-    count = len(result.lens.parameters)
-    leave_one_out = LeaveOneOut(result.fit, _clusters(places, reference.pairs))
-    prior = result.lens.ray_prior
+    reference, count = fit.reference, len(fit.lens.parameters)
+    leave_one_out = LeaveOneOut(fit, _clusters(places, reference.pairs))
+    prior = fit.lens.ray_prior
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
-    others = [np.sqrt(likely) * _step(result.lens, lens, rays) for lens, likely in doubted]
-    if result.runners_up:
+    others = [np.sqrt(likely) * _step(fit.lens, lens, rays) for lens, likely in doubted]
+    if fit.runners_up:
         steps = leave_one_out.held_as(
-            [
-                held(result.lens, reference, runner_up.prior, result.errors)
-                for runner_up in result.runners_up
-            ]
+            [held(fit.lens, reference, one.prior, fit.errors) for one in fit.runners_up]
         )
-        likely = np.array([runner_up.likely for runner_up in result.runners_up])
+        likely = np.array([one.likely for one in fit.runners_up])
         others += list(np.sqrt(likely)[:, None] * steps[:, :count])
     return PhotoSpread(
-        noise=camera_uncertainty(result, reference.pairs),
+        noise=camera_uncertainty(fit),
         left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),
         influence=leave_one_out.influence()[:, :count],
         runner_up=np.array(others),
-        held_to=prior.nearest(result.lens.far(prior.rays))[0],
+        held_to=prior.nearest(fit.lens.far(prior.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 

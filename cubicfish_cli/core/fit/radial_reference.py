@@ -68,34 +68,29 @@ LOST_PX = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RadialReference:
-    """The Kannala–Brandt lens, the poses of the photos that fit it, and their pairs.
+class RadialReference(RadialAdjustment):
+    """The Kannala–Brandt lens adjusted to the photos that fit it.
 
     Attributes:
-        camera: the lens.
-        poses: camera_from_world, one for each of ``pairs.images``.
-        pairs: the pairs of the photos that fit.
-        residual: (N, 2) projection less pixel, pixels.
         unfit: why each photo that was left out was, by name.
-        terms: how many coefficients of the radial profile are in use.
         focal_uncertainty: standard deviation of the focal length, as a share of it.
 
     """
 
-    camera: RadialCamera
-    poses: Poses
-    pairs: Observations
-    residual: FloatArray
     unfit: dict[str, Finding]
-    terms: int
     focal_uncertainty: float
     _bent: dict[float, tuple[BentFit, Poses]] = field(default_factory=dict, init=False, repr=False)
     _cubic: list[NearestCubic] = field(default_factory=list, init=False, repr=False)
 
     @property
-    def errors(self) -> FloatArray:
-        """(K, 2) residuals of the pairs whose error a fit can tell."""
-        return self.residual[self.pairs.tells_error]
+    def camera(self) -> RadialCamera:
+        """The lens itself."""
+        return self.lens.lens
+
+    @property
+    def terms(self) -> int:
+        """How many coefficients of the radial profile are in use."""
+        return _count_terms(self)
 
     def followed(self, world: FloatArray) -> RadialReference:
         """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
@@ -135,11 +130,6 @@ class RadialReference:
             about = _CENTRE_SPREAD * float(lens.values[:2].mean())
             self._bent[spread] = replace(lens, anchor=lens.values[2:4], anchor_px=about), poses
         return self._bent[spread]
-
-    @property
-    def lens(self) -> FreeLens[RadialCamera]:
-        """The lens with what is free of it."""
-        return _free_terms(self.camera, self.terms)
 
     @property
     def covered(self) -> float:
@@ -248,19 +238,15 @@ def _refit(
 
 def _make_sound(fit: RadialAdjustment, unfit: dict[str, Finding]) -> RadialReference:
     """The reference of a fit, with a profile that grows over the whole valid cone."""
-    fit, terms = _drop_terms(fit)
-    camera, variance = fit.lens.lens, noise_px(fit.residual) ** 2
+    fit = _drop_terms(fit)
+    variance = noise_px(fit.residual) ** 2
     covariance = np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * variance
-    focal = np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(camera.fx)
-    return RadialReference(
-        camera=camera,
-        poses=fit.poses,
-        pairs=fit.pairs,
-        residual=fit.residual,
-        unfit=unfit,
-        terms=terms,
-        focal_uncertainty=float(focal),
-    )
+    focal = np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(fit.lens.lens.fx)
+    return RadialReference(**vars(fit), unfit=unfit, focal_uncertainty=float(focal))
+
+
+def _count_terms(fit: RadialAdjustment) -> int:
+    return len(fit.lens.free) - 4
 
 
 def _explain_misfit(error: float) -> FitError:
@@ -432,13 +418,13 @@ def _find_undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
     return np.asarray(np.linalg.eigvalsh(known)[:, 0] < noise**2)
 
 
-def _drop_terms(fit: RadialAdjustment) -> tuple[RadialAdjustment, int]:
+def _drop_terms(fit: RadialAdjustment) -> RadialAdjustment:
     """Take coefficients away until the profile grows over the whole valid cone.
 
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
     much worse with fewer: it keeps them all, and its valid cone ends at the fold.
     """
-    terms = len(fit.lens.free) - 4
+    terms = _count_terms(fit)
     worst = _WORTH_A_TERM * noise_px(fit.residual)
     best = fit
     for fewer in range(terms, -1, -1):
@@ -449,5 +435,5 @@ def _drop_terms(fit: RadialAdjustment) -> tuple[RadialAdjustment, int]:
         near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)
         covered = angle_from_axis(fit.poses.apply(fit.pairs.image, fit.pairs.world))[near].max()
         if fit.lens.lens.max_angle >= min(np.pi, covered + np.deg2rad(MARGIN_DEG + 0.5)):
-            return fit, fewer
-    return best, terms
+            return fit
+    return best

@@ -6,17 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.cubic_fit import CubicResult, choose_prior, fit_cubic
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, choose_prior, fit_cubic
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget, Level
 from cubicfish_cli.core.fit.folds import folds_of
 from cubicfish_cli.core.fit.lenses import FitLens
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
-from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
+from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.statistics import huber_px, noise_px, weighed
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import Symmetry
@@ -24,8 +24,6 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray
 
 L = TypeVar("L", bound=FitLens)
-Level = Literal["off", "shape", "points"]
-LEVELS: tuple[Level, ...] = ("off", "shape", "points")
 
 _ROUGH_DECREASE = 1e-5
 # Median length of a 3D normal vector of unit standard deviation a component.
@@ -70,47 +68,28 @@ class NominalTarget:
         """The same target for some of the pairs."""
         return replace(self, pairs=pairs)
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TargetFit:
-    """A camera, its reference and the target, fitted together.
-
-    Attributes:
-        level: how much of the target was free.
-        reference: the radial fit, its pairs with the refined world points.
-        cubic: the cubic fit.
-
-    """
-
-    level: Level
-    reference: RadialReference
-    cubic: CubicResult
-
-    def refined_target(self, nominal: NominalTarget) -> Target | None:
-        """The target as fitted, in the target's units; the drawing itself at level ``off``."""
-        world = self.cubic.fit.world
-        if nominal.target is None or not world.free:
-            return nominal.target
-        return world.refined_target(nominal.target, nominal.pairs, scale=nominal.scale)
+    def refined(self, world: DeformableTarget) -> Target | None:
+        """The target as fitted, in its own units; the drawing itself where nothing of it is."""
+        if self.target is None or not world.free:
+            return self.target
+        return world.refined_target(self.target, self.pairs, scale=self.scale)
 
 
-def fit_nominal_target(rough: TargetFit, nominal: NominalTarget) -> TargetFit:
+def fit_nominal_target(rough: CameraFit, nominal: NominalTarget) -> CameraFit:
     """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
 
     Raises:
         FitError: no prior gives a sound camera.
 
     """
-    pairs = weighed(nominal.pairs, rough.cubic.residual)
-    reference = refit_radial(rough.reference, pairs, rough.cubic.poses)
-    groups = folds_of(reference)
-    cubic = choose_prior(reference, groups, start=rough.cubic, everywhere=True)
-    return replace(rough, reference=reference, cubic=cubic)
+    pairs = weighed(nominal.pairs, rough.residual)
+    reference = refit_radial(rough.reference, pairs, rough.poses)
+    return choose_prior(reference, folds_of(reference), start=rough, everywhere=True)
 
 
 def refine_object(
-    fit: TargetFit, nominal: NominalTarget, level: Level, groups: Sequence[IntArray]
-) -> TargetFit:
+    fit: CameraFit, nominal: NominalTarget, level: Level, groups: Sequence[IntArray]
+) -> CameraFit:
     """Let the target depart from its drawing, as far as the pairs say, at the next level.
 
     Args:
@@ -128,12 +107,12 @@ def refine_object(
 
     """
     spread = FIRST_SPREAD if level == "points" else None
-    free = free_target(nominal, noise=noise_px(fit.cubic.errors), offset_spread=spread)
-    free = free.started(fit.cubic.fit.world)
+    free = free_target(nominal, noise=noise_px(fit.errors), offset_spread=spread)
+    free = free.started(fit.world)
     pairs = replace(nominal.pairs_at(level), weight=fit.reference.pairs.weight)
     # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
     # the loss's scale by.
-    lens, poses, limit = fit.cubic.lens, fit.cubic.poses, 2 * huber_px(np.full((1, 2), free.noise))
+    lens, poses, limit = fit.lens, fit.poses, 2 * huber_px(np.full((1, 2), free.noise))
     adjusted = adjust(
         lens, poses, pairs, limit, world=free, relative_decrease=1e-3, damping=WARM_DAMPING
     )
@@ -143,16 +122,14 @@ def refine_object(
     pairs = pairs.with_world(adjusted.world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
     world = adjusted.world.with_noise(noise_px(adjusted.errors), spread)
-    near = replace(fit.cubic, fit=replace(adjusted, world=world))
-    cubic = choose_prior(reference, groups, world=world, start=near)
-    return TargetFit(level=level, reference=reference.followed(cubic.fit.world.points), cubic=cubic)
+    near = replace(fit, **{**vars(adjusted), "world": world})
+    return choose_prior(reference, groups, start=near).followed()
 
 
-def to_the_bottom(fit: TargetFit) -> TargetFit:
+def to_the_bottom(fit: CameraFit) -> CameraFit:
     """The same fit to the last digit that counts; to lead on or to be compared it need not be."""
-    cubic = fit_cubic(fit.reference, fit.cubic.prior, world=fit.cubic.fit.world, start=fit.cubic)
-    reference = fit.reference.followed(cubic.fit.world.points)
-    return replace(fit, reference=reference, cubic=replace(cubic, runners_up=fit.cubic.runners_up))
+    found = fit_cubic(fit.reference, fit.prior, world=fit.world, start=fit)
+    return replace(found, runners_up=fit.runners_up).followed()
 
 
 def free_target(

@@ -10,9 +10,8 @@ import numpy as np
 from cubicfish_cli.core.assess.fit_record import DroppedCorner
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.cubic_fit import EXPECTED, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import EXPECTED, CameraFit, fit_cubic
 from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
-from cubicfish_cli.core.fit.refinement import TargetFit
 from cubicfish_cli.core.fit.statistics import around, gross_px, noise_by_photo, stray_px, tail_px
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.observations import Observations
@@ -48,7 +47,7 @@ def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedC
     )
 
 
-def without_gross(reference: RadialReference) -> tuple[TargetFit, Observations, FloatArray]:
+def without_gross(reference: RadialReference) -> tuple[CameraFit, Observations, FloatArray]:
     """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
 
     P is held as is expected of any lens. Every round judges all corners anew: a corner that only
@@ -72,18 +71,17 @@ def without_gross(reference: RadialReference) -> tuple[TargetFit, Observations, 
         miss -= everything.pixel
         length = np.minimum(np.hypot(miss[:, 0], miss[:, 1]), max(everything.image_size))
         good = length <= gross_px(cubic.residual)
-    fit = TargetFit(level="off", reference=reference, cubic=cubic)
-    return fit, everything.select(~kept), length[~kept]
+    return cubic, everything.select(~kept), length[~kept]
 
 
-def without_noisy(fit: TargetFit) -> TargetFit:
+def without_noisy(fit: CameraFit) -> CameraFit:
     """Leave out photos whose corners are much noisier than the others', and say so.
 
     They are blurred, moving or badly lit; where they would be a third or more, none is.
     """
     pairs = fit.reference.pairs
     photos = len(pairs.images)
-    noise = noise_by_photo(pairs.image, fit.cubic.residual, photos)
+    noise = noise_by_photo(pairs.image, fit.residual, photos)
     typical = float(np.median(noise))
     noisy = noise > max(_NOISY * typical, _NOISY_PX)
     if not noisy.any() or photos < _FEW_PHOTOS + 1 or 3 * noisy.sum() >= photos:
@@ -97,10 +95,9 @@ def without_noisy(fit: TargetFit) -> TargetFit:
         for photo in np.flatnonzero(noisy)
     }
     good = np.flatnonzero(~noisy)
-    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.cubic.poses[good])
+    reference = refit_radial(fit.reference, select_photos(pairs, good), fit.poses[good])
     reference = replace(reference, unfit=reference.unfit | named)
-    cubic = fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
-    return replace(fit, reference=reference, cubic=cubic)
+    return fit_cubic(reference, EXPECTED, relative_decrease=_DROP_DECREASE)
 
 
 def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
@@ -133,14 +130,13 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
     return found
 
 
-def without(fit: TargetFit, wrong: BoolArray) -> TargetFit:
+def without(fit: CameraFit, wrong: BoolArray) -> CameraFit:
     """The same fit of all corners but some (N,), to be adjusted on; every photo keeps some."""
     rows = np.flatnonzero(~wrong)
-    pairs, world = fit.reference.pairs.select(~wrong), fit.cubic.fit.world.select(rows)
+    pairs, world = fit.reference.pairs.select(~wrong), fit.world.select(rows)
     reference = refit_radial(fit.reference, pairs, fit.reference.poses)
-    residual = fit.cubic.residual[rows]
-    near = replace(fit.cubic.fit, residual=residual, world=world, pairs=pairs)
-    return replace(fit, reference=reference, cubic=replace(fit.cubic, fit=near))
+    residual = fit.residual[rows]
+    return replace(fit, reference=reference, residual=residual, world=world, pairs=pairs)
 
 
 def dropped_groups(before: Observations, dropped: Sequence[DroppedCorner]) -> list[Finding]:

@@ -16,12 +16,11 @@ import numpy as np
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid, summed
 from cubicfish_cli.core.fit.adjustment import Adjustment
-from cubicfish_cli.core.fit.cubic_fit import CubicResult
+from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import project_jacobian
-from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray
 
 if TYPE_CHECKING:
@@ -153,20 +152,20 @@ def _count_unknowns(fit: Adjustment[Any]) -> float:
     return float(shared + 6 * poses + 3 * len(corner) - held)
 
 
-def common_gauge(result: CubicResult, pairs: Observations) -> Gauge:
-    """What takes the turn out that the lens of a cubic fit shares with poses, over its pairs."""
+def common_gauge(fit: CameraFit) -> Gauge:
+    """What takes the turn out that the lens of a fit shares with poses, over its corners."""
+    pairs = fit.reference.pairs
     count = len(pairs.image)
     some = np.arange(count)
     if count > _MOST_CORNERS:  # at random: every so many could be one column of a board
         some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
-    points = result.poses.apply(pairs.image[some], pairs.world[some])
-    return Gauge.over(result.lens, points, count / len(some))
+    points = fit.poses.apply(pairs.image[some], pairs.world[some])
+    return Gauge.over(fit.lens, points, count / len(some))
 
 
-def camera_uncertainty(result: CubicResult, pairs: Observations) -> Uncertainty:
-    """Covariance of a cubic fit with its pairs, from its normal equations at the optimum."""
-    hessian, gauge = result.fit.normal.reduced_shared(), common_gauge(result, pairs)
-    return covariance(gauge, hessian, corner_noise_px(result.fit))
+def camera_uncertainty(fit: CameraFit) -> Uncertainty:
+    """Covariance of a fit's lens, from its normal equations at the optimum."""
+    return covariance(common_gauge(fit), fit.normal.reduced_shared(), corner_noise_px(fit))
 
 
 def field_grid(

@@ -127,9 +127,9 @@ def know(
             pupil_travel=result.lens.travel * scale,
         ),
         information=Information(
-            gauge=common_gauge(result, reference.pairs),
-            hessian=result.fit.normal.reduced_shared(),
-            noise_px=corner_noise_px(result.fit),
+            gauge=common_gauge(result),
+            hessian=result.normal.reduced_shared(),
+            noise_px=corner_noise_px(result),
         ),
         scale=scale,
     )

@@ -842,7 +842,7 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
     refine = wrong_drawing.refine_object
 
     def counted(fit, *rest):
-        used.append(len(fit.cubic.poses))
+        used.append(len(fit.poses))
         return refine(fit, *rest)
 
     monkeypatch.setattr(wrong_drawing, "refine_object", counted)

@@ -111,10 +111,10 @@ def test_a_narrow_camera_is_no_worse_than_its_radial_lens(width_deg):
     # Far from the end, and beside it, other starts lead there too.
     (evidence,) = kept
     fit = evidence.fit
-    limit, world = huber_px(fit.cubic.errors), fit.cubic.fit.world
+    limit, world = huber_px(fit.errors), fit.world
     ends = [
         adjust(lens, poses, fit.reference.pairs, huber_px=limit, world=world).cost
-        for lens, poses in starts(fit.reference, fit.cubic.prior, fit.cubic, fit.cubic.errors)
+        for lens, poses in starts(fit.reference, fit.prior, fit, fit.errors)
     ]
     assert len(ends) == 5
     assert ends == pytest.approx([ends[0]] * 5, rel=1e-3)
@@ -135,6 +135,6 @@ def test_the_prior_is_of_the_reference_that_the_fit_has_now():
         assert prior.denominator_weight > 2 * first.lens.ray_prior.denominator_weight
     # Each with its own loss at the end, which follows the noise.
     warm, fresh = (fit_cubic(other, EXPECTED, start=one) for one in (warm, fresh))
-    assert warm.fit.cost == pytest.approx(fresh.fit.cost, rel=1e-4)
+    assert warm.cost == pytest.approx(fresh.cost, rel=1e-4)
     rays = other.cubic.rays[other.cubic.within]
     np.testing.assert_allclose(warm.lens.far(rays), fresh.lens.far(rays), atol=1e-3)

@@ -24,7 +24,7 @@ from cubicfish_cli.core.fit.held_out import held_out_error
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.refinement import NominalTarget, TargetFit, refine_object
+from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
 from cubicfish_cli.core.fit.statistics import huber_px, rms_px
 from cubicfish_cli.core.fit.subset import select_photos, world_scale
 
@@ -87,7 +87,7 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
             offset_spread=2e-3 if level == "points" else None,
             scale=float(np.ptp(target.corners()[3]) / np.ptp(pairs.world)),
         )
-    fit = fit_cubic(reference, PRIOR, world=world).fit
+    fit = fit_cubic(reference, PRIOR, world=world)
     found = dict(LeaveOneOut(fit, FOLDS).residuals())
     assert found.keys() == set(range(8))
     for photos in FOLDS:
@@ -105,7 +105,7 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
 def test_all_holds_at_once_are_as_one_by_one(reference, held):
     """Both ways to eliminate, and every prior as its lens itself has it."""
     _, result = held
-    leave_one_out = LeaveOneOut(result.fit, FOLDS)
+    leave_one_out = LeaveOneOut(result, FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
         bent, _ = reference.bent(spread)
@@ -125,7 +125,7 @@ def test_all_holds_at_once_are_as_one_by_one(reference, held):
 def test_what_a_group_put_in_is_what_is_not_left(reference, held):
     """Whichever family of blocks is eliminated."""
     level, result = held
-    fit = result.fit
+    fit = result
     leave_one_out = LeaveOneOut(fit, FOLDS)
     for group, step in zip(FOLDS, leave_one_out.steps(), strict=True):
         others = np.setdiff1d(np.arange(8), group)
@@ -152,14 +152,14 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
-    normal = result.fit.normal
+    normal = result.normal
     other = result.lens.held_to(reference.bent(1e-2)[0], 0.1)
     change = other.prior() - result.lens.prior()
     changed = replace(
         normal,
         shared=normal.shared + change[:-1],
     )
-    leave_one_out = LeaveOneOut(result.fit, FOLDS)
+    leave_one_out = LeaveOneOut(result, FOLDS)
     step = changed.solve(1e-9)[0]
     np.testing.assert_allclose(
         leave_one_out.held_as([other])[0], step, atol=1e-3 * np.abs(step).max()
@@ -222,21 +222,21 @@ def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["off", "points"])
 def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, level):
-    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
+    fit = fit_cubic(reference, PRIOR)
     if level == "points":
         scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
         nominal = NominalTarget(target=target, pairs=reference.pairs, scale=scale)
         fit = refine_object(fit, nominal, level, FOLDS)
     found = held_out_error(fit)
-    parts = photo_folds(fit.cubic.poses, reference.pairs, reference.camera.fx)
+    parts = photo_folds(fit.poses, reference.pairs, reference.camera.fx)
     pairs = fit.reference.pairs
-    expected = [anew(fit.cubic.fit, pairs, pairs.image_size, part) for part in parts]
+    expected = [anew(fit, pairs, pairs.image_size, part) for part in parts]
     assert found.folds == len(parts) == 5
     assert found.rms_px == pytest.approx(rms_px(np.vstack(expected)), rel=2e-3)
 
 
 def test_folds_whose_first_order_leads_astray_start_from_the_whole_fit(reference, monkeypatch):
-    fit = TargetFit(level="off", reference=reference, cubic=fit_cubic(reference, PRIOR))
+    fit = fit_cubic(reference, PRIOR)
     expected, steps = held_out_error(fit).rms_px, LeaveOneOut.steps
 
     def astray(leave_one_out):

@@ -49,9 +49,9 @@ def observed_over_predicted(errors):
         difference, _ = aligned_difference(camera_of(one, first), camera_of(two, second), rays)
         seen = np.isfinite(difference).all(axis=1)
         both = []
-        for reference, cubic in ((one, first), (two, second)):
-            spread = photo_spread(cubic, reference, np.arange(PHOTOS))
-            noise = camera_uncertainty(cubic, reference.pairs).sigma_px(rays[seen])
+        for cubic in (first, second):
+            spread = photo_spread(cubic, np.arange(PHOTOS))
+            noise = camera_uncertainty(cubic).sigma_px(rays[seen])
             both.append((spread.sigma_px(rays[seen]), noise))
         distance = np.sqrt(np.mean(np.sum(difference[seen] ** 2, axis=1)))
         ratios.append(
@@ -78,8 +78,8 @@ def test_independent_errors_are_too():
 def test_one_place_leaves_the_noise_alone():
     reference, cubic = fitted(3, CornerErrors())
     rays = cone_rays(reference.covered, 50)
-    same = photo_spread(cubic, reference, np.zeros(PHOTOS, int))
-    noise = camera_uncertainty(cubic, reference.pairs)
+    same = photo_spread(cubic, np.zeros(PHOTOS, int))
+    noise = camera_uncertainty(cubic)
     np.testing.assert_array_equal(same.sigma_px(rays), noise.sigma_px(rays))
     weights = np.eye(2 * len(rays))[:4]
     np.testing.assert_allclose(same.variance(rays, weights), noise.variance(rays, weights))
@@ -88,7 +88,7 @@ def test_one_place_leaves_the_noise_alone():
 @pytest.mark.slow
 def test_variances_add_up_to_sigma():
     reference, cubic = fitted(4, CornerErrors())
-    spread = photo_spread(cubic, reference, np.arange(PHOTOS))
+    spread = photo_spread(cubic, np.arange(PHOTOS))
     rays = cone_rays(reference.covered, 30)
     left_out, influence, _ = spread._changes(rays)
     single = spread._of_photos(left_out, influence)
@@ -100,7 +100,7 @@ def test_variances_add_up_to_sigma():
 def test_a_rival_hold_adds_how_far_its_camera_is():
     reference, cubic = fitted(5, CornerErrors())
     rays = cone_rays(reference.covered, 60)
-    alone = photo_spread(cubic, reference, np.arange(PHOTOS)).sigma_px(rays)
+    alone = photo_spread(cubic, np.arange(PHOTOS)).sigma_px(rays)
     like = RunnerUp(prior=PRIOR, likely=1.0)
     itself = photo_spread(replace(cubic, runners_up=(like,)), reference, np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
@@ -158,7 +158,7 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
     pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
     cubic = fit_cubic(reference, PRIOR)
-    spread = photo_spread(cubic, reference, np.arange(len(pairs.images)))
+    spread = photo_spread(cubic, np.arange(len(pairs.images)))
     rays = cone_rays(reference.covered, 500)
     empty = rays[:, 2] > np.cos(np.radians(49))
     near = rays[:, 2] < np.cos(np.radians(51))
@@ -175,17 +175,17 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
 def test_a_richer_target_that_is_in_doubt_adds_how_far_its_camera_is():
     reference, cubic = fitted(0, CornerErrors())
     rays = cone_rays(reference.covered, 100)
-    alone = photo_spread(cubic, reference, np.arange(PHOTOS))
+    alone = photo_spread(cubic, np.arange(PHOTOS))
     # Held otherwise, and in parameters of another scale.
     other = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.1), start=cubic).lens
     other = replace(other, coefficients=other.coefficients * [[2], [2], [1]], scale=other.scale / 2)
-    beside = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 1.0)])
+    beside = photo_spread(cubic, np.arange(PHOTOS), [(other, 1.0)])
     mine = camera_of(reference, cubic)
-    his = camera_of(reference, replace(cubic, fit=replace(cubic.fit, lens=other)))
+    his = camera_of(reference, replace(cubic, lens=other))
     corners = reference.poses.apply(reference.pairs.image, reference.pairs.world)
     _, turn = aligned_difference(mine, his, corners / np.linalg.norm(corners, axis=1)[:, None])
     difference = mine.project(rays @ turn.T) - his.project(rays)
     added = np.sqrt(beside.sigma_px(rays) ** 2 - alone.sigma_px(rays) ** 2)
     np.testing.assert_allclose(added, np.hypot(*difference.T), rtol=0.05, atol=2e-3)
-    none = photo_spread(cubic, reference, np.arange(PHOTOS), [(other, 0.0)])
+    none = photo_spread(cubic, np.arange(PHOTOS), [(other, 0.0)])
     np.testing.assert_allclose(none.sigma_px(rays), alone.sigma_px(rays), rtol=1e-12)

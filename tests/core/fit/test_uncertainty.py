@@ -48,7 +48,7 @@ def turn_between(one, other, rays):
 def test_prediction_is_the_spread_over_draws():
     start = fit_radial(draw(0))
     reference = fit_cubic(start, PRIOR)
-    uncertainty = camera_uncertainty(reference, start.pairs)
+    uncertainty = camera_uncertainty(reference)
     assert uncertainty.noise_px == pytest.approx(NOISE, rel=0.05)
     rays = cone_rays(np.deg2rad(80), 60)
     predicted = uncertainty.sigma_px(rays)
@@ -67,7 +67,7 @@ def test_prediction_is_the_spread_over_draws():
     assert np.percentile(np.abs(ratio - 1), 80) < 0.25
     # More corners' noise, more uncertainty, in proportion.
     noisier = fit_radial(draw(0, 2 * NOISE))
-    twice = camera_uncertainty(fit_cubic(noisier, PRIOR), noisier.pairs)
+    twice = camera_uncertainty(fit_cubic(noisier, PRIOR))
     assert np.median(twice.sigma_px(rays) / predicted) == pytest.approx(2, rel=0.2)
 
 
@@ -76,7 +76,7 @@ def test_more_photos_make_it_smaller():
         poses = synthetic.poses_around(TARGET, count, seed=40)
         pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
         reference = fit_radial(pairs)
-        uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR), reference.pairs)
+        uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR))
         return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
 
     assert sigma(20) < 0.75 * sigma(5)
@@ -105,7 +105,7 @@ def test_a_photo_from_far_away_takes_nothing_away():
     def sigma(poses):
         pairs = synthetic.synthetic_correspondences(TARGET, poses, noise=NOISE, seed=1)
         reference = fit_radial(pairs)
-        uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR), pairs)
+        uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR))
         return uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100))
 
     assert (sigma(near + far) < 1.05 * sigma(near)).all()
@@ -113,7 +113,7 @@ def test_a_photo_from_far_away_takes_nothing_away():
 
 def sigma_of(pairs):
     reference = fit_radial(with_mean_weight_one(pairs))
-    uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR), reference.pairs)
+    uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR))
     return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
 
 
@@ -178,7 +178,7 @@ def test_it_grows_towards_the_rim_and_is_null_outside():
 def test_the_record_is_that_of_the_rays():
     reference = fit_radial(draw(3))
     fit = fit_cubic(reference, PRIOR)
-    uncertainty = camera_uncertainty(fit, reference.pairs)
+    uncertainty = camera_uncertainty(fit)
     camera = calibrate(draw(3), hold_out=False).camera
     record = uncertainty_grid(uncertainty, camera)
     ray = camera.unproject([record.x[6], record.y[4]])

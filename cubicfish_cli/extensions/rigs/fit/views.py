@@ -13,12 +13,12 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding, of_camera
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
+from cubicfish_cli.core.fit.deformable_target import Level
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.lenses import CubicFit, FitLens, FixedLens
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import radial_near
-from cubicfish_cli.core.fit.refinement import Level
 from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.subset import select, with_mean_weight_one
 from cubicfish_cli.core.io.camera_yaml import Calibrated
