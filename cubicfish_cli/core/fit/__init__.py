@@ -16,8 +16,9 @@ those that depart from their neighbours (`rejection.py`). Photos count by their 
 
 What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what
 corners say is (`NormalEquations`): they add up, and what photos put in is taken out again where
-they are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it. `RadialReference` and
-`CameraFit` are adjustments with what else is known of them.
+they are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it.
+`RadialReference` and `CameraFit` are adjustments with what else is known of them. What carries
+several cameras (`Body` in `lenses.py`) is known to the extension of rigs alone.
 
 The target may be fitted in the same adjustment (`deformable_target.py`; as drawn it is one of
 which nothing is free): boards' shapes and places are shared unknowns like the lens, corners' own

@@ -16,10 +16,9 @@ import numpy as np
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
-from cubicfish_cli.core.fit.lenses import FitLens
+from cubicfish_cli.core.fit.lenses import Body, FitLens, body_of
 from cubicfish_cli.core.fit.normal_equations import Linearised, NormalEquations
-from cubicfish_cli.core.fit.poses import Poses, cross, cross_matrix
-from cubicfish_cli.core.fit.rig_lens import RigLens, body_of
+from cubicfish_cli.core.fit.poses import Poses, cross
 from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray
@@ -86,8 +85,8 @@ def linearise(
 
     ``pairs`` and ``huber_px`` are those of :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
     """
-    body = body_of(state.lens, len(state.poses))
-    views, camera = body.views(state.poses), body.camera[pairs.image]
+    body = body_of(state.lens)
+    views, camera = body.views(state.poses), body.camera_of(pairs.image)
     size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
     cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
     for first, stop in pairwise([*cuts.tolist(), len(camera)]):
@@ -96,7 +95,7 @@ def linearise(
 
 
 def _linearised(
-    body: RigLens,
+    body: Body,
     views: Poses,
     state: State[L],
     pairs: Observations,
@@ -109,35 +108,24 @@ def _linearised(
     rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
     rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
     points = (rotated + views.translation.T[:, image]).T
-    through = body.through(int(image[0]))
-    pixel, d_point, d_lens = through.lens.project_jacobian(points)
+    pixel, d_point, d_lens = body.lens_of(int(image[0])).project_jacobian(points)
     by_point = d_point.transpose(1, 2, 0)
     d_corner = np.zeros((len(image), 2, 3))
     if world.free:
         d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-    d_pose = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
-    parts = [d_lens]
-    if through.place is not None:
-        turned, shift = through.place
-        if through.free:
-            # A turn of the camera on the body swings the whole way from the body's origin with it.
-            arm = cross_matrix(views.translation[image] - shift)
-            parts += [d_pose[:, :, :3] - d_point @ arm, d_point]
-        d_pose = np.concatenate([d_pose[:, :, :3] @ turned, d_pose[:, :, 3:] @ turned], axis=2)
-    times = body.free_times
-    if times is not None:
-        parts.append(body.by_times(d_pose, times.speed(state.poses[body.shot]), image))
+    d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
+    d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
     residual = pixel - pairs.pixel[run]
     length = np.hypot(residual[:, 0], residual[:, 1])
     root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
-    d_shared = np.concatenate([*parts, world.chain(d_corner, run)], axis=2)
+    d_shared = np.concatenate([d_body, world.chain(d_corner, run)], axis=2)
     weight = root[:, None, None]
     return Linearised(
         residual=residual,
         root=root,
         miss=residual * root[:, None],
         by_shared=d_shared * weight,
-        columns=np.r_[through.columns, body.columns[-1].stop : state.size[0]],
+        columns=np.r_[own, len(state.lens.parameters) : state.size[0]],
         by_pose=d_pose * weight,
         by_corner=d_corner * weight,
         pose=body.shot_of(image),
@@ -328,7 +316,7 @@ def _astray(
     Of many photos there is always one whose pose goes astray.
     """
     count = len(state.poses)
-    shot = body_of(state.lens, count).shot_of(pairs.image)
+    shot = body_of(state.lens).shot_of(pairs.image)
     rise = np.zeros(count)
     for sign, of in ((1, new), (-1, now)):
         cost = huber_cost(np.hypot(of.residual[:, 0], of.residual[:, 1]), huber_px)

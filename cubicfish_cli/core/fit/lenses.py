@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from cubicfish_cli.core.fit.asymmetric import BentFit, StillRays
 from cubicfish_cli.core.fit.normal_equations import gram, solve_scaled
+from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
-from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 # From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
@@ -47,6 +48,74 @@ class FitLens(Protocol):
 
         Products of their derivatives by the parameters and, last, of their residuals, pixels.
         """
+
+
+@runtime_checkable
+class Body(Protocol):
+    """What carries one camera or several: an adjustment knows the body's pose in each shot."""
+
+    def views(self, shots: Poses) -> Poses:
+        """camera_from_world of every photo, from the body's poses."""
+
+    def shot_of(self, photos: IntArray) -> IntArray:
+        """(n,) the shots of some photos."""
+
+    def camera_of(self, photos: IntArray) -> IntArray:
+        """(n,) which camera took them."""
+
+    def lens_of(self, photo: int) -> FitLens:
+        """The lens that a photo was taken through."""
+
+    def by_body(
+        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        """From derivatives of n pairs by their camera to those by the body.
+
+        Args:
+            photos: (n,) of one camera.
+            shots: the body's poses.
+            by_lens: (n, 2, L) by the lens's parameters.
+            by_view: (n, 2, 6) by the turn and the shift of the photo's own pose.
+
+        Returns:
+            (n, 2, k) by what the body's photos share; (k,) which of its parameters these are; and
+            (n, 2, 6) by the shot's pose.
+
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class OneCamera:
+    """A camera alone: each of its photos is a shot."""
+
+    lens: FitLens
+
+    def views(self, shots: Poses) -> Poses:
+        """See :class:`Body`."""
+        return shots
+
+    def shot_of(self, photos: IntArray) -> IntArray:
+        """See :class:`Body`."""
+        return photos
+
+    def camera_of(self, photos: IntArray) -> IntArray:
+        """See :class:`Body`."""
+        return np.zeros_like(photos)
+
+    def lens_of(self, photo: int) -> FitLens:
+        """See :class:`Body`."""
+        return self.lens
+
+    def by_body(
+        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        """See :class:`Body`."""
+        return by_lens, np.arange(by_lens.shape[2]), by_view
+
+
+def body_of(lens: FitLens) -> Body:
+    """What carries a lens; one of several cameras is a lens and a body at once."""
+    return lens if isinstance(lens, Body) else OneCamera(lens)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@
 and what is done with a rig; each of its cameras is a calibrated camera that has a name and a place.
 
 A rig is not a second fit: `adjustment.py` knows one pose per shot and looks at the photos camera
-by camera, and one camera is a rig of one (`body_of`). `rig_lens.py` has the lenses and
+by camera: `RigLens` (`fit/rig_lens.py`) is to it what carries them, with the lenses and
 camera_from_rig of each; `normal_equations.py` sums each photo's Gram matrix over the columns that
 it touches, so that the work grows with photos and not with cameras. All else is
 `extensions/rigs`, of which no other part knows. `fit/calibrate.py` is the recipe: each camera

@@ -30,7 +30,6 @@ from cubicfish_cli.core.fit.refinement import (
     estimate_spread,
     free_target,
 )
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import (
     error_statistics,
     huber_px,
@@ -56,6 +55,7 @@ from cubicfish_cli.extensions.rigs.fit.faults import (
     moved_camera,
 )
 from cubicfish_cli.extensions.rigs.fit.names import agreeing
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
 from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged, start_rig

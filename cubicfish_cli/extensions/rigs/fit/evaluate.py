@@ -18,7 +18,6 @@ from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.observations import Observations
@@ -27,6 +26,7 @@ from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.identification.identified import Detection
 from cubicfish_cli.extensions.rigs.fit.names import agreeing
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.start import place_shots
 from cubicfish_cli.extensions.rigs.fit.times import Motion, on_time

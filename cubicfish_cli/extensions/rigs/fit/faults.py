@@ -13,10 +13,10 @@ from cubicfish_cli.app.diagnosis.photo_lenses import best_cut
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import RigStart
 from cubicfish_cli.extensions.rigs.fit.times import Clocks
 

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.subset import world_scale
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import chosen, symmetries
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import apart, median_pose
 
 # Places of a camera, one per shot, from which the one is sought that the others agree with.

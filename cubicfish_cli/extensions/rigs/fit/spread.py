@@ -17,9 +17,9 @@ from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, FitLens
 from cubicfish_cli.core.fit.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.core.fit.poses import cross_matrix
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px
 from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 
 
 def place_covariances(

@@ -19,12 +19,12 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.io.camera_yaml import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0

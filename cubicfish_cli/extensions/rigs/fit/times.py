@@ -17,11 +17,11 @@ import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
-from cubicfish_cli.core.fit.rig_lens import PhotoTimes, RigLens
 from cubicfish_cli.core.fit.statistics import noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.motion import paths_between
+from cubicfish_cli.extensions.rigs.fit.rig_lens import PhotoTimes, RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import time_of
 
 # Shots farther apart than so many usual steps say nothing of each other's motion.

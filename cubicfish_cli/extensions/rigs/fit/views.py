@@ -19,13 +19,13 @@ from cubicfish_cli.core.fit.lenses import CubicFit, FitLens, FixedLens
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import radial_near
-from cubicfish_cli.core.fit.rig_lens import RigLens
 from cubicfish_cli.core.fit.subset import select, with_mean_weight_one
 from cubicfish_cli.core.io.camera_yaml import Calibrated
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
 
 _ROUGH_DECREASE = 1e-5

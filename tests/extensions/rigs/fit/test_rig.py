@@ -16,7 +16,6 @@ from cubicfish_cli.core.fit.adjustment import State, adjust, linearise
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.folds import dealt_out
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
-from cubicfish_cli.core.fit.rig_lens import PhotoTimes, RigLens
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -26,6 +25,7 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
 from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
 from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
+from cubicfish_cli.extensions.rigs.fit.rig_lens import PhotoTimes, RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import (
     Shots,
     shots_by_name,

@@ -1,7 +1,7 @@
 """Several cameras on one body, as least squares sees them: a lens and a place for each.
 
 A photo of a rig is a view: what one camera saw of one shot. The adjustment knows one pose per shot
-and looks at the views camera by camera; one camera alone is a rig of one, whose views are shots.
+and looks at the views camera by camera; a `RigLens` is what carries them (`Body`).
 """
 
 from __future__ import annotations
@@ -14,30 +14,12 @@ from itertools import pairwise
 import numpy as np
 
 from cubicfish_cli.core.fit.lenses import FitLens
-from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
+from cubicfish_cli.core.fit.poses import Poses, cross_matrix, rotation_from_vector
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 _PLACE = 6  # a turn and a shift of camera_from_rig
 # How late a camera usually is, is held so much less firmly than its photos are to that.
 _USUAL = 1e-3
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Through:
-    """The lens that some photos were taken through, and how its camera stands on the body.
-
-    Attributes:
-        lens: of one camera: points in its frame -> pixels.
-        columns: where its parameters stand among all lenses'; those of its place come last.
-        place: camera_from_rig, (3, 3) and (3,); None where the camera's frame is the rig's.
-        free: whether that place is a parameter.
-
-    """
-
-    lens: FitLens
-    columns: slice
-    place: tuple[FloatArray, FloatArray] | None = None
-    free: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -199,7 +181,27 @@ class RigLens:
         own = shots[self.shot]
         return own if self.times is None else self.times.moved(own)
 
-    def by_times(self, by_pose: FloatArray, speed: FloatArray, image: IntArray) -> FloatArray:
+    def by_body(
+        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        """See :class:`~cubicfish_cli.core.fit.lenses.Body`."""
+        camera = int(self.camera[photos[0]])
+        parts = [by_lens]
+        if camera:
+            turned, shift = self.places.rotation[camera], self.places.translation[camera]
+            by_turn, by_shift = by_view[:, :, :3], by_view[:, :, 3:]
+            if not self.held:
+                # A turn of the camera on the body swings the whole way from the body's origin.
+                arm = cross_matrix(self.views(shots).translation[photos] - shift)
+                parts += [by_turn - by_shift @ arm, by_shift]
+            by_view = np.concatenate([by_turn @ turned, by_shift @ turned], axis=2)
+        if self.free_times is not None:
+            speed = self.free_times.speed(shots[self.shot])
+            parts.append(self._by_times(by_view, speed, photos))
+        own = self.columns[camera]
+        return np.concatenate(parts, axis=2), np.arange(own.start, own.stop), by_view
+
+    def _by_times(self, by_pose: FloatArray, speed: FloatArray, image: IntArray) -> FloatArray:
         """(n, 2, T) what pairs of one camera's views change by with its times.
 
         Args:
@@ -215,25 +217,17 @@ class RigLens:
         found[rows, :, own] = (by_pose @ speed[image][:, :, None])[:, :, 0]
         return found
 
-    def shot_of(self, views: IntArray) -> IntArray:
+    def shot_of(self, photos: IntArray) -> IntArray:
         """(n,) the shots of some views."""
-        return self.shot[views]
+        return self.shot[photos]
 
-    @property
-    def starts(self) -> IntArray:
-        """Views at which another camera's begin."""
-        return np.flatnonzero(np.diff(self.camera)) + 1
+    def camera_of(self, photos: IntArray) -> IntArray:
+        """(n,) which camera they are of."""
+        return self.camera[photos]
 
-    def through(self, view: int) -> Through:
-        """The lens of a view, and of all others of its camera."""
-        camera = int(self.camera[view])
-        own = self.places.rotation[camera], self.places.translation[camera]
-        return Through(
-            lens=self.lenses[camera],
-            columns=self.columns[camera],
-            place=own if camera else None,
-            free=not self.held,
-        )
+    def lens_of(self, photo: int) -> FitLens:
+        """The lens of a view."""
+        return self.lenses[self.camera[photo]]
 
     def prior(self) -> FloatArray:
         """The lenses' priors, each where its parameters stand."""
@@ -267,15 +261,3 @@ class RigLens:
     def project(self, points: FloatArray) -> FloatArray:
         """Not of a rig: which camera sees the points is a matter of the view."""
         raise TypeError("a rig projects through the lens of a view")
-
-
-def body_of(lens: FitLens, photos: int) -> RigLens:
-    """A lens as that of a body: one camera alone is a rig of one, whose photos are its shots."""
-    if isinstance(lens, RigLens):
-        return lens
-    return RigLens(
-        lenses=(lens,),
-        places=Poses(rotation=np.eye(3)[None], translation=np.zeros((1, 3))),
-        camera=np.zeros(photos, np.intp),
-        shot=np.arange(photos),
-    )
