@@ -158,7 +158,7 @@ def calibrate(
             error = FitError(error.what, do=found[0].line) if found else error
         raise error from failure
     used, poses = near.pairs, near.poses.of_world(origin)
-    photos = photo_records(used.images, used.image, near.residual, poses, used.tells_error)
+    photos = photo_records(used, near.residual, poses)
     return replace(
         near,
         fit=replace(near.fit, per_image=photos),

@@ -12,7 +12,7 @@ import numpy as np
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice, RunnerUp
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice
 from cubicfish_cli.core.fit.deformable_target import Level
 from cubicfish_cli.core.fit.held_out import HeldOut
 from cubicfish_cli.core.fit.poses import Poses
@@ -59,7 +59,7 @@ class Calibration(Calibrated):
     fit: FitRecord
     held_out: HeldOut | None
     prior: PriorChoice
-    runners_up: tuple[RunnerUp, ...]
+    runners_up: Mapping[PriorChoice, float]
     unfit: dict[str, Finding]
     target: Target | None
     renamed: Mapping[str, Symmetry]

@@ -12,8 +12,8 @@ out say, from the plain radial lens at one end to a nearly free P at the other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -67,20 +67,6 @@ class PriorChoice:
     central: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunnerUp:
-    """Another prior that may be the better one.
-
-    Attributes:
-        prior: the prior.
-        likely: how likely it is the best of all, 0 to 1.
-
-    """
-
-    prior: PriorChoice
-    likely: float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFit(Adjustment[CubicFit]):
     """The cubic lens, all poses and, where it is free, the target, fitted together.
@@ -89,14 +75,15 @@ class CameraFit(Adjustment[CubicFit]):
         reference: the radial fit that P leans on; its pairs have the world points of this fit.
         prior: how P was held to it.
         max_angle_deg: half-angle of the cone over which P may be trusted.
-        runners_up: priors that other photos would speak for; none where none was sought.
+        runners_up: priors that other photos would speak for, and how likely each is the best of
+            all, 0 to 1; none where none was sought.
 
     """
 
     reference: RadialReference
     prior: PriorChoice
     max_angle_deg: float
-    runners_up: tuple[RunnerUp, ...] = ()
+    runners_up: Mapping[PriorChoice, float] = field(default_factory=dict)
 
     @property
     def level(self) -> Level:
@@ -371,7 +358,7 @@ def _predict_squares(
 
 def _choose_likeliest(
     places: Sequence[_Place], squares: FloatArray
-) -> tuple[_Place, tuple[RunnerUp, ...]]:
+) -> tuple[_Place, dict[PriorChoice, float]]:
     """The prior that is taken, and those that would be if other photos had been taken.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
@@ -394,9 +381,5 @@ def _choose_likeliest(
     drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
     taken = (drawn @ told.T + expected).argmax(axis=1)
     likely = np.bincount(taken, minlength=len(places)) / _DRAWS
-    runners_up = tuple(
-        RunnerUp(prior=_make_prior(places[other]), likely=float(likely[other]))
-        for other in np.flatnonzero(likely).tolist()
-        if other != chosen
-    )
-    return places[chosen], runners_up
+    others = [other for other in np.flatnonzero(likely).tolist() if other != chosen]
+    return places[chosen], {_make_prior(places[one]): float(likely[one]) for one in others}

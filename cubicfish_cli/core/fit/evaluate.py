@@ -48,10 +48,7 @@ class Evaluation(Brief):
     @cached_property
     def photos(self) -> tuple[PhotoRecord, ...]:
         """Errors and pose of each of ``pairs.images``."""
-        pairs = self.pairs
-        return photo_records(
-            pairs.images, pairs.image, self.residual, self.poses, pairs.tells_error
-        )
+        return photo_records(self.pairs, self.residual, self.poses)
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""

@@ -12,7 +12,6 @@ from cubicfish_cli.core.fit.cubic_fit import (
     NEAR_DECREASE,
     RADIAL,
     CameraFit,
-    RunnerUp,
     fit_cubic,
 )
 from cubicfish_cli.core.fit.deformable_target import LEVELS, Level
@@ -203,11 +202,9 @@ def _judge(
         )
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < error.rms_px:
-            runners_up = [RunnerUp(prior=fit.prior, likely=measured.doubt(held_out))]
+            runners_up = {fit.prior: measured.doubt(held_out)}
             if prior == central:  # how firmly and how symmetrically is as open as it was
-                runners_up += [
-                    replace(other, prior=replace(other.prior, central=True))
-                    for other in fit.runners_up
-                ]
-            best, error = replace(firm, runners_up=tuple(runners_up)), measured
+                for other, likely in fit.runners_up.items():
+                    runners_up[replace(other, central=True)] = likely
+            best, error = replace(firm, runners_up=runners_up), measured
     return best, error

@@ -148,10 +148,9 @@ def photo_spread(
     others = [np.sqrt(likely) * _step(fit.lens, lens, rays) for lens, likely in doubted]
     if fit.runners_up:
         steps = leave_one_out.held_as(
-            [held(fit.lens, reference, one.prior, fit.errors) for one in fit.runners_up]
+            [held(fit.lens, reference, prior, fit.errors) for prior in fit.runners_up]
         )
-        likely = np.array([one.likely for one in fit.runners_up])
-        others += list(np.sqrt(likely)[:, None] * steps[:, :count])
+        others += list(np.sqrt([*fit.runners_up.values()])[:, None] * steps[:, :count])
     return PhotoSpread(
         noise=camera_uncertainty(fit),
         left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),

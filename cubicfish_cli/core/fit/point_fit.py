@@ -150,7 +150,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
             unfit_images={photo: why.line for photo, why in unfit.items()},
             per_image=(PhotoRecord(image=used.images[0], **vars(errors)),)
             if poses is None
-            else photo_records(used.images, used.image, residual, poses, used.tells_error),
+            else photo_records(used, residual, poses),
         ),
         unfit=unfit,
         target=pairs.target,

@@ -16,7 +16,7 @@ from cubicfish_cli.core.assess.fit_record import ErrorStatistics, PhotoRecord, P
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.subset import with_mean_weight_one
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 # Median of the length of a 2D normal vector of unit standard deviation a component.
 _MEDIAN_OF_RAYLEIGH = 1.17741
@@ -59,27 +59,21 @@ def rms_px(residual: FloatArray) -> float:
 
 
 def photo_records(
-    names: Sequence[str],
-    image: IntArray,
-    residual: FloatArray,
-    poses: Poses,
-    tells_error: BoolArray,
+    pairs: Observations, residual: FloatArray, poses: Poses
 ) -> tuple[PhotoRecord, ...]:
     """Each photo's errors and its camera_from_world.
 
     Args:
-        names: photos, in the order of ``poses``.
-        image: (N,) photo of each residual.
-        residual: (N, 2) pixels.
+        pairs: of the photos; where none of a photo's tells its error, its errors are NaN.
+        residual: (N, 2) projection less pixel, pixels.
         poses: camera_from_world of each photo.
-        tells_error: (N,) which residuals are errors; where a photo has none its errors are NaN.
 
     """
     vectors, shifts = poses.rotation_vector.tolist(), poses.translation.tolist()
     records = []
-    for photo, name in enumerate(names):
-        own = image == photo
-        known, corners = residual[own & tells_error], int(own.sum())
+    for photo, name in enumerate(pairs.images):
+        own = pairs.image == photo
+        known, corners = residual[own & pairs.tells_error], int(own.sum())
         errors = ErrorStatistics(corners=corners)
         if len(known):
             errors = error_statistics(known, corners)

@@ -9,7 +9,7 @@ from simulated import CornerErrors, simulated_corners
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.core.fit.cubic_fit import PriorChoice, RunnerUp, fit_cubic
+from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.photo_spread import PhotoSpread, photo_spread, variance_of_few
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.subset import select, world_scale
@@ -101,15 +101,12 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     reference, cubic = fitted(5, CornerErrors())
     rays = cone_rays(reference.covered, 60)
     alone = photo_spread(cubic, np.arange(PHOTOS)).sigma_px(rays)
-    like = RunnerUp(prior=PRIOR, likely=1.0)
-    itself = photo_spread(replace(cubic, runners_up=(like,)), reference, np.arange(PHOTOS))
+    itself = photo_spread(replace(cubic, runners_up={PRIOR: 1.0}), np.arange(PHOTOS))
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
     freer = PriorChoice(spread=1e-2, weight=0.1)
     sure, half = (
         photo_spread(
-            replace(cubic, runners_up=(RunnerUp(prior=freer, likely=likely),)),
-            reference,
-            np.arange(PHOTOS),
+            replace(cubic, runners_up={freer: likely}), np.arange(PHOTOS)
         ).sigma_px(rays)
         for likely in (1.0, 0.5)
     )

@@ -380,11 +380,9 @@ def _cameras(
                 held_out_rms_px=out,
                 refine_target=level,
                 per_image=photo_records(
-                    [evidence.photos[view] for view in taken.tolist()],
-                    np.searchsorted(taken, fit.pairs.image[own]),
+                    replace(pairs, images=tuple(evidence.photos[view] for view in seen)),
                     fit.residual[own],
-                    views[taken],
-                    tells[own],
+                    views[seen],
                 ),
             ),
             path=f"{name}/camera.yaml",

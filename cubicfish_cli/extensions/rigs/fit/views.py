@@ -127,11 +127,8 @@ def calibrate_alone(
         result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
         lens, poses = _with_own_denominators(result.lens), result.poses
         runners_up = [
-            (
-                _with_own_denominators(held(result.lens, reference, one.prior, result.errors)),
-                one.likely,
-            )
-            for one in found.runners_up
+            (_with_own_denominators(held(result.lens, reference, prior, result.errors)), likely)
+            for prior, likely in found.runners_up.items()
         ]
     return Alone(
         lens=lens,
