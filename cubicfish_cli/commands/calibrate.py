@@ -63,7 +63,6 @@ from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
-    from cubicfish_cli.core.assess.camera_facts import CameraFacts
     from cubicfish_cli.core.assess.verdict import Verdict
     from cubicfish_cli.core.fit.calibration import Calibration
     from cubicfish_cli.core.fit.model_selection import RefineTarget
@@ -178,9 +177,6 @@ class CalibratedFiles:
     Attributes:
         fitted: the fit; a :class:`PointCalibration` where the lift was ``point``.
         inputs: what it was fitted to.
-        record: the fit as camera.yaml has it.
-        facts: the camera in the figures that people ask for first.
-        verdict: what it is worth.
         files: what was written, by its name in :data:`NAMES`.
         removed: what went of an earlier calibration.
         advice: what to photograph next, in a line; None for the lift ``point``.
@@ -189,9 +185,6 @@ class CalibratedFiles:
 
     fitted: Calibration | PointCalibration
     inputs: Inputs
-    record: dict[str, Any]
-    facts: CameraFacts
-    verdict: Verdict
     files: dict[str, Path]
     removed: list[Path]
     advice: str | None = None
@@ -199,12 +192,12 @@ class CalibratedFiles:
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish calibrate --json`` prints."""
         return {
-            **self.record,
+            **self.fitted.as_record(),
             **self.inputs.remarks(self.fitted.remarks),
             **({} if self.advice is None else {"advice": self.advice}),
-            "summary": self.facts.line,
+            "summary": self.fitted.line,
             "chosen": self.fitted.made_by.get("chosen"),
-            "verdict": self.verdict.as_record(),
+            "verdict": self.fitted.verdict.as_record(),
             "report": self.files.get("report"),
             "files": self.files,
             "model": self.files["camera"],
@@ -304,15 +297,12 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
         overwrite=run.overwrite,
         obsolete=obsolete if run.overwrite else (),
     )
-    record, advice = fitted.as_record(), None
+    advice = None
     if isinstance(fitted, Calibration):
         advice = summary(fitted.camera, fitted.fit, fitted.pairs)
     return CalibratedFiles(
         fitted=fitted,
         inputs=loaded,
-        record=record,
-        facts=fitted.facts,
-        verdict=fitted.verdict,
         files=files,
         removed=[path for path in obsolete if not path.exists()],
         advice=advice,
@@ -405,7 +395,7 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
         _say_findings(fitted)
     if not printed:
         apart()
-        result(made.facts.line, mark=(made.verdict.words, made.verdict.level))
+        result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
         if isinstance(fitted, Calibration):
             _print_calibration(made, fitted)
         else:
@@ -446,7 +436,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
     """The figures that the verdict rests on, the photos, what was written, and what to do next."""
     camera, pairs, detection = calibration.camera, calibration.pairs, made.inputs.detection
     fit = calibration.fit
-    print_verdict(made.verdict)
+    print_verdict(calibration.verdict)
     result(f"advice: {made.advice}\n")
     _print_figures(calibration)
     lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
@@ -461,7 +451,7 @@ def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
     print_wrote(made.files.values())
     used = {Path(name).name for name in pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
-    say_next(made.verdict, made.files["camera"], photo, made.files.get("report"))
+    say_next(calibration.verdict, made.files["camera"], photo, made.files.get("report"))
 
 
 def _print_figures(calibration: Calibration) -> None:
@@ -481,7 +471,7 @@ def _print_figures(calibration: Calibration) -> None:
             ("  radial reference", fit.companion_held_out_rms_px, ""),
         ]
     print_errors(fit, more)
-    for figure in calibration.facts.scope:
+    for figure in calibration.scope:
         print_figure(*figure)
     if fit.pupil is not None:
         print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=fit.pupil.meaning)
@@ -533,7 +523,7 @@ def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
     print_figure("rank", str(camera.rank), "", f"of 20: {meaning}")
     print_figure("frame", camera.frame, "", "of the points that it takes")
     result()
-    print_verdict(made.verdict)
+    print_verdict(calibration.verdict)
     result()
     print_wrote(made.files.values())
     print_next(f"cubicfish project POINTS --model {made.files['camera']}")

@@ -16,8 +16,7 @@ from cubicfish_cli.app.terminal.terminal import result
 from cubicfish_cli.app.words.phrases import plural
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.assess.camera_facts import CameraFacts
-    from cubicfish_cli.core.assess.verdict import Verdict
+    from cubicfish_cli.core.io.camera_yaml import CameraRecord
 
 
 @record
@@ -33,18 +32,46 @@ class CameraInfo:
 
     Attributes:
         model: the file.
-        verdict: what the camera is worth; None of a camera that was not fitted.
-        facts: the camera in the figures that people ask for first.
+        known: the camera, its fit and where it comes from.
 
     """
 
     model: Path
-    verdict: Verdict | None
-    facts: CameraFacts
+    known: CameraRecord
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish info --json`` prints."""
-        return {"model": self.model, **self.facts.as_record()}
+        from cubicfish_cli.core.assess.records import plain_record
+
+        known = self.known
+        fit, seen, origin = known.fit, known.field, known.origin
+        focal, centre = known.axis or (None, None)
+        focal_sigma, centre_sigma = map(plain_record, known.axis_sigma)
+        return {
+            "model": self.model,
+            "title": known.title or None,
+            "image_size": list(known.camera.image_size),
+            "focal_px": focal,
+            "principal_point": centre,
+            "focal_sigma_px": focal_sigma,
+            "principal_point_sigma_px": centre_sigma,
+            "max_angle_deg": known.max_angle_deg,
+            "covered_deg": plain_record(fit.covered_deg),
+            "pupil": plain_record(fit.pupil),
+            "rms_px": plain_record(fit.rms_px),
+            "held_out_rms_px": plain_record(fit.held_out_rms_px),
+            "images": fit.images or None,
+            "corners": fit.corners or None,
+            "date": origin.date,
+            "version": origin.version,
+            "command": origin.command,
+            "target": origin.target and origin.target.file,
+            "summary": known.line,
+            "horizontal_deg": seen and seen.horizontal,
+            "vertical_deg": seen and seen.vertical,
+            "diagonal_deg": seen and seen.diagonal,
+            "verdict": known.verdict.as_record() if known.is_measured else None,
+        }
 
 
 def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
@@ -57,8 +84,7 @@ def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
     from cubicfish_cli.core.io.camera_yaml import load_any_camera
 
     path = in_folder(Path(asked.camera))
-    facts = load_any_camera(path).facts
-    return CameraInfo(model=path, verdict=facts.verdict, facts=facts)
+    return CameraInfo(model=path, known=load_any_camera(path))
 
 
 @as_command(
@@ -79,27 +105,27 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
     """
     if how.print(made):
         return
-    result(made.facts.line + "\n")
-    for name, words in _rows(made.facts):
+    result(made.known.line + "\n")
+    for name, words in _rows(made.known):
         result(f"{name:<18}{words}")
-    if made.verdict is not None:
+    if made.known.is_measured:
         result()
-        print_verdict(made.verdict)
+        print_verdict(made.known.verdict)
 
 
-def _rows(facts: CameraFacts) -> list[tuple[str, str]]:
+def _rows(known: CameraRecord) -> list[tuple[str, str]]:
     """(what, in words) of all that is known."""
-    fit, origin = facts.fit, facts.origin
-    rows = [("size", "{} x {} px".format(*facts.camera.image_size)), *facts.lens]
-    if facts.max_angle_deg is not None:
+    fit, origin = known.fit, known.origin
+    rows = [("size", "{} x {} px".format(*known.camera.image_size)), *known.lens_rows]
+    if known.max_angle_deg is not None:
         reach = f"; corners reach {fit.covered_deg:.1f}°" if fit.covered_deg > 0 else ""
-        rows.append(("trusted", f"to {facts.max_angle_deg:.1f}° from the axis{reach}"))
-    if math.isfinite(fit.rms_px):
+        rows.append(("trusted", f"to {known.max_angle_deg:.1f}° from the axis{reach}"))
+    if known.is_measured:
         out = fit.held_out_rms_px
         left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""
         rows.append(("error", f"{px(fit.rms_px)} px RMS{left_out}"))
-    if facts.pictures is not None and fit.corners:
-        rows.append(("from", f"{facts.pictures}, {plural(fit.corners, 'corner')}"))
+    if known.pictures is not None and fit.corners:
+        rows.append(("from", f"{known.pictures}, {plural(fit.corners, 'corner')}"))
     if origin.target is not None:
         rows.append(("target", origin.target.file))
     if origin.date is not None:

@@ -214,4 +214,4 @@ def command(made: TransformedFile, given: TransformOptions, how: How) -> None:
     if how.print(made):
         return
     print_wrote([made.file])
-    result(made.camera.facts.line)
+    result(made.camera.line)

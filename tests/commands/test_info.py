@@ -15,8 +15,9 @@ from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import save_camera
-from cubicfish_cli.core.assess.camera_facts import CameraFacts, field_seen
-from cubicfish_cli.core.assess.fit_record import fit_record, origin_of
+from cubicfish_cli.commands.info import CameraInfo
+from cubicfish_cli.core.assess.camera_facts import field_seen
+from cubicfish_cli.core.assess.fit_record import fit_record
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import chosen_view
@@ -122,8 +123,8 @@ def test_a_file_without_a_fit_says_what_it_knows(
 def test_a_damaged_record_is_no_traceback(calibrated: Path) -> None:
     loaded = load_camera(calibrated / "camera.yaml")
     fit = {"rms_px": "small", "uncertainty": {"focal_px": [1, "x"]}, "images": None}
-    origin = origin_of({"title": 3, "target": "x"})
-    found = CameraFacts(camera=loaded.camera, fit=fit_record(fit), origin=origin).as_record()
+    known = replace(loaded, fit=fit_record(fit), made_by={"title": 3, "target": "x"})
+    found = CameraInfo(model=calibrated, known=known).as_record()
     assert (found["focal_sigma_px"], found["title"], found["target"]) == (None, None, None)
     assert found["rms_px"] is None
 

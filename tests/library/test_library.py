@@ -369,7 +369,7 @@ def test_a_fit_and_its_file_give_the_same_answers(tmp_path: Path, fitted: Calibr
     assert loaded.verdict == fitted.verdict
     pixel = [[480, 360], [5, 5]]
     np.testing.assert_allclose(loaded.uncertainty(pixel), fitted.uncertainty(pixel))
-    assert loaded.facts.title == "left"
+    assert loaded.title == "left"
     assert str(loaded) == f"left: {fitted}"
     assert "array" not in repr(fitted)
     assert repr(fitted).startswith("<Calibration: 960x720 px, sees ")
@@ -387,8 +387,8 @@ def test_a_notebook_shows_words_that_are_no_tags(fitted: Calibration) -> None:
 
 def test_a_camera_without_a_fit_has_figures_and_no_verdict(fitted: Calibration) -> None:
     alone = CameraFile(camera=fitted.camera, fit=FitRecord(), made_by={})
-    assert str(alone) == alone.facts.line
-    assert alone.facts.verdict is None
+    assert str(alone) == alone.line
+    assert not alone.is_measured
 
 
 def test_corners_bring_their_target(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.fit_record import FitRecord, Origin
-from cubicfish_cli.core.assess.records import plain_record
+from cubicfish_cli.core.assess.fit_record import FitRecord, Origin, origin_of
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.frame_names import counted
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -51,25 +51,34 @@ class FieldSeen:
         )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFacts:
-    """A camera in figures; what is not known, or not of this kind of camera, is None.
+    """A camera in the figures that people ask for first; what is not known is None.
 
     Attributes:
-        camera: the camera.
+        camera: the camera, of either lift.
         fit: how well it fits.
-        origin: where it comes from.
+        made_by: where it comes from, plain data; empty where nothing is known.
 
     """
 
     camera: CubicCamera | PointCamera
     fit: FitRecord
-    origin: Origin
+    made_by: Mapping[str, Any]
+
+    @property
+    def origin(self) -> Origin:
+        """Where it comes from, as far as that is plain."""
+        return origin_of(self.made_by)
 
     @property
     def title(self) -> str:
         """What its owner calls it; empty without a name."""
         return self.origin.title or ""
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether a fit is on record."""
+        return math.isfinite(self.fit.rms_px)
 
     @property
     def max_angle_deg(self) -> float | None:
@@ -90,17 +99,15 @@ class CameraFacts:
         return [float(slope[0, 0]), float(slope[1, 1])], pixel.tolist()
 
     @property
-    def _axis_sigma(self) -> list[tuple[float, ...] | None]:
+    def axis_sigma(self) -> list[tuple[float, ...] | None]:
         """One standard deviation of both, from the corners' noise."""
         sigma = self.fit.uncertainty
         both = sigma.focal_px, sigma.principal_point_px
         return [own if len(own) == 2 and all(map(math.isfinite, own)) else None for own in both]
 
     @cached_property
-    def verdict(self) -> Verdict | None:
-        """What the fit is worth; None for a camera of which no fit is on record."""
-        if not math.isfinite(self.fit.rms_px):
-            return None
+    def verdict(self) -> Verdict:
+        """What the calibration is worth, and why: what ``cubicfish calibrate`` prints."""
         return verdict(self.fit, self.camera.image_size, self.camera.outline())
 
     @property
@@ -112,12 +119,12 @@ class CameraFacts:
         return counted(names if len(names) == images else [""] * images)
 
     @property
-    def lens(self) -> list[tuple[str, str]]:
+    def lens_rows(self) -> list[tuple[str, str]]:
         """What the lens is, as far as it is known: a name and figures in words each."""
         rows = []
         units = (("focal length", "px per radian"), ("principal point", "px"))
         for (name, unit), value, sigma in zip(
-            units, self.axis or (), self._axis_sigma, strict=False
+            units, self.axis or (), self.axis_sigma, strict=False
         ):
             x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
             rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
@@ -147,7 +154,7 @@ class CameraFacts:
     @property
     def line(self) -> str:
         """All that matters in one line, behind the title."""
-        return f"{self.title}: {self.figures}" if self.title else self.figures
+        return titled(self.title, self.figures)
 
     @property
     def figures(self) -> str:
@@ -167,41 +174,16 @@ class CameraFacts:
             )
         if math.isfinite(self.fit.held_out_rms_px):
             parts.append(f"held-out error {self.fit.held_out_rms_px:.3f} px")
-        elif math.isfinite(self.fit.rms_px):
+        elif self.is_measured:
             parts.append(f"error {self.fit.rms_px:.3f} px RMS")
-        if self.verdict is not None:
+        if self.is_measured:
             parts.append(self.verdict.words)
         return ", ".join(parts)
 
-    def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        fit, seen, origin = self.fit, self.field, self.origin
-        focal, centre = self.axis or (None, None)
-        focal_sigma, centre_sigma = map(plain_record, self._axis_sigma)
-        return {
-            "title": self.title or None,
-            "image_size": list(self.camera.image_size),
-            "focal_px": focal,
-            "principal_point": centre,
-            "focal_sigma_px": focal_sigma,
-            "principal_point_sigma_px": centre_sigma,
-            "max_angle_deg": self.max_angle_deg,
-            "covered_deg": plain_record(fit.covered_deg),
-            "pupil": plain_record(fit.pupil),
-            "rms_px": plain_record(fit.rms_px),
-            "held_out_rms_px": plain_record(fit.held_out_rms_px),
-            "images": fit.images or None,
-            "corners": fit.corners or None,
-            "date": origin.date,
-            "version": origin.version,
-            "command": origin.command,
-            "target": origin.target and origin.target.file,
-            "summary": self.line,
-            "horizontal_deg": seen and seen.horizontal,
-            "vertical_deg": seen and seen.vertical,
-            "diagonal_deg": seen and seen.diagonal,
-            "verdict": self.verdict and self.verdict.as_record(),
-        }
+
+def titled(title: str | None, figures: str) -> str:
+    """A camera's figures behind what its owner calls it."""
+    return f"{title}: {figures}" if title else figures
 
 
 def field_seen(camera: CubicCamera) -> FieldSeen:

@@ -9,8 +9,7 @@ import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any, NoReturn
@@ -19,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli import __version__
-from cubicfish_cli.core.assess.camera_facts import CameraFacts
+from cubicfish_cli.core.assess.camera_facts import CameraFacts, titled
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record, origin_of
-from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
@@ -52,19 +50,8 @@ _KEYS = (
 _NO_CAMERA = "name the camera.yaml that 'cubicfish calibrate'"
 
 
-class CameraRecord:
-    """A camera of either lift, and the record of its fit.
-
-    Attributes:
-        camera: the camera.
-        fit: how well it fits.
-        made_by: where it comes from, plain data; empty where nothing is known.
-
-    """
-
-    camera: CubicCamera | PointCamera
-    fit: FitRecord
-    made_by: Mapping[str, Any]
+class CameraRecord(CameraFacts):
+    """A camera of either lift, and the record of its fit, as camera.yaml keeps them."""
 
     @property
     def errors(self) -> ErrorStatistics:
@@ -74,19 +61,6 @@ class CameraRecord:
     def as_record(self) -> dict[str, Any]:
         """Plain data: ``fit`` of camera.yaml."""
         return self.fit.as_record()
-
-    @cached_property
-    def verdict(self) -> Verdict:
-        """What the calibration is worth, and why: what ``cubicfish calibrate`` prints."""
-        known = self.facts.verdict
-        if known is not None:
-            return known
-        return verdict(self.fit, self.camera.image_size, self.camera.outline())
-
-    @cached_property
-    def facts(self) -> CameraFacts:
-        """The camera in the figures that people ask for first."""
-        return CameraFacts(camera=self.camera, fit=self.fit, origin=origin_of(self.made_by))
 
     def text(self, made_by: Mapping[str, Any] | None = None) -> str:
         """The text of its camera.yaml.
@@ -100,8 +74,8 @@ class CameraRecord:
 
         """
         origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
-        facts = replace(self.facts, origin=origin_of(origin)) if made_by else self.facts
-        return camera_text(self.camera, fit=self.fit, made_by=origin, comment=facts.line)
+        comment = titled(origin_of(origin).title, self.figures)
+        return camera_text(self.camera, fit=self.fit, made_by=origin, comment=comment)
 
     def save(
         self,
@@ -126,12 +100,11 @@ class CameraRecord:
 
     def __str__(self) -> str:
         """The camera's figures, and what it is worth."""
-        facts = self.facts
-        return f"{facts.line}\n{facts.verdict.line}" if facts.verdict else facts.line
+        return f"{self.line}\n{self.verdict.line}" if self.is_measured else self.line
 
     def __repr__(self) -> str:
         """The camera's figures, no arrays."""
-        return f"<{type(self).__name__}: {self.facts.line}>"
+        return f"<{type(self).__name__}: {self.line}>"
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""

@@ -55,8 +55,8 @@ def report_html(facts: Facts) -> str:
     origin = origin_of(facts.known.made_by)
     return template(Path(__file__).with_name("report.html")).render(
         facts=facts,
-        known=facts.known.facts,
-        lens=[(name.capitalize(), words) for name, words in facts.known.facts.lens],
+        known=facts.known,
+        lens=[(name.capitalize(), words) for name, words in facts.known.lens_rows],
         fit=facts.fit,
         verdict=facts.known.verdict,
         words=WORDS,
@@ -93,7 +93,7 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
         )
         if math.isfinite(value)
     ]
-    for name, value, unit, meaning in facts.known.facts.scope:
+    for name, value, unit, meaning in facts.known.scope:
         tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
     if fit.rank and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))

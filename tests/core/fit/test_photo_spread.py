@@ -105,9 +105,7 @@ def test_a_rival_hold_adds_how_far_its_camera_is():
     np.testing.assert_allclose(itself.sigma_px(rays), alone, rtol=1e-2)
     freer = PriorChoice(spread=1e-2, weight=0.1)
     sure, half = (
-        photo_spread(
-            replace(cubic, runners_up={freer: likely}), np.arange(PHOTOS)
-        ).sigma_px(rays)
+        photo_spread(replace(cubic, runners_up={freer: likely}), np.arange(PHOTOS)).sigma_px(rays)
         for likely in (1.0, 0.5)
     )
     lens = camera_of(reference, fit_cubic(reference, freer, start=cubic))
