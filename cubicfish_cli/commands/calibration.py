@@ -10,7 +10,6 @@ from typing import Any, get_args
 
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, FitError
 from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.fit import calibrate as fitting
@@ -135,7 +134,7 @@ def save_camera(
 
     """
     if isinstance(camera, CubicCamera):
-        camera = CameraFile(camera=camera, fit=FitRecord(), made_by={})
+        camera = CameraFile(camera=camera)
     if not isinstance(camera, Calibrated):
         raise CameraFileError(f"{type(camera).__name__} is no camera that can be saved")
     camera.save(path, made_by=made_by, overwrite=overwrite)

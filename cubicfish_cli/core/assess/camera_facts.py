@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -51,6 +52,7 @@ class FieldSeen:
         )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CameraFacts:
     """A camera in the figures that people ask for first; what is not known is None.
 
@@ -62,8 +64,8 @@ class CameraFacts:
     """
 
     camera: CubicCamera | PointCamera
-    fit: FitRecord
-    made_by: Mapping[str, Any]
+    fit: FitRecord = dataclasses.field(default_factory=FitRecord)
+    made_by: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def origin(self) -> Origin:

@@ -46,7 +46,14 @@ _RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
 
 @dataclass(frozen=True, eq=False)
 class State(Generic[L]):
-    """All that an adjustment moves: lens, poses and target."""
+    """All that an adjustment moves.
+
+    Attributes:
+        lens: the lens.
+        poses: camera_from_world of every photo; of a rig, rig_from_world of every shot.
+        world: the target.
+
+    """
 
     lens: L
     poses: Poses
@@ -133,13 +140,10 @@ def _linearised(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Adjustment(Generic[L]):
+class Adjustment(State[L]):
     """Where Levenberg–Marquardt stopped.
 
     Attributes:
-        lens: the adjusted lens.
-        poses: camera_from_world of every photo; of a rig, rig_from_world of every shot.
-        world: the adjusted target.
         residual: (N, 2) projection less pixel, unweighted, pixels.
         cost: robust cost at the end, priors included.
         iterations: how many steps were tried.
@@ -149,9 +153,6 @@ class Adjustment(Generic[L]):
 
     """
 
-    lens: L
-    poses: Poses
-    world: DeformableTarget
     residual: FloatArray
     cost: float
     iterations: int
@@ -163,11 +164,6 @@ class Adjustment(Generic[L]):
     def errors(self) -> FloatArray:
         """(K, 2) residuals of the pairs whose error the fit can tell."""
         return self.residual[self.pairs.tells_error]
-
-    @property
-    def state(self) -> State[L]:
-        """Where it stopped."""
-        return State(self.lens, self.poses, self.world)
 
     def again(
         self,

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice
@@ -35,7 +33,6 @@ class Calibration(Calibrated):
         poses: camera_from_world of each of ``pairs.images``.
         pairs: the pairs that were used.
         residual: (N, 2) projection less pixel of those, pixels.
-        fit: how well it fits, as camera.yaml keeps it.
         held_out: cross-validated errors; None when the photos are too few.
         prior: how P was held to the reference.
         runners_up: how other photos would have it held, and how likely each is right; none where
@@ -46,7 +43,6 @@ class Calibration(Calibrated):
         renamed: photos that show the target the other way round than they said, as its print
             says, and the motion of the target that their corners were named anew by.
         notes: what a person should know beyond the figures.
-        made_by: where it comes from, plain data.
 
     """
 
@@ -56,7 +52,6 @@ class Calibration(Calibrated):
     poses: Poses
     pairs: Observations
     residual: FloatArray
-    fit: FitRecord
     held_out: HeldOut | None
     prior: PriorChoice
     runners_up: Mapping[PriorChoice, float]
@@ -64,7 +59,6 @@ class Calibration(Calibrated):
     target: Target | None
     renamed: Mapping[str, Symmetry]
     notes: tuple[Finding, ...]
-    made_by: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def refined(self) -> Level:

@@ -132,7 +132,7 @@ def held_out_error(
     for done, (test, step) in enumerate(zip(parts, leave_one_out.steps(), strict=True)):
         if progress is not None:
             progress(done, len(parts))
-        squares[:, np.isin(pairs.image, test)] = _judge_fold(fit, test, fit.state.moved(*step))
+        squares[:, np.isin(pairs.image, test)] = _judge_fold(fit, test, fit.moved(*step))
     squares[:, ~pairs.tells_error] = np.nan
     of_cubic, of_radial = squares
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
@@ -162,7 +162,7 @@ def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatA
     try:
         trained = trained_from(near)
     except FitError:  # the first-order step was too long: start where the fit ended
-        trained = trained_from(fit.state)
+        trained = trained_from(fit)
     reference, moved = fit.reference, training.with_world(trained.world.points)
     lens, poses, limit = reference.lens, reference.poses[train], wide_px(reference.errors)
     radial = adjust(

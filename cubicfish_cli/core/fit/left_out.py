@@ -89,8 +89,8 @@ class LeaveOneOut:
 
     def _seen(self, group: IntArray) -> tuple[Observations, State[Any]]:
         """The pairs that are seen from some poses, and all that these see of the fit."""
-        own, state = np.flatnonzero(np.isin(self._shot, group)), self._fit.state
-        return self._fit.pairs.select(own), State(state.lens, state.poses, state.world.select(own))
+        own, fit = np.flatnonzero(np.isin(self._shot, group)), self._fit
+        return fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
 
     def _put_in(self, group: IntArray) -> NormalEquations:
         """What the pairs seen from some poses put into the equations."""

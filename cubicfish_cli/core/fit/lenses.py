@@ -136,7 +136,7 @@ class FixedLens:
     def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
         if isinstance(self.camera, CubicCamera):
-            pixel, d_point = self.camera.near_pixel_and_slope(points)
+            pixel, d_point = self.camera.pixel_and_slope_of_points(points)
         elif isinstance(self.camera, RadialCamera):
             pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
         else:

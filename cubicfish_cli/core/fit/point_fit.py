@@ -7,8 +7,7 @@ that the radial reference found.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -79,11 +78,8 @@ class PointCalibration(CameraRecord):
         poses: camera_from_world of each photo, from the radial reference; None with one photo
             whose pose was not needed.
         residual: (N, 2) projection less pixel, pixels.
-        fit: how well it fits; photos that were left out of it for the held-out error were placed
-            by a radial reference that never saw them either.
         unfit: photos left out, with the reason.
         target: the calibration target, as drawn; None of pairs.
-        made_by: where it comes from, plain data.
 
     """
 
@@ -91,10 +87,8 @@ class PointCalibration(CameraRecord):
     pairs: Observations
     poses: Poses | None
     residual: FloatArray
-    fit: FitRecord
     unfit: Mapping[str, Finding]
     target: Target | None = None
-    made_by: Mapping[str, Any] = field(default_factory=dict)
 
     def named(self, corners: Observations) -> Observations:
         """The corners as this fit names them: as they were given."""

@@ -151,18 +151,9 @@ class Calibrated(CameraRecord):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CameraFile(Calibrated):
-    """What a camera.yaml holds; it answers what the fit answered.
-
-    Attributes:
-        camera: the camera.
-        fit: how well it fits.
-        made_by: version, date, options and hashes, plain data.
-
-    """
+    """What a camera.yaml holds; it answers what the fit answered."""
 
     camera: CubicCamera
-    fit: FitRecord
-    made_by: Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -170,8 +161,6 @@ class PointCameraFile(CameraRecord):
     """What a camera.yaml of the ``point`` lift holds; see :class:`CameraFile`."""
 
     camera: PointCamera
-    fit: FitRecord
-    made_by: Mapping[str, Any]
 
 
 def camera_text(

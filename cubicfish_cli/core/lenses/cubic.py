@@ -109,20 +109,16 @@ class CubicCamera(Brief):
         pixel = self.project(points, near=near)
         inside = np.isfinite(pixel[..., 0])
         slope = np.full((*pixel.shape, 3), np.nan)
-        travel = self.pupil_travel if near else 0.0
-        slope[inside] = self._near_pixel_and_slope(points[inside], travel)[1]
+        slope[inside] = self.pixel_and_slope_of_points(points[inside], near=near)[1]
         return pixel, slope
 
-    def near_pixel_and_slope(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Pixel and d pixel / d point of points at hand, unchecked: (N, 3) -> (N, 2), (N, 2, 3)."""
-        return self._near_pixel_and_slope(points, self.pupil_travel)
-
-    def _near_pixel_and_slope(
-        self, points: FloatArray, travel: float
+    def pixel_and_slope_of_points(
+        self, points: FloatArray, *, near: bool = True
     ) -> tuple[FloatArray, FloatArray]:
+        """Pixel and d pixel / d point, unchecked: (N, 3) -> (N, 2), (N, 2, 3)."""
         moved, by_point = points, np.zeros((1, 3))
-        if travel:
-            moved, by_point, _ = from_pupil_and_slopes(points, travel)
+        if near and self.pupil_travel:
+            moved, by_point, _ = from_pupil_and_slopes(points, self.pupil_travel)
         rays = unit_rays(moved)
         length = np.sum(rays * moved, axis=-1)
         pixel, across = self.pixel_and_slope(rays)

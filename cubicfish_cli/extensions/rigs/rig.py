@@ -16,7 +16,7 @@ import numpy as np
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.lenses.file_contents import numbers
-from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
+from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, PoseRecord
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.errors import CameraFileError, CubicfishError
@@ -132,8 +132,6 @@ class RigCamera(Calibrated):
     Attributes:
         name: of the camera.
         camera: its lens.
-        fit: the record of its lens, as its camera.yaml has it.
-        made_by: where that comes from, plain data.
         path: of its camera.yaml, from the rig's folder.
         rotation: (3, 3) of camera_from_rig.
         translation: (3,) of camera_from_rig, in the rig's units.
@@ -145,8 +143,6 @@ class RigCamera(Calibrated):
 
     name: str
     camera: CubicCamera
-    fit: FitRecord = field(default_factory=FitRecord)
-    made_by: Mapping[str, Any] = field(default_factory=dict)
     path: str = ""
     rotation: FloatArray
     translation: FloatArray

@@ -103,7 +103,7 @@ class RigEvidence:
         """Of each view's shot's pose: Hessian (V, 6, 6), gradient (V, 6), and (V,) its corners."""
         fit, pairs, views = self.fit, self.pairs, len(self.lens.shot)
         hessian, gradient = np.zeros((views, 6, 6)), np.zeros((views, 6))
-        for run, terms in linearise(fit.state, pairs, fit.huber_px):
+        for run, terms in linearise(fit, pairs, fit.huber_px):
             across = terms.by_pose.transpose(0, 2, 1)
             np.add.at(hessian, pairs.image[run], across @ terms.by_pose)
             np.add.at(gradient, pairs.image[run], (across @ terms.miss[:, :, None])[:, :, 0])

@@ -213,7 +213,7 @@ def _paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
     found = np.zeros((len(fit.poses), 2, 6))
     hessian, pull = np.zeros((len(fit.poses), 6, 6)), np.zeros((len(fit.poses), 6, 2))
     speeds = np.stack([flow.velocity, 0.5 * flow.acceleration], axis=2)
-    for run, terms in linearise(fit.state, fit.pairs, fit.huber_px):
+    for run, terms in linearise(fit, fit.pairs, fit.huber_px):
         known = np.isfinite(speeds[run]).all(axis=(1, 2))
         by = terms.by_pose[known]
         across = by.transpose(0, 2, 1)
@@ -346,7 +346,7 @@ def _variances(fit: Adjustment[RigLens]) -> FloatArray:
 def _alone_px(fit: Adjustment[RigLens]) -> float:
     """Noise of the corners with each view's pose left free, to first order."""
     left, image = fit.residual.copy(), fit.pairs.image
-    for run, terms in linearise(fit.state, fit.pairs, np.inf):
+    for run, terms in linearise(fit, fit.pairs, np.inf):
         by = terms.by_pose / terms.root[:, None, None]
         for view in np.unique(image[run]).tolist():
             rows = np.flatnonzero(image[run] == view)
@@ -384,7 +384,7 @@ def _effect_px(fit: Adjustment[RigLens], late: FloatArray) -> FloatArray:
     assert lens.times is not None
     total, count = np.zeros(len(lens.lenses)), np.zeros(len(lens.lenses))
     speed = lens.times.speed(fit.poses[lens.shot])
-    for run, terms in linearise(fit.state, fit.pairs, np.inf):
+    for run, terms in linearise(fit, fit.pairs, np.inf):
         by = terms.by_pose @ speed[image[run]][:, :, None] / terms.root[:, None, None]
         camera = lens.camera[image[run.start]]
         total[camera] += np.square(by[:, :, 0] * late[image[run]][:, None]).sum()
