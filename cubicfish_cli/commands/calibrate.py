@@ -63,6 +63,7 @@ from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
+    from cubicfish_cli.core.assess.fit_record import FitRecord
     from cubicfish_cli.core.assess.verdict import Verdict
     from cubicfish_cli.core.fit.calibration import Calibration
     from cubicfish_cli.core.fit.model_selection import RefineTarget
@@ -387,19 +388,13 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     together at the end, or none is. --overwrite also removes what an earlier calibration left in
     the folder.
     """
-    from cubicfish_cli.core.fit.calibration import Calibration
-
     fitted, printed = made.fitted, how.print(made)
     say_left_out(fitted.unfit)
-    if isinstance(fitted, Calibration):
-        _say_findings(fitted)
+    _say_findings(fitted.fit)
     if not printed:
         apart()
         result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
-        if isinstance(fitted, Calibration):
-            _print_calibration(made, fitted)
-        else:
-            _print_points(made, fitted)
+        _print_calibration(made)
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
     _say_if_no_page(made.files, wanted=given.report)
@@ -418,115 +413,97 @@ def _say_if_no_page(files: Mapping[str, Path], *, wanted: bool) -> None:
         say(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
-def _say_findings(calibration: Calibration) -> None:
+def _say_findings(fit: FitRecord) -> None:
     """Say what is odd about a fit, on stderr."""
-    for one in calibration.fit.dropped_corners:
+    for one in fit.dropped_corners:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
-    for finding in calibration.findings:
+    for finding in fit.findings:
         say(f"{mark_of(finding)}: {finding.line}")
-    for note in calibration.notes:
+    for note in fit.notes:
         say(f"note: {note}")
-    for departure in calibration.fit.departures:
+    for departure in fit.departures:
         for doubt in departure.doubts:
             say(f"warning: board {departure.board} seems {doubt}")
 
 
-def _print_calibration(made: CalibratedFiles, calibration: Calibration) -> None:
+def _print_calibration(made: CalibratedFiles) -> None:
     """The figures that the verdict rests on, the photos, what was written, and what to do next."""
-    camera, pairs, detection = calibration.camera, calibration.pairs, made.inputs.detection
-    fit = calibration.fit
-    print_verdict(calibration.verdict)
-    result(f"advice: {made.advice}\n")
-    _print_figures(calibration)
-    lost = dict.fromkeys(calibration.unfit, "left out")  # lines on stderr say more
-    lost |= why_lost(detection)
-    rows = fitted_rows(
-        fit.per_image, fit.dropped_corners, camera.image_size, corners_by_board(pairs), lost
-    )
-    everything = str(made.files["camera"])
-    print_photo_table(rows, pairs.boards, everything=everything, apart=True)
+    fitted, fit, detection = made.fitted, made.fitted.fit, made.inputs.detection
+    print_verdict(fitted.verdict)
+    if made.advice is not None:
+        result(f"advice: {made.advice}")
     result()
-    _print_object(calibration)
+    _print_figures(fitted)
+    lost = dict.fromkeys(fitted.unfit, "left out")  # lines on stderr say more
+    lost |= why_lost(detection)
+    by_board = corners_by_board(fitted.pairs)
+    rows = fitted_rows(fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost)
+    everything = str(made.files["camera"])
+    print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
+    result()
+    _print_object(fit)
     print_wrote(made.files.values())
-    used = {Path(name).name for name in pairs.images}
+    if fit.lift == "point":
+        print_next(f"cubicfish project POINTS --model {everything}")
+        return
+    used = {Path(name).name for name in fitted.pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
-    say_next(calibration.verdict, made.files["camera"], photo, made.files.get("report"))
+    say_next(fitted.verdict, made.files["camera"], photo, made.files.get("report"))
 
 
-def _print_figures(calibration: Calibration) -> None:
+def _print_figures(fitted: Calibration | PointCalibration) -> None:
     from cubicfish_cli.core.frame_names import counted
 
-    fit = calibration.fit
+    fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(
-        f"{counted(calibration.pairs.images)}, {plural(fit.corners, 'corner')} used, "
-        f"{plural(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped)}\n"
+        f"{counted(fitted.pairs.images)}, {plural(fit.corners, 'corner')} used, "
+        f"{plural(fit.dropped, 'outlier')}{' (-v lists them)' * bool(fit.dropped_corners)}\n"
     )
-    more = [("  radial reference", fit.companion_rms_px, "a Kannala–Brandt lens, same corners")]
-    if not fit.held_out_folds:
-        more += [("held-out RMS", math.nan, "not measured")]
-    else:
+    if fit.lift == "point":
+        judged = "poses by a radial lens"
         more += [
-            ("held-out RMS", fit.held_out_rms_px, "photos judged by cameras that never saw them"),
-            ("  radial reference", fit.companion_held_out_rms_px, ""),
+            ("  linear, plain", fit.plain_rms_px, "Eq. 8 and 9"),
+            ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
         ]
+    else:
+        judged = "photos judged by cameras that never saw them"
+        more.append(
+            ("  radial reference", fit.companion_rms_px, "a Kannala–Brandt lens, same corners")
+        )
+    if math.isnan(fit.held_out_rms_px):
+        judged = "not measured"
+    more.append(("held-out RMS", fit.held_out_rms_px, judged))
+    if fit.held_out_folds:
+        more.append(("  radial reference", fit.companion_held_out_rms_px, ""))
     print_errors(fit, more)
-    for figure in calibration.scope:
+    for figure in fitted.scope:
         print_figure(*figure)
     if fit.pupil is not None:
         print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=fit.pupil.meaning)
+    if fit.lift == "point":
+        meaning = "P means something on the boards only; points off them are refused"
+        if fit.rank == 20:
+            meaning = "the corners determine P in the volume that they fill"
+        print_figure("rank", str(fit.rank), "", f"of 20: {meaning}")
+        print_figure("frame", fit.frame or "", "", "of the points that it takes")
 
 
-def _print_object(calibration: Calibration) -> None:
+def _print_object(fit: FitRecord) -> None:
     """Say how far the target was fitted too, where any of it was; the report has the boards."""
-    if not calibration.fit.departures or calibration.target is None:
+    if not fit.departures:
         return
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
     levels = {"off": "as drawn", "shape": "shapes", "points": "corners too"}
-    tried = ", ".join(
-        f"{levels[level]} {px(rms)}" for level, rms in calibration.fit.held_out_by_level.items()
-    )
+    tried = ", ".join(f"{levels[name]} {px(rms)}" for name, rms in fit.held_out_by_level.items())
     result(
-        f"target fitted too: {what[calibration.refined]}"
+        f"target fitted too: {what[fit.refine_target or '']}"
         + f" (held-out error px: {tried})" * bool(tried)
     )
-    if calibration.renamed:
-        photos = plural(len(calibration.renamed), "photo")
+    if fit.renamed_images:
+        photos = plural(len(fit.renamed_images), "photo")
         result(f"corners counted from the other end in {photos}, as the board's shape tells")
     result()
-
-
-def _print_points(made: CalibratedFiles, calibration: PointCalibration) -> None:
-    """Print the photos, the errors, what P means and what was written."""
-    camera, pairs, fit = calibration.camera, calibration.pairs, calibration.fit
-    rows = fitted_rows(fit.per_image, (), camera.image_size, corners_by_board(pairs), {})
-    print_photo_table(rows, pairs.boards)
-    result(
-        f"\n{plural(fit.images, 'photo')}, {plural(fit.corners, 'corner')} used, "
-        f"{fit.dropped} dropped\n"
-    )
-    unknown = math.isnan(fit.held_out_rms_px)
-    meaning = "not measured" if unknown else "poses by a radial lens"
-    print_errors(
-        fit,
-        [
-            ("  linear, plain", fit.plain_rms_px, "Eq. 8 and 9"),
-            ("  linear, reweighted", fit.reweighted_rms_px, "over its denominators"),
-            ("held-out RMS", fit.held_out_rms_px, meaning),
-        ],
-    )
-    meaning = (
-        "the corners determine P in the volume that they fill"
-        if camera.rank == 20
-        else "P means something on the boards only; points off them are refused"
-    )
-    print_figure("rank", str(camera.rank), "", f"of 20: {meaning}")
-    print_figure("frame", camera.frame, "", "of the points that it takes")
-    result()
-    print_verdict(calibration.verdict)
-    result()
-    print_wrote(made.files.values())
-    print_next(f"cubicfish project POINTS --model {made.files['camera']}")
 
 
 def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | None) -> None:

@@ -205,14 +205,14 @@ def test_what_many_photos_say_outweighs_what_is_expected():
 def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
     middle, other = _find_place(EXPECTED), (2, 2)
     alike = np.array([np.full(10, 1.0), np.full(10, 1.04)])
-    assert _choose_likeliest([middle, other], alike) == (middle, ())  # by little, but by all photos
+    assert _choose_likeliest([middle, other], alike) == (middle, {})  # by little, but by all photos
     # Half of the photos are for the one, half for the other, which is expected less.
     split = np.where(np.arange(10) % 2, 1.5, 1 / 1.5)
-    chosen, (runner_up,) = _choose_likeliest([middle, other], np.array([split, 1 / split]))
-    assert (chosen, runner_up.prior) == (middle, _make_prior(other))
+    chosen, runners_up = _choose_likeliest([middle, other], np.array([split, 1 / split]))
+    assert (chosen, [*runners_up]) == (middle, [_make_prior(other)])
     # Of ten tosses six or more: each counts 2 log 1.5 either way, and the expectation 1 / 2.
     tosses = binom.sf(5, 10, 0.5)
-    assert runner_up.likely == pytest.approx(tosses, abs=0.05)
+    assert runners_up[_make_prior(other)] == pytest.approx(tosses, abs=0.05)
 
 
 def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
