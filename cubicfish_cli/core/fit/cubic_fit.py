@@ -142,9 +142,20 @@ def fit_cubic(
 
     """
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
+    points = reference.pairs.world if world is None else world.points
     errors, known = (reference.errors, None) if start is None else (start.errors, start)
     while True:
-        lens, poses = _choose_start(reference, prior, known, world, max_angle_deg, errors)
+        # The most exact start without a pole in sight: a pole among the corners or beside them is
+        # no reason to give up, since photos and radial lens are right all the same.
+        for number, (lens, poses) in enumerate(starts(reference, prior, known, errors)):
+            with np.errstate(over="ignore"):
+                pixel = lens.project(poses.apply(reference.pairs.image, points))
+            if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
+                continue
+            # A pole between corners and rays shows in neither; a fit is known to have none.
+            is_known = known is not None and number == 0
+            if is_known or check_validity(lens.P, max_angle_deg).valid:
+                break
         fit = adjust(
             lens,
             poses,
@@ -170,35 +181,6 @@ def fit_cubic(
                 f"corners reach {np.rad2deg(reference.covered):.0f}°: check that corners near "
                 "the rim are named rightly, or take photos that cover the field more evenly"
             )
-
-
-def _choose_start(
-    reference: RadialReference,
-    prior: PriorChoice,
-    start: CameraFit | None,
-    world: DeformableTarget | None,
-    max_angle_deg: float,
-    errors: FloatArray,
-) -> tuple[CubicFit, Poses]:
-    """The first of the starts, from the most exact to the safest, without a pole in sight.
-
-    A start with a pole among the corners or beside them, on the prior's cone, is no reason to
-    give up: photos and radial lens are right all the same.
-    """
-    pairs = reference.pairs
-    points = pairs.world if world is None else world.points
-    lens, poses = None, reference.poses
-    for number, (lens, poses) in enumerate(starts(reference, prior, start, errors)):
-        with np.errstate(over="ignore"):
-            pixel = lens.project(poses.apply(pairs.image, points))
-        if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
-            continue
-        # A pole between corners and rays shows in neither; a fit is known to have none.
-        known = start is not None and number == 0
-        if known or check_validity(lens.P, max_angle_deg).valid:
-            return lens, poses
-    assert lens is not None
-    return lens, poses
 
 
 def starts(
@@ -245,17 +227,14 @@ def held(
     """
     near, pairs, old = reference.cubic, reference.pairs, lens.ray_prior
     bent, _ = reference.bent(prior.spread)
-    if old is not None and old.rays is near.rays:
+    if old is not None and old.near is near:
         lens = lens.held_to(bent, prior.weight)
     else:
         sigma = max(noise_px(reference.errors), 1e-3)
         ray_prior = RayPrior(
-            rays=near.rays,
+            near=near,
             lens=bent,
-            miss=near.miss,
-            within=near.within,
             weight=prior.weight,
-            coefficients=near.lens.coefficients[2],
             # So that 16 independent relative changes of P3Φ by its spread count one noise each.
             denominator_weight=float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / len(near.rays))),
         )

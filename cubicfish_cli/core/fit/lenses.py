@@ -153,6 +153,39 @@ class FixedLens:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class NearestCubic:
+    """The cubic that is nearest to a radial lens over the field that corners fill.
+
+    Attributes:
+        rays: (M, 3) unit rays, past the valid cone.
+        within: (M,) which of them are as far from the axis as corners are.
+        lens: the cubic; nothing holds it.
+        miss: (M, 2) its pixels less the radial lens's at the rays.
+
+    """
+
+    rays: FloatArray
+    within: BoolArray
+    lens: CubicFit
+    miss: FloatArray
+
+    @property
+    def weights(self) -> FloatArray:
+        """(M,) what rays count in a linear solution: beyond corners the lens is a guess."""
+        return np.where(self.within, 1.0, WEIGHT_BEYOND)
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
+        return lift(self.rays) @ sphere_basis()
+
+    @cached_property
+    def still(self) -> StillRays:
+        """The rays as lenses that P is held to see them."""
+        return StillRays.of(self.rays)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RayPrior:
     """Pseudo-observations that tie a lens to the nearest bent one.
 
@@ -161,35 +194,25 @@ class RayPrior:
     nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
 
     Attributes:
-        rays: (M, 3) unit rays.
-        lens: a bent one that is near.
-        miss: (M, 2) by how much the nearest cubic misses it at the rays, pixels.
-        within: (M,) which rays are as far from the axis as corners are.
+        near: the rays, and the nearest cubic, whose denominators P's are to stay near.
+        lens: a bent one that is near; the nearest cubic misses it as it misses the radial lens.
         weight: residuals are multiplied by this, among corners.
-        coefficients: (16,) of the P3 that its denominators are to stay near.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
     """
 
-    rays: FloatArray
+    near: NearestCubic
     lens: BentFit
-    miss: FloatArray
-    within: BoolArray
     weight: float
-    coefficients: FloatArray
     denominator_weight: float
-
-    @cached_property
-    def values(self) -> FloatArray:
-        """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
-        return lift(self.rays) @ sphere_basis()
 
     @cached_property
     def denominators(self) -> FloatArray:
         """(17, 17) Gram matrix of P3Φ's relative changes, by P3's coefficients and 1."""
-        share = self.denominator_weight / (self.values @ self.coefficients)
+        near = self.near
+        share = self.denominator_weight / (near.values @ near.lens.coefficients[2])
         unchanged = np.full(len(share), -self.denominator_weight)
-        return gram(share[:, None] * self.values, unchanged)
+        return gram(share[:, None] * near.values, unchanged)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -198,7 +221,7 @@ class RayPrior:
         Where no corners are that lens is a guess: there it is enough that no pole comes in,
         and a firm hold would have P follow the guess at the cost of what corners say.
         """
-        return np.where(self.within, self.weight, min(self.weight, WEIGHT_BEYOND))
+        return np.where(self.near.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
     def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
         """The bent lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
@@ -210,13 +233,13 @@ class RayPrior:
 
         """
         lens, (seen, by_lens) = self.lens, self._sees
-        weights, pixel = self.weights[:, None, None], pixel - self.miss
+        weights, pixel = self.weights[:, None, None], pixel - self.near.miss
         for _ in range(_NEAREST_ROUNDS):
             miss = (weights * (seen - pixel)[:, :, None]).reshape(-1)
             square = gram((weights * by_lens).reshape(len(miss), -1), miss) + lens.prior()
             step = _follow(square[:-1, :-1], square[:-1, -1:])[:, 0]
             moved = lens.with_parameters(lens.parameters - step)
-            sees = moved.seen(self.still)
+            sees = moved.seen(self.near.still)
             if not np.isfinite(sees[0]).all():
                 return self.lens, self._sees
             lens, (seen, by_lens) = moved, sees
@@ -225,12 +248,7 @@ class RayPrior:
     @cached_property
     def _sees(self) -> tuple[FloatArray, FloatArray]:
         """What the lens sees of the rays, and its derivatives."""
-        return self.lens.seen(self.still)
-
-    @cached_property
-    def still(self) -> StillRays:
-        """The rays as lenses that P is held to see them."""
-        return StillRays.of(self.rays)
+        return self.lens.seen(self.near.still)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -368,20 +386,21 @@ class CubicFit:
         prior = self.ray_prior
         if prior is None:
             return self._with_travel(np.zeros((len(weights), 48, 48)))
-        inside, denominator = self._pixel(prior.values)
+        near = prior.near
+        inside, denominator = self._pixel(near.values)
         pixel = inside * self.scale + self.centre
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
             return np.full((len(weights), 49, 49), np.inf)
-        near, (seen, by_lens) = prior.nearest(pixel)
+        bent, (seen, by_lens) = prior.nearest(pixel)
         # What moves P's pixels, what moves the lens's, and the miss.
-        by_own = self._d_parameters(prior.values, inside, denominator)
-        miss = (pixel - prior.miss - seen)[:, :, None]
+        by_own = self._d_parameters(near.values, inside, denominator)
+        miss = (pixel - near.miss - seen)[:, :, None]
         rows = np.concatenate([by_own, -by_lens, miss], axis=2)
-        parts = (rows[which].reshape(-1, rows.shape[2]) for which in (prior.within, ~prior.within))
+        parts = (rows[which].reshape(-1, rows.shape[2]) for which in (near.within, ~near.within))
         among, beyond = (part.T @ part for part in parts)
         squares = np.square([weights, np.minimum(weights, WEIGHT_BEYOND)])[:, :, None, None]
         whole = squares[0] * among + squares[1] * beyond
-        whole[:, 47:, 47:] += near.prior()
+        whole[:, 47:, 47:] += bent.prior()
         kept = np.r_[:47, rows.shape[2] - 1]
         cross = whole[:, 47:-1, kept]
         followed = _follow(whole[:, 47:-1, 47:-1], cross)

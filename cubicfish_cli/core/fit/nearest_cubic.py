@@ -7,17 +7,16 @@ round's denominator (Sanathanan & Koerner 1963) removes that. Then in pixels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from cubicfish_cli.core.fit.lenses import WEIGHT_BEYOND, CubicFit
+from cubicfish_cli.core.fit.lenses import CubicFit, NearestCubic
 from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.lenses.lift import lift, sphere_basis
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.core.types import FloatArray
 
 ROUNDS = 10
 # Rounds end when no denominator changes by more than this share of their mean, and least squares in
@@ -147,29 +146,6 @@ def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float
         max(_FOLD_SHARE * camera.max_angle, covered),
         np.deg2rad(_LARGEST_ANGLE_DEG),
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NearestCubic:
-    """The cubic that is nearest to a radial lens over the field that corners fill.
-
-    Attributes:
-        rays: (M, 3) unit rays, past the valid cone.
-        within: (M,) which of them are as far from the axis as corners are.
-        lens: the cubic; nothing holds it.
-        miss: (M, 2) its pixels less the radial lens's at the rays.
-
-    """
-
-    rays: FloatArray
-    within: BoolArray
-    lens: CubicFit
-    miss: FloatArray
-
-    @property
-    def weights(self) -> FloatArray:
-        """(M,) what rays count in a linear solution: beyond corners the lens is a guess."""
-        return np.where(self.within, 1.0, WEIGHT_BEYOND)
 
 
 def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> NearestCubic:

@@ -156,7 +156,7 @@ def photo_spread(
         left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),
         influence=leave_one_out.influence()[:, :count],
         runner_up=np.array(others),
-        held_to=prior.nearest(fit.lens.far(prior.rays))[0],
+        held_to=prior.nearest(fit.lens.far(prior.near.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 

@@ -341,9 +341,9 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     prior = PriorChoice(spread=0.0, weight=3.0)
     start, _ = next(cubic_fit.starts(reference, prior, None, reference.errors))
     prior = start.ray_prior
-    angle = np.rad2deg(np.arccos(prior.rays[:, 2]))
+    angle = np.rad2deg(np.arccos(prior.near.rays[:, 2]))
     held = (angle > nearest) & (angle < farthest)
     assert set(prior.weights[held]) == {3.0}
     assert set(prior.weights[~held]) == {0.1}
-    miss = start.project(prior.rays) - reference.camera.project(prior.rays)
+    miss = start.project(prior.near.rays) - reference.camera.project(prior.near.rays)
     assert np.abs(miss[held]).max() < 0.02

@@ -143,11 +143,12 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
     """A few photos in the middle of a narrow lens may ask for any."""
     prior = fit_cubic(reference, PriorChoice(spread=1e-2, weight=0.01), relative_decrease=1e-4)
     prior = prior.lens.ray_prior
-    seen, _ = prior.lens.seen(prior.still)
-    bent = np.stack([np.cos(turned * prior.still.theta**2), np.sin(7 * prior.still.theta)], -1)
+    still = prior.near.still
+    seen, _ = prior.lens.seen(still)
+    bent = np.stack([np.cos(turned * still.theta**2), np.sin(7 * still.theta)], -1)
     nearest, _ = prior.nearest(seen + times * bent)
     assert np.isfinite(nearest.values).all()
-    assert np.isfinite(nearest.seen(prior.still)[0]).all()
+    assert np.isfinite(nearest.seen(still)[0]).all()
 
 
 def test_another_prior_steps_as_the_equations_with_it_do(reference):

@@ -1,5 +1,7 @@
 """One contract for every camera: projection and its inverse, derivatives, and NaN outside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
 from cubicfish_cli.core.fit.asymmetric import BentFit, StillRays
-from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens, RayPrior
+from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens, NearestCubic, RayPrior
 from cubicfish_cli.core.lenses.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish_cli.core.lenses.lift import SIZE, sphere_basis
 from cubicfish_cli.core.lenses.nearest import FreeLens
@@ -179,13 +181,22 @@ def _cubic_fit() -> CubicFit:
     coefficients = np.linalg.solve(normalisation, camera.P) @ sphere_basis()
     coefficients *= 1 / coefficients[2, -1]
     mean = np.ones(16) / 4
-    return CubicFit(
+    free = CubicFit(
         coefficients=coefficients,
         denominator_basis=np.linalg.svd(mean[None])[2][1:].T,
         centre=centre,
         scale=scale,
+    )
+    near = NearestCubic(
+        rays=rays,
+        within=rays[:, 2] > 0.2,
+        lens=replace(free, coefficients=1.1 * coefficients),
+        miss=0.5 * np.sin(np.arange(100.0)).reshape(50, 2),
+    )
+    return replace(
+        free,
         ray_prior=RayPrior(
-            rays=rays,
+            near=near,
             lens=BentFit(
                 values=np.array([*radial_camera().parameters, 0, 0, 0, 0, 0]),
                 terms=4,
@@ -194,10 +205,7 @@ def _cubic_fit() -> CubicFit:
                 anchor=np.array([479.0, 351.0]),
                 anchor_px=4.0,
             ),
-            miss=0.5 * np.sin(np.arange(100.0)).reshape(50, 2),
-            within=rays[:, 2] > 0.2,
             weight=0.7,
-            coefficients=1.1 * coefficients[2],
             denominator_weight=0.3,
         ),
     )
@@ -260,8 +268,8 @@ def test_derivatives_by_the_parameters(lens):
 def test_what_the_nearest_lens_can_follow_is_not_held():
     lens = _cubic_fit()
     prior = lens.ray_prior
-    _, _, by_cubic = lens.project_jacobian(prior.rays)
-    pixel = lens.project(prior.rays)
+    _, _, by_cubic = lens.project_jacobian(prior.near.rays)
+    pixel = lens.project(prior.near.rays)
     _, (_, by_lens) = prior.nearest(pixel)
     wanted = by_lens.reshape(pixel.size, -1)
     wanted /= np.linalg.norm(wanted, axis=0)
