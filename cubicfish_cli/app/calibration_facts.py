@@ -18,13 +18,7 @@ from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.sufficiency.enough import summary
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.fit_record import (
-    FileRecord,
-    FitRecord,
-    Origin,
-    PhotoRecord,
-    origin_of,
-)
+from cubicfish_cli.core.assess.fit_record import FileRecord, FitRecord, Origin, PhotoRecord
 from cubicfish_cli.core.assess.verdict import photo_verdicts
 from cubicfish_cli.core.finding import joined
 from cubicfish_cli.core.fit.calibration import Calibration
@@ -250,9 +244,8 @@ def _errors(
                 else ""
             )
         )
-    angle = None
-    if isinstance(camera, CubicCamera):
-        angle = np.rad2deg(angle_from_axis(points))
+    is_ray = isinstance(camera, CubicCamera)
+    angle = np.rad2deg(angle_from_axis(points)) if is_ray else None
     cells = field_cells(camera, used.pixel)
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
@@ -262,13 +255,7 @@ def _among(pairs: Observations, fit: FitRecord) -> BoolArray:
     if not fit.dropped_corners:
         return np.zeros(len(pairs.pixel), bool)
     gone = {(one.image, one.board, one.column, one.row) for one in fit.dropped_corners}
-    rows = zip(
-        pairs.image.tolist(),
-        pairs.board.tolist(),
-        pairs.column.tolist(),
-        pairs.row.tolist(),
-        strict=True,
-    )
+    rows = np.stack([pairs.image, pairs.board, pairs.column, pairs.row], axis=1).tolist()
     names = [*pairs.boards, None]  # of points without a board, whose index is -1
     return np.array([(pairs.images[i], names[b], c, r) in gone for i, b, c, r in rows], bool)
 
@@ -309,7 +296,7 @@ def facts_of_files(
 
     """
     loaded = load_any_camera(camera_file)
-    origin = origin_of(loaded.made_by)
+    origin = loaded.origin
     folder = camera_file.parent
     absent: list[str] = []
     refined = loaded.fit.refine_target in REFINED

@@ -74,7 +74,6 @@ class EvaluatedFiles:
     Attributes:
         evaluation: the errors.
         inputs: what they were measured on.
-        record: both as plain data: what ``cubicfish evaluate --json`` prints.
         camera: the camera.
         uncertainty: of the camera where the corners are; None where it is not known.
         verdict: how well it does there.
@@ -83,14 +82,16 @@ class EvaluatedFiles:
 
     evaluation: Evaluation
     inputs: Inputs
-    record: dict[str, Any]
     camera: CubicCamera
     uncertainty: PixelUncertainty | None
     verdict: Verdict
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish evaluate --json`` prints."""
-        return self.record
+        from cubicfish_cli.core.assess.records import plain_record
+
+        uncertainty = {"uncertainty": plain_record(self.uncertainty)}
+        return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
 
 
 def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
@@ -104,7 +105,6 @@ def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
     paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
     check_inputs(paths, source, run, image_size=asked.image_size)
     from cubicfish_cli.app.inputs import load_inputs
-    from cubicfish_cli.core.assess.records import plain_record
     from cubicfish_cli.core.assess.verdict import evaluation_verdict
     from cubicfish_cli.core.fit.evaluate import evaluate
     from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -115,16 +115,13 @@ def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
     sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)
-    record = {**evaluation.as_record(), "uncertainty": plain_record(sigma), **loaded.remarks()}
+    fit = _with_this_target(file, loaded, source)
     return EvaluatedFiles(
         evaluation=evaluation,
         inputs=loaded,
-        record=record,
         camera=file.camera,
         uncertainty=sigma,
-        verdict=evaluation_verdict(
-            evaluation.errors, sigma, _with_this_target(file, loaded, source), size
-        ),
+        verdict=evaluation_verdict(evaluation.errors, sigma, fit, size),
     )
 
 
@@ -134,9 +131,8 @@ def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) ->
     Where the target was refined, the drawn one leaves errors that are not the camera's.
     """
     from cubicfish_cli.app.inputs import recorded_as
-    from cubicfish_cli.core.assess.fit_record import origin_of
 
-    fit, given, drawn = file.fit, origin_of(file.made_by).target, loaded.drawn(source)
+    fit, given, drawn = file.fit, file.origin.target, loaded.drawn(source)
     digest = loaded.target_file and loaded.target_file.sha256
     if drawn is not None:
         digest = recorded_as(drawn, Path())["sha256"]
@@ -173,7 +169,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     say_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)
-    hold_gate(made.record["rms_px"], how.max_rms)
+    hold_gate(evaluation.errors.rms_px, how.max_rms)
 
 
 def say_unplaced(photos: Sequence[str], of: str = "") -> None:

@@ -147,7 +147,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     times = times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
         return []
-    own = nominal.of(pairs)
+    own = replace(nominal, pairs=pairs)
     return _compare_refined(fit, refine_object(fit, own, "shape", ()), own)
 
 

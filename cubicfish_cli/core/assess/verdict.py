@@ -24,11 +24,7 @@ from cubicfish_cli.core.assess.fit_record import (
 )
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, FieldUncertainty
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import (
-    Finding,
-    Level,
-    level_of,
-)
+from cubicfish_cli.core.finding import Finding, Level, level_of
 from cubicfish_cli.core.types import FloatArray
 
 WORDS: Mapping[Level, str] = {
@@ -131,11 +127,7 @@ def verdict(
     reasons = [*asides, *_of_figures(fit, image_size, outline, scale), *_of_object(fit)]
     reasons.sort(key=_is_mild)
     reasons = [*sorted(causes, key=_is_mild), *reasons]
-    return Verdict(
-        level=level_of(reasons),
-        figures=_figures(fit),
-        reasons=tuple(reasons),
-    )
+    return Verdict(level=level_of(reasons), figures=_figures(fit), reasons=tuple(reasons))
 
 
 def evaluation_verdict(
@@ -161,19 +153,15 @@ def evaluation_verdict(
     beside = f", against {before:.3f} px when it was calibrated" if math.isfinite(before) else ""
     level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
     if level is None:
-        reasons = _reason(
-            _above(rms / scale, _ERROR_PX), Code.LARGE_ERRORS, "evaluation", error_px=rms
-        )
+        level = _above(rms / scale, _ERROR_PX)
+        reasons = _reason(level, Code.LARGE_ERRORS, "evaluation", error_px=rms)
     else:
-        figures = {"rms_px": rms, "before_px": before, "times": rms / before}
-        code = Code.WORSE_THAN_BEFORE
+        figures: dict[str, Any] = {"rms_px": rms, "before_px": before, "times": rms / before}
         if errors.p95_px <= 3 * before:
-            code, level, figures = (
-                Code.A_FEW_FAR_OFF,
-                Severity.CARE,
-                {**figures, "p95_px": errors.p95_px},
-            )
-        reasons = [Finding(code=code, severity=level, figures=figures)]
+            p95 = errors.p95_px
+            reasons = _reason(Severity.CARE, Code.A_FEW_FAR_OFF, **figures, p95_px=p95)
+        else:
+            reasons = _reason(level, Code.WORSE_THAN_BEFORE, **figures)
     # Poses of these photos take up much of what a camera is off by: small errors alone clear none.
     median_px = math.nan if uncertainty is None else uncertainty.median_px
     level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
@@ -239,9 +227,8 @@ def _of_figures(
     First how wrong the camera is and what says that it cannot be right, then where it is less so.
     """
     reach, known = of.reach, of.uncertainty
-    held_out, rms, radial, photos = (
-        of.held_out_rms_px, of.rms_px, of.companion_held_out_rms_px, of.images,
-    )  # fmt: skip
+    held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
+    radial = of.companion_held_out_rms_px
     error = float(np.fmax(held_out, rms))
     if of.says_nothing:  # no calibration of ours, such as an import
         yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")

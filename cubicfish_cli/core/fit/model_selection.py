@@ -96,7 +96,7 @@ class SelectedModel:
     def without(self, wrong: BoolArray) -> SelectedModel:
         """The same without some of the pairs: ``wrong`` (N,)."""
         held_out = {level: error and error.of(~wrong) for level, error in self.held_out.items()}
-        nominal = self.nominal.of(self.nominal.pairs.select(~wrong))
+        nominal = replace(self.nominal, pairs=self.nominal.pairs.select(~wrong))
         return replace(self, fit=without(self.fit, wrong), nominal=nominal, held_out=held_out)
 
     @property

@@ -77,11 +77,8 @@ def linear_ratios(
     for _ in range(rounds + 1):
         rows = values * (weight / denominator)[:, None]
         zeros = np.zeros_like(rows)
-        system = np.vstack(
-            [
-                np.hstack([-rows, zeros, pixel[:, :1] * rows]),
-                np.hstack([zeros, -rows, pixel[:, 1:] * rows]),
-            ]
+        system = np.block(
+            [[-rows, zeros, pixel[:, :1] * rows], [zeros, -rows, pixel[:, 1:] * rows]]
         )
         if denominator_pull > 0:
             pull = denominator_pull * np.hstack([zeros, zeros, values])

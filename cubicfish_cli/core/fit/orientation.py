@@ -97,7 +97,7 @@ def _choose_likeliest(
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
     noise, count = noise_px(fit.residual), len(nominal.pairs.image)
-    every = nominal.of(Observations.stacked(namings))
+    every = replace(nominal, pairs=Observations.stacked(namings))
     free = free_target(every, noise=noise, offset_spread=_SPREAD).started(fit.world)
     pulls = [
         _measure_pulls(fit, pairs, poses, free.select(np.arange(way * count, (way + 1) * count)))

@@ -64,10 +64,6 @@ class NominalTarget:
             return self.pairs
         return replace(self.pairs, tells_error=certain)
 
-    def of(self, pairs: Observations) -> NominalTarget:
-        """The same target for some of the pairs."""
-        return replace(self, pairs=pairs)
-
     def refined(self, world: DeformableTarget) -> Target | None:
         """The target as fitted, in its own units; the drawing itself where nothing of it is."""
         if self.target is None or not world.free:

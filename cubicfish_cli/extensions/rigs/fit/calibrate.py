@@ -267,7 +267,9 @@ def _fit(
     pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
-        world = free_target(nominal.of(pairs), noise=noise_px(fit.errors), offset_spread=spread)
+        world = free_target(
+            replace(nominal, pairs=pairs), noise=noise_px(fit.errors), offset_spread=spread
+        )
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
         fit, spread = estimate_spread(fit, pairs, spread)
     # Photos that are not quite of one moment, too, say less than others.
