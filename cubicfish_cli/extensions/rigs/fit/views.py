@@ -153,8 +153,8 @@ def _with_own_denominators(lens: CubicFit) -> CubicFit:
     if prior is None:
         return lens
     firm = _FIRM * prior.denominator_weight
-    third = lens.coefficients[2]
-    return replace(lens, ray_prior=replace(prior, coefficients=third, denominator_weight=firm))
+    near = replace(prior.near, lens=lens)
+    return replace(lens, ray_prior=replace(prior, near=near, denominator_weight=firm))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
