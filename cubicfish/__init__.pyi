@@ -30,10 +30,15 @@ from cubicfish_cli import PrintOptions as PrintOptions
 from cubicfish_cli import RectifiedPair as RectifiedPair
 from cubicfish_cli import ReportOptions as ReportOptions
 from cubicfish_cli import Rig as Rig
+from cubicfish_cli import RigCompareOptions as RigCompareOptions
 from cubicfish_cli import RigEvaluateOptions as RigEvaluateOptions
+from cubicfish_cli import RigExportOptions as RigExportOptions
+from cubicfish_cli import RigInfoOptions as RigInfoOptions
+from cubicfish_cli import RigMapOptions as RigMapOptions
 from cubicfish_cli import RigOptions as RigOptions
+from cubicfish_cli import RigReportOptions as RigReportOptions
+from cubicfish_cli import RigUndistortOptions as RigUndistortOptions
 from cubicfish_cli import Run as Run
-from cubicfish_cli import ShotOptions as ShotOptions
 from cubicfish_cli import SimulateOptions as SimulateOptions
 from cubicfish_cli import Target as Target
 from cubicfish_cli import UndistortMap as UndistortMap

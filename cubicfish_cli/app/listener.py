@@ -39,6 +39,7 @@ class Event(StrEnum):
     NO_MAP = "no_map"
     NO_PAGE = "no_page"
     PRINTED_AS_DRAWN = "printed_as_drawn"
+    MEASURED_AS_DRAWN = "measured_as_drawn"
     AMBIGUOUS = "ambiguous"
     WITHOUT_POSE = "without_pose"
     VIDEO_TURNED = "video_turned"

@@ -41,26 +41,12 @@ A symmetric lens model is given in the frame in which the camera looks most symm
 from the frame of camera.yaml is printed, and poses in the file are turned with it.
 """
 
-max_error_option: Any = option(
-    "--max-error PX",
-    "Write nothing if the format's lens is farther than this from the camera anywhere up to where "
-    "the calibration's corners reach. Beyond, the error is only printed. [default: 0.5]",
-    FloatRange(min=0, min_open=True),
-)
-max_angle_option: Any = option(
-    "--max-angle DEG",
-    "Leave out of the conversion what is farther from the axis than this, so that the lens meets "
-    "the rest more closely. [default: the whole field]",
-    FloatRange(min=0, max=180, min_open=True),
-)
-
 
 @record
-class ExportOptions:
-    """A camera that is written for another tool.
+class LensOptions:
+    """What another tool's lenses are written as.
 
     Attributes:
-        camera: its file, or the folder of that.
         to: the format: a name of ``cubicfish export --help``.
         output: where it goes; by default the format's usual name, in the current folder.
         max_error: as for :func:`export_camera`; 0.5 where it is None.
@@ -68,7 +54,6 @@ class ExportOptions:
 
     """
 
-    camera: StrPath = options.camera_options
     to: str = option(
         "--to FORMAT",
         "What to write: a name of the list above.",
@@ -78,8 +63,25 @@ class ExportOptions:
     output: StrPath | None = options.output_option(
         "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
-    max_error: float | None = max_error_option
-    max_angle_deg: float | None = max_angle_option
+    max_error: float | None = option(
+        "--max-error PX",
+        "Write nothing if the format's lens is farther than this from the camera anywhere up to "
+        "where the calibration's corners reach. Beyond, the error is only printed. [default: 0.5]",
+        FloatRange(min=0, min_open=True),
+    )
+    max_angle_deg: float | None = option(
+        "--max-angle DEG",
+        "Leave out of the conversion what is farther from the axis than this, so that the lens "
+        "meets the rest more closely. [default: the whole field]",
+        FloatRange(min=0, max=180, min_open=True),
+    )
+
+
+@record
+class ExportOptions(LensOptions):
+    """A camera that is written for another tool: its file, or the folder of that, and how."""
+
+    camera: StrPath = options.camera_options
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

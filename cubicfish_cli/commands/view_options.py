@@ -83,35 +83,57 @@ def _view_of(
     return PlaneOptions(board=board, target=path, pixels_per_unit=scale)
 
 
-def _view_bundle(*, planes: bool) -> Any:
+def view_bundle(
+    *,
+    kinds: str = either(KINDS),
+    kind_default: str = "perspective, in which straight lines are straight",
+    size_default: str = "the photo's",
+    field_default: str = "perspective keeps the photo's scale in its middle, up to 120 along the "
+    "longer side; others take --fit outer",
+    whole: bool = True,
+    planes: bool = False,
+) -> Any:
+    """Options of a view, as a :class:`ViewOptions`.
+
+    Args:
+        kinds: the kinds of view that there are, in words.
+        kind_default: which one it is where nobody says, in words.
+        size_default: likewise.
+        field_default: likewise.
+        whole: whether the whole photo may be shown.
+        planes: whether it may also be the plane of a board with its target, then a
+            :class:`PlaneOptions`.
+
+    """
+    plane_kind = f"; of photos also {_PLANE}BOARD, the metric picture of the plane of a board in "
+    plane_scale = "; for a plane, pixels per mm, or per whatever unit the target is in"
+    shares = "inner|outer|whole|SHARE" if whole else "inner|outer|SHARE"
+    unseen = "; or the whole photo, extrapolated where the camera is not calibrated" * whole
     return bundle(
         _view_of,
         kind=option(
             "--view KIND",
-            f"What the result is: {either(KINDS)}; of photos also {_PLANE}BOARD, the metric "
-            "picture of the plane of a board in --target. [default: perspective, in which straight "
-            "lines are straight]",
+            f"What the result is: {kinds}{f'{plane_kind}--target' if planes else ''}. "
+            f"[default: {kind_default}]",
             _Kind(planes),
         ),
-        size=option("--size", "Size of the result. [default: the photo's]", SIZE),
+        size=option("--size", f"Size of the result. [default: {size_default}]", SIZE),
         field=option(
             "--hfov --fov DEG[xDEG]",
             "Field of view across the width, in degrees; a second angle is the one down the "
-            "height, and sets how high the picture is. [default: perspective keeps the photo's "
-            "scale in its middle, up to 120 along the longer side; others take --fit outer]",
+            f"height, and sets how high the picture is. [default: {field_default}]",
             click.STRING,
         ),
         scale=option(
             "--scale PX",
-            "Pixels per radian in the middle, which is a flat picture's focal length; for a plane, "
-            "pixels per mm, or per whatever unit the target is in.",
+            "Pixels per radian in the middle, which is a flat picture's focal length"
+            f"{plane_scale * planes}.",
             FloatRange(1e-9, 1_000_000_000),
         ),
         fit=option(
-            "--fit inner|outer|whole|SHARE",
+            f"--fit {shares}",
             "Field from what the camera sees: no empty pixel, nothing lost, or a share "
-            "between (0 to 1); or the whole photo, extrapolated where the camera is not "
-            "calibrated.",
+            f"between (0 to 1){unseen}.",
             click.STRING,
         ),
         rotate=option(
@@ -123,10 +145,10 @@ def _view_bundle(*, planes: bool) -> Any:
     )
 
 
-view_options: Any = _view_bundle(planes=False)
+view_options: Any = view_bundle()
 """A view from the camera's place, as a :class:`ViewOptions`."""
 
-view_or_plane_options: Any = _view_bundle(planes=True)
+view_or_plane_options: Any = view_bundle(planes=True)
 """The same, or the plane of a board with its target, as a :class:`PlaneOptions`."""
 
 

@@ -29,7 +29,9 @@ from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.core.views.maps import camera_for_photos
 from cubicfish_cli.extensions.advice import advise
+from cubicfish_cli.extensions.rigs.fit import views
 from cubicfish_cli.extensions.simulation import simulate
+from tests.extensions.rigs.test_export import made_rig
 
 TARGET, ALL_CORNERS = SAMPLE / "target.yaml", SAMPLE / "true_corners.csv"
 PHOTOS = sorted((SAMPLE / "photos").glob("*.jpg"))
@@ -37,7 +39,8 @@ NOBODY = "tcp://127.0.0.1:9"  # a port where nothing listens
 COMMON = {"--help", "--verbose", "--quiet", "--debug", "--report", "--tags"}
 FITS = {"photos", "film", "corners", "pairs", "point", "board"}
 SEARCHED = {"photos", "film", "board"}
-QUICK = {"target check", "corners", "project", "unproject", "info"}
+RIGS = {"tables", "timed", "lens", "held", "photos", "films"}
+QUICK = {"target check", "corners", "project", "unproject", "info", "rig info", "rig compare"}
 
 
 @dataclass(frozen=True)
@@ -269,6 +272,85 @@ CASES = {
     "unproject": Case(
         lines={"rays": "500,300 -m {camera}"}, used={"--model": ("{true}", {"rays"})}
     ),
+    "report": Case(
+        lines={"drawn": "{camera} -o {out}/p.html"},
+        used={
+            "--model": ("{small}", set()),
+            "--target": ("{other}", {"drawn"}),
+            "--photos": ("{nothing}", {"drawn"}),
+            "--output": ("{out}/q.html", {"drawn"}),
+            "--overwrite": (None, {"drawn"}),
+            "--json": (None, {"drawn"}),
+        },
+    ),
+    "rig calibrate": Case(
+        lines={
+            "tables": "{left} {right} -t {target} -o {out}/r --no-report",
+            "timed": "{left} {right} -t {target} -o {out}/r --times {times} --no-report",
+            "lens": "{left} {right} -t {target} -o {out}/r --lens left={camera} --no-report",
+            "held": "{left} {camera} -t {target} -o {out}/r --lens left={camera} --no-report",
+            "photos": "{cameras}/left {cameras}/right -t {target} -o {out}/r --no-report",
+            "films": "{cameras}/left.avi {cameras}/right.avi -t {target} -o {out}/r --no-report",
+        },
+        used={
+            "--target": ("{other}", RIGS),
+            "--board": ("8x5", set()),
+            "--square": ("3cm", set()),
+            "--output": ("{out}/q", RIGS),
+            "--names": ("left,other", RIGS),
+            "--lens": ("left={true}", RIGS),
+            "--shots": ("{shots}", RIGS - {"films"}),
+            "--times": ("{pairs}", RIGS - {"films"}),
+            "--tolerance": ("5ms", RIGS),
+            "--most": ("1", {"films"}),
+            "--hold-lenses": (None, RIGS - {"held"}),
+            "--refine-target": ("shape", RIGS - {"held"}),
+            "--report": (None, RIGS),
+            "--max-rms": ("0.0001", RIGS),
+            "--overwrite": (None, RIGS),
+            "--json": (None, RIGS),
+            "--jobs": ("1", {"photos", "films"}),
+            "--no-cache": (None, {"photos", "films"}),
+        },
+    ),
+    "rig evaluate": Case(
+        lines={
+            "tables": "{rig} {left} {right} -t {target}",
+            "photos": "{rig} {cameras}/left {cameras}/right -t {target}",
+        },
+        used={
+            "--target": ("{other}", {"tables", "photos"}),
+            "--board": ("8x5", set()),
+            "--square": ("3cm", set()),
+            "--times": ("{pairs}", {"tables", "photos"}),
+            "--max-rms": ("0.0001", {"tables", "photos"}),
+            "--json": (None, {"tables", "photos"}),
+            "--jobs": ("1", {"photos"}),
+            "--no-cache": (None, {"photos"}),
+        },
+    ),
+    "rig report": Case(
+        lines={"drawn": "{rig} -o {out}/p.html"},
+        used={
+            "--output": ("{out}/q.html", {"drawn"}),
+            "--overwrite": (None, {"drawn"}),
+            "--json": (None, {"drawn"}),
+        },
+    ),
+    "rig info": Case(lines={"rig": "{rig}"}, used={"--json": (None, {"rig"})}),
+    "rig compare": Case(lines={"rigs": "{rig} {rig}"}, used={"--json": (None, {"rigs"})}),
+    "rig export": Case(
+        lines={"rig": "{rig} --to kalibr-omni --max-error 9 -o {out}/x.yaml"},
+        used={
+            "--to": ("anipose", {"rig"}),
+            "--output": ("{out}/y.yaml", {"rig"}),
+            "--max-error": ("1e-9", {"rig"}),
+            "--max-angle": ("40", {"rig"}),
+            "--pair": ("right,left", {"rig"}),
+            "--overwrite": (None, {"rig"}),
+            "--json": (None, {"rig"}),
+        },
+    ),
 }
 
 
@@ -298,6 +380,7 @@ def fits_once() -> Iterator[None]:
     """Most options change no fit and no poses: all that are alike are worked out once."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit, "calibrate", once(fit.calibrate))
+        patch.setattr(views, "calibrate", once(views.calibrate))
         patch.setattr(point_fit, "calibrate_points", once(point_fit.calibrate_points))
         patch.setattr(simulate, "chosen_poses", once(simulate.chosen_poses))
         yield
@@ -315,11 +398,7 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     made["corners"].write_text("".join([*lines[:2], *own]))
     for photo in PHOTOS[:3]:  # more would be shared out to other processes
         shutil.copy(photo, made["photos"])
-    film = cv2.VideoWriter(str(folder / "f.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (960, 720))
-    for photo in PHOTOS[:3]:
-        for _ in range(3):
-            film.write(cv2.imread(str(photo)))
-    film.release()
+    write_film(folder / "f.avi", 10)
     texts = {
         "other": ("other.yaml", TARGET.read_text().replace("units: mm", "units: cm")),
         "few": ("few.csv", "".join(lines[:200])),
@@ -353,7 +432,36 @@ def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     made["poses"] = folder / "s" / "true_poses.csv"
     line = ("calibrate", made["corners"], "-t", TARGET, "--lift", "point", "--no-hold-out")
     run_cli(*line, "-o", folder / "point")
+    made |= rig_sources(made, calibrated, folder / "rigs")
     return {**made, "film": folder / "f.avi", "point": folder / "point"}
+
+
+def write_film(path: Path, rate: int) -> None:
+    """Nine frames, so many a second."""
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), rate, (960, 720))
+    for photo in PHOTOS[:3]:
+        for _ in range(3):
+            film.write(cv2.imread(str(photo)))
+    film.release()
+
+
+def rig_sources(made: dict[str, Path], calibrated: Path, folder: Path) -> dict[str, Path]:
+    """Two cameras that see the same, as tables, photos and films, and what says of their shots."""
+    found = {name: folder / name for name in ("cameras", "nothing")}
+    for name in ("left", "right"):
+        shutil.copytree(made["photos"], folder / "cameras" / name)
+        found[name] = folder / f"{name}.csv"
+        shutil.copy(made["corners"], found[name])
+    write_film(folder / "cameras" / "left.avi", 10)
+    write_film(folder / "cameras" / "right.avi", 9)
+    photos = sorted({line.split(",")[0] for line in made["corners"].read_text().splitlines()[2:]})
+    both = [(photo, camera) for photo in photos for camera in ("left", "right")]
+    found["shots"], found["times"] = folder / "shots.csv", folder / "times.csv"
+    rows = [f"{photo},{camera},{photo}" for photo, camera in both[:-2]]
+    found["shots"].write_text("\n".join(["shot,camera,image", *rows]))
+    rows = [f"{camera},{photo},{photos.index(photo)}" for photo, camera in both]
+    found["times"].write_text("\n".join(["camera,image,seconds", *rows]))
+    return {**found, "rig": made_rig(calibrated, folder / "rig", 2)}
 
 
 def _board(columns: int) -> str:
@@ -425,6 +533,7 @@ CELLS = [
 
 @pytest.mark.parametrize(("name", "mode", "option"), CELLS)
 def test_an_option_is_used_or_refused(
+    request: pytest.FixtureRequest,
     sources: dict[str, Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -432,10 +541,12 @@ def test_an_option_is_used_or_refused(
     mode: str,
     option: str,
 ) -> None:
-    if mode in ("film", "blind"):
+    if mode in ("film", "films", "blind"):
         pytest.importorskip("av")
     if name == "target print" or mode == "drawn":
         pytest.importorskip("matplotlib")
+    if "report" in name or option == "--report":
+        request.getfixturevalue("with_report")
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     monkeypatch.setattr(advise, "_VIEWS", 20)
     monkeypatch.chdir(tmp_path)

@@ -260,7 +260,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     """
     path = Path(path)
     path = path / "camera.yaml" if path.is_dir() else path
-    file = _Keys(path, _read(path))
+    file = Keys(path, _read(path))
     lift, frame = file.data.get("lift"), file.data.get("frame")
     if (lift, frame) not in (("ray", "camera"), ("point", "world"), ("point", "camera")):
         file.refuse(
@@ -314,7 +314,7 @@ def _read(path: Path) -> dict[str, Any]:
     )
 
 
-def _ray_camera(file: _Keys, image_size: tuple[int, int], P: FloatArray) -> CubicCamera:
+def _ray_camera(file: Keys, image_size: tuple[int, int], P: FloatArray) -> CubicCamera:
     max_angle_deg = float(file.numbers("max_angle_deg"))
     if not 0 < max_angle_deg < 180:
         file.refuse("max_angle_deg must be between 0 and 180")
@@ -344,7 +344,7 @@ def _ray_camera(file: _Keys, image_size: tuple[int, int], P: FloatArray) -> Cubi
     return camera
 
 
-def _refuse_contradictions(file: _Keys, image_size: tuple[int, int], fit: FitRecord) -> None:
+def _refuse_contradictions(file: Keys, image_size: tuple[int, int], fit: FitRecord) -> None:
     """Refuse figures that another program, or a hand, has changed without the others."""
     sigma, wrong = fit.uncertainty, ""
     figures = (sigma.noise_px, sigma.median_px, sigma.p95_px, sigma.max_px, *sigma.focal_px)
@@ -362,19 +362,26 @@ def _refuse_contradictions(file: _Keys, image_size: tuple[int, int], fit: FitRec
 
 
 @dataclass(frozen=True)
-class _Keys:
-    """Keys and values of a camera file, each checked as it is asked for."""
+class Keys:
+    """Keys and values of a camera or rig file, each checked as it is asked for."""
 
     path: Path
     data: dict[str, Any]
     above: str = ""
 
     def refuse(self, what: str) -> NoReturn:
+        """Refuse the file.
+
+        Raises:
+            CameraFileError: always.
+
+        """
         raise CameraFileError(f"{self.path}: {what}")
 
-    def inner(self, key: str) -> _Keys:
+    def inner(self, key: str) -> Keys:
         """What is under a key."""
-        return _Keys(self.path, mapping(self.path, self.data.get(key, {}), key), f"{key}.")
+        name = self.above + key
+        return Keys(self.path, mapping(self.path, self.data.get(key, {}), name), f"{name}.")
 
     def numbers(self, key: str, *shape: int) -> FloatArray:
         """The numbers under a key, all finite, in the shape that the format has there."""

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.fit.model_selection import RefineTarget
     from cubicfish_cli.core.io.camera_yaml import Calibrated
     from cubicfish_cli.core.target import Target
-    from cubicfish_cli.extensions.rigs.films import RigFrames
+    from cubicfish_cli.extensions.rigs.films import ShotFrame
     from cubicfish_cli.extensions.rigs.rig import Rig
 
 
@@ -66,7 +66,7 @@ class RigOptions:
             of films.
         most: how many moments of films are chosen at most; by default 60.
         hold_lenses: leaves the lenses as each camera alone has them.
-        refine_target: as in :func:`calibrate`.
+        refine_target: as in :func:`calibrate`; by default ``auto``.
         report: also writes report.html, where the extra ``report`` is installed.
 
     """
@@ -84,7 +84,7 @@ class RigOptions:
         default="rig",
         folder=True,
     )
-    names: Sequence[str] | str | None = option(
+    names: str | None = option(
         "--names NAME,NAME...", "Names of the cameras. [default: those of their folders or files]"
     )
     lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path] = option(
@@ -116,8 +116,8 @@ class RigOptions:
         "--hold-lenses",
         "Leave the lenses as each camera alone has them, and fit their places only.",
     )
-    refine_target: RefineTarget = options.refine_target_option(
-        "Fit the target too, as 'cubicfish calibrate' does."
+    refine_target: RefineTarget | None = options.refine_target_option(
+        "Fit the target too, as 'cubicfish calibrate' does. [default: auto]", default=None
     )
     report: bool = options.report_option
 
@@ -156,41 +156,50 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     from cubicfish_cli.app import drawing as extra
     from cubicfish_cli.app.films.scan import room_for_frames
     from cubicfish_cli.app.inputs import films_among
+    from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
     from cubicfish_cli.core.io.observations_csv import save_corners
-    from cubicfish_cli.extensions.rigs.films import rig_frames
+    from cubicfish_cli.extensions.rigs.films import moving_corners, rig_frames
     from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
-    from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs
+    from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, load_shots, load_times
+    from cubicfish_cli.extensions.rigs.inputs import (
+        check_camera_inputs,
+        is_calibrated,
+        load_camera_inputs,
+    )
     from cubicfish_cli.extensions.rigs.report import write_rig_page
     from cubicfish_cli.extensions.rigs.rig import save_rig
 
-    source = TargetSource.of(asked.target)
-    cameras, names = asked.cameras, asked.names
+    source, cameras, names = TargetSource.of(asked.target), asked.cameras, asked.names
     if isinstance(cameras, Mapping):
-        names, cameras = list(cameras), list(cameras.values())
+        names, cameras = ",".join(cameras), list(cameras.values())
     inputs = paths_of(cameras)
-    if len(inputs) < 2:
-        raise UsageError("name two cameras or more: a folder of photos each, or a corners.csv")
-    source.check()
     called = _name_cameras(inputs, names)
+    lenses = _name_lenses(asked.lenses, called)
     films = films_among(inputs)
-    if films and (len(films) < len(inputs) or asked.shots or asked.times):
-        raise UsageError(
-            f"{quoted(str(films[0]))} is a film: films are matched by time, and with films alone"
-            " (without --shots and --times); of some calibrated cameras say --lens"
-            if len(films) == len(inputs)
-            else f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of "
-            "each camera, or take its frames with 'cubicfish frames'"
-        )
-    if asked.most is not None and not films:
-        raise UsageError("--most goes with films: photos are all taken")
+    _refuse_unused(asked, inputs, films)
+    if films:
+        source.check()
+    elif check_camera_inputs(inputs, source, run) and asked.refine_target is not None:
+        raise UsageError("--refine-target is of a target, and 2D-3D pairs have none: leave it out")
+    kept = {name for name, path in zip(called, inputs, strict=True) if is_calibrated(path)}
+    for name, given in (
+        ("--hold-lenses", asked.hold_lenses),
+        ("--refine-target", asked.refine_target is not None),
+    ):
+        if given and len(kept | {*lenses}) == len(called):
+            raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
     made_at()  # said before the work if it cannot be
     place, listener = Path(asked.folder), run.listener
     pages = [place / PAGE] if asked.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
     corners = [place / name / "corners.csv" for name in called]
     refuse_existing(place / "rig.yaml", *pages, *own_files, *corners, overwrite=run.overwrite)
-    known = _load_known(asked.lenses, called)
-    frames, loaded, moving = None, {}, None
+    known: dict[str, Calibrated] = {
+        name: one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
+        for name, one in lenses.items()
+    }
+    frames: list[ShotFrame] = []
+    loaded, moving = {}, {}
     with room_for_frames(place / "frames") as room:
         if films:
             frames = rig_frames(
@@ -199,33 +208,36 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
                 room,
                 source.load(),
                 run,
-                most=MOST if asked.most is None else asked.most,
+                most=asked.most or MOST,
                 tolerance=asked.tolerance,
             )
         for name, path in zip(called, inputs, strict=True):
             listener.tell(Event.CAMERA, name=name, path=path)
-            sources = [path] if frames is None else frames.photos[name]
-            loaded[name], camera = load_camera_inputs(sources, source, run)
+            shown = [frame for frame in frames if frame.camera == name]
+            photos = [frame.picture for frame in shown] or [path]
+            loaded[name], camera = load_camera_inputs(photos, source, run)
             if camera is not None:
                 known.setdefault(name, camera)
-        if frames is not None:
-            moving = {
-                name: frames.moving(name, own.pairs, listener) for name, own in loaded.items()
-            }
-    matched, by = _match_shots(asked, frames, called)
+            if shown:
+                moving[name] = moving_corners(shown, loaded[name].pairs, listener)
     first = loaded[called[0]]
+    by = "films" if frames else str(asked.shots or ("time" if asked.tolerance else "name"))
+    rows = [(one.shot, one.camera, one.picture.name) for one in frames]
+    refine_target = asked.refine_target or "auto"
     rig = calibrate_rig(
         {name: own.given for name, own in loaded.items()},
         first.pairs.target,
-        **matched,
+        shots=rows or (load_shots(Path(asked.shots)) if asked.shots else by),
+        tolerance=asked.tolerance or TOLERANCE,
+        times=None if asked.times is None else load_times(Path(asked.times), called),
         moving=moving,
         known=known,
         hold_lenses=asked.hold_lenses,
-        refine_target=asked.refine_target,
+        refine_target=refine_target,
         listener=listener,
     )
     files = [file for own in loaded.values() for file in own.files]
-    held = {"hold_lenses": asked.hold_lenses, "refine_target": asked.refine_target, "shots": by}
+    held = {"hold_lenses": asked.hold_lenses, "refine_target": refine_target, "shots": by}
     made_by = made_by_record(run.command, held, first.target_file, files)
     listener.progress("Writing")
     written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
@@ -236,32 +248,44 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     return RigFiles(rig=rig, files=[*written, *corners, *pages])
 
 
-def _load_known(
-    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
-) -> dict[str, Calibrated]:
-    """Cameras that are calibrated already, by name."""
-    from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
+def _refuse_unused(asked: RigOptions, inputs: Sequence[Path], films: Sequence[Path]) -> None:
+    """Refuse inputs that do not go together, and options that say nothing of them."""
+    if films and len(films) < len(inputs):
+        raise UsageError(
+            f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of each "
+            "camera, or take its frames with 'cubicfish frames'"
+        )
+    if films and (asked.shots or asked.times):
+        raise UsageError("--shots and --times go with photos: films are matched by time")
+    if asked.most is not None and not films:
+        raise UsageError("--most goes with films: photos are all taken")
+    if asked.shots and asked.tolerance:
+        raise UsageError(f"--shots {asked.shots} says what is a shot: leave --tolerance out")
 
+
+def _name_lenses(
+    lenses: Mapping[str, Calibrated | StrPath] | Sequence[Path], called: Sequence[str]
+) -> Mapping[str, Calibrated | StrPath]:
+    """Cameras that are calibrated already, or their files, by name."""
     if not isinstance(lenses, Mapping):  # left=left_calibration
         lenses = {name: path for name, _, path in (str(one).partition("=") for one in lenses)}
-    known: dict[str, Calibrated] = {}
-    for name, one in lenses.items():
+    for name in lenses:
         if name not in called:
-            given = quoted(name if isinstance(one, Calibrated) else f"{name}={one}")
             raise UsageError(
-                f"--lens {given} names no camera: write NAME=FILE with one of {', '.join(called)}"
+                f"--lens {quoted(name)} names no camera: write NAME=FILE with one of "
+                f"{', '.join(called)}"
             )
-        known[name] = one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
-    return known
+    return lenses
 
 
-def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | str | None) -> list[str]:
+def _name_cameras(inputs: Sequence[Path], given: str | None) -> list[str]:
     """What the cameras are called."""
     from cubicfish_cli.extensions.rigs.inputs import named_by
     from cubicfish_cli.extensions.rigs.rig import refuse_name
 
-    given = given.split(",") if isinstance(given, str) else given
-    names = list(map(named_by, inputs)) if given is None else [name.strip() for name in given]
+    if len(inputs) < 2:
+        raise UsageError("name two cameras or more: a folder of photos each, or a corners.csv")
+    names = [*map(named_by, inputs)] if given is None else [*map(str.strip, given.split(","))]
     if len(names) != len(inputs):
         named = plural(len(names), "name")
         raise UsageError(f"--names has {named}, and there are {len(inputs)} cameras")
@@ -273,26 +297,6 @@ def _name_cameras(inputs: Sequence[Path], given: Sequence[str] | str | None) -> 
     for name in names:
         refuse_name(name, "camera", UsageError)
     return names
-
-
-def _match_shots(
-    asked: RigOptions, frames: RigFrames | None, called: Sequence[str]
-) -> tuple[dict[str, Any], str]:
-    """How photos are matched to shots: as ``calibrate_rig`` takes it, and in a word."""
-    from cubicfish_cli.extensions.rigs.fit.shots import load_shots, load_times
-
-    shots, tolerance = asked.shots, asked.tolerance
-    wanted: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
-    if frames is not None:
-        return {**wanted, "shots": frames.shots}, "films"
-    if asked.times is not None:
-        wanted["times"] = load_times(Path(asked.times), called)
-    if shots is None:
-        by = "name" if tolerance is None else "time"
-        return {**wanted, "shots": by}, by
-    if tolerance is not None:
-        raise UsageError(f"{shots} says which photos are a shot: leave --tolerance out")
-    return {**wanted, "shots": load_shots(Path(shots))}, str(shots)
 
 
 @as_command(

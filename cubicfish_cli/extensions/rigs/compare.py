@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import StrPath
+from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import px
 from cubicfish_cli.app.terminal.options import as_command, record
@@ -19,15 +18,54 @@ if TYPE_CHECKING:
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig compare``."""
+class RigCompareOptions:
+    """Two rigs that are compared.
 
-    first: Path = options.argument(
+    Attributes:
+        first: the rig.yaml of one, or the folder of that.
+        second: another one, whose cameras have the same names.
+
+    """
+
+    first: StrPath = options.argument(
         "The rig.yaml, or its folder, in whose frame differences are.", metavar="A"
     )
-    second: Path = options.argument(
+    second: StrPath = options.argument(
         "The rig.yaml, or its folder, that is compared with it.", metavar="B"
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparedRigFiles:
+    """What became of :func:`compare_rig_files`.
+
+    Attributes:
+        units: of lengths; None where not known.
+        cameras: how far apart the cameras of one name stand, and their lenses are.
+
+    """
+
+    units: str | None
+    cameras: Sequence[ComparedCamera]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish rig compare --json`` prints."""
+        return {"units": self.units, "cameras": [one.as_record() for one in self.cameras]}
+
+
+def compare_rig_files(asked: RigCompareOptions, *, run: Run = RUN) -> ComparedRigFiles:
+    """Say how far apart two rigs are, camera by camera, as ``cubicfish rig compare`` does.
+
+    Raises:
+        CameraFileError: a file cannot be used.
+        FitError: the rigs have fewer than two cameras in common, or other units.
+
+    """
+    from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
+    from cubicfish_cli.extensions.rigs.rig import load_rig
+
+    rig = load_rig(asked.first)
+    return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(asked.second)))
 
 
 @as_command(
@@ -35,10 +73,10 @@ class Asked:
     "How far apart two rigs are, camera by camera.",
     "cubicfish rig compare last_year/rig.yaml rig/rig.yaml",
     "cubicfish rig compare last_year rig --json",
-    do=lambda asked, run: compare_rig_files(**vars(asked)),
+    do=compare_rig_files,
     how=("as_json",),
 )
-def command(made: ComparedRigFiles, given: Asked, how: How) -> None:
+def command(made: ComparedRigFiles, given: RigCompareOptions, how: How) -> None:
     """Say how far apart the cameras of the rigs A and B stand beside the first, and how surely.
 
     Cameras are compared by their names, and so are their lenses.
@@ -72,41 +110,3 @@ def _print_compared(made: ComparedRigFiles) -> None:
 
 def _sigma(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ComparedRigFiles:
-    """What became of :func:`compare_rig_files`.
-
-    Attributes:
-        units: of lengths; None where not known.
-        cameras: how far apart the cameras of one name stand, and their lenses are.
-
-    """
-
-    units: str | None
-    cameras: Sequence[ComparedCamera]
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish rig compare --json`` prints."""
-        return {"units": self.units, "cameras": [one.as_record() for one in self.cameras]}
-
-
-def compare_rig_files(first: StrPath, second: StrPath) -> ComparedRigFiles:
-    """Say how far apart two rigs are, camera by camera, as ``cubicfish rig
-    compare`` does.
-
-    Args:
-        first: the file of a rig, or the folder of that.
-        second: another one, whose cameras have the same names.
-
-    Raises:
-        CameraFileError: a file cannot be used.
-        FitError: the rigs have fewer than two cameras in common, or other units.
-
-    """
-    from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
-    from cubicfish_cli.extensions.rigs.rig import load_rig
-
-    rig = load_rig(first)
-    return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(second)))

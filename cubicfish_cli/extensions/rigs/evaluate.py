@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import hold_gate
 from cubicfish_cli.app.terminal.options import as_command, record, target_options
@@ -57,34 +58,34 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
         CubicfishError: an input cannot be used, or no shot can be placed.
 
     """
+    from cubicfish_cli.core.assess.fit_record import origin_of
     from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
-    from cubicfish_cli.extensions.rigs.fit.shots import load_times
-    from cubicfish_cli.extensions.rigs.inputs import load_camera_inputs, named_by
-    from cubicfish_cli.extensions.rigs.rig import load_rig
+    from cubicfish_cli.extensions.rigs.fit.shots import load_times, owners_of
+    from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
+    from cubicfish_cli.extensions.rigs.rig import REFINED, load_rig, rig_file
 
-    known, inputs = load_rig(asked.rig), paths_of(asked.cameras)
+    model, inputs = rig_file(asked.rig), paths_of(asked.cameras)
+    known = load_rig(model)
     names = [one.name for one in known.cameras]
-    own = list(map(named_by, inputs))
-    if not set(own) <= set(names):
-        if len(inputs) != len(names):
-            raise UsageError(
-                f"the rig has the cameras {', '.join(names)}: name photos of each in this order, "
-                "or folders that are called as they are"
-            )
-        own = names
+    own = owners_of(inputs, names)
     if len(set(own)) < max(2, len(own)):
         raise UsageError(
             f"name photos or a corners.csv of two or more of the cameras {', '.join(names)}"
         )
     source = TargetSource.of(asked.target)
+    check_camera_inputs(inputs, source, run)
     times = None if asked.times is None else load_times(Path(asked.times), own)
     loaded = {
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
     }
+    first, drawn = loaded[own[0]], origin_of(known.made_by).target
+    refined, given = model.with_name(REFINED), first.target_file
+    if drawn and given and given.sha256 == drawn.sha256 and refined.is_file():
+        run.listener.tell(Event.MEASURED_AS_DRAWN, refined=refined)
     run.listener.progress("Placing shots")
     pairs = {name: one.given for name, one in loaded.items()}
-    return evaluate_rig(known, pairs, loaded[own[0]].pairs.target, times=times)
+    return evaluate_rig(known, pairs, first.pairs.target, times=times)
 
 
 @as_command(

@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.extensions import load_place, written_formats
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.commands.export import max_angle_option, max_error_option, print_exported
+from cubicfish_cli.commands.export import LensOptions, print_exported
 from cubicfish_cli.core.errors import FitError, UsageError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
@@ -37,58 +34,21 @@ Each lens is fitted to its camera as 'cubicfish export' does it, which has more 
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig export``."""
+class RigExportOptions(LensOptions):
+    """The cameras of a rig, written for another tool.
 
-    rig: Path = rig_argument
-    to: str = option(
-        "--to FORMAT",
-        "What to write: a name of the list above.",
-        click.Choice(list(written_formats())),
-        required=True,
-    )
-    output: Path | None = options.output_option(
-        "Where it goes. [default: the format's usual name, in the current folder]", folder=None
-    )
-    max_error: float | None = max_error_option
-    max_angle_deg: float | None = max_angle_option
+    Attributes:
+        rig: its rig.yaml, or the folder of that.
+        pair: two of its cameras; by default all.
+
+    """
+
+    rig: StrPath = rig_argument
     pair: tuple[str, str] | None = pair_option
 
 
-@as_command(
-    "export",
-    "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
-    "cubicfish rig export --to kalibr-omni -o camchain.yaml",
-    "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
-    do=lambda asked, run: export_rig_files(**vars(asked), run=run),
-    how=("overwrite", "as_json"),
-    help=_HELP,
-)
-def command(made: ExportedFiles, given: Asked, how: How) -> None:
-    """See ``_HELP``."""
-    print_exported(made, how)
-
-
-def export_rig_files(
-    rig: StrPath,
-    to: str,
-    output: StrPath | None = None,
-    *,
-    pair: tuple[str, str] | None = None,
-    max_error: float | None = None,
-    max_angle_deg: float | None = None,
-    run: Run = RUN,
-) -> ExportedFiles:
+def export_rig_files(asked: RigExportOptions, *, run: Run = RUN) -> ExportedFiles:
     """Write all cameras of a rig, or two, with their places, as ``cubicfish rig export`` does.
-
-    Args:
-        rig: its rig.yaml, or the folder of that.
-        to: the format: a name of ``cubicfish rig export --help``.
-        output: where it goes; by default the format's usual name, in the current folder.
-        pair: two of its cameras; by default all.
-        max_error: as for :func:`export_camera`, of each camera; 0.5 where it is None.
-        max_angle_deg: likewise.
-        run: how the work is done.
 
     Raises:
         UsageError: the format holds no rigs.
@@ -101,10 +61,10 @@ def export_rig_files(
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
-    max_error = MAX_ERROR if max_error is None else max_error
-    path = rig_file(rig)
+    to, max_error = asked.to, MAX_ERROR if asked.max_error is None else asked.max_error
+    path = rig_file(asked.rig)
     known = load_rig(path)
-    chosen = known.cameras if pair is None else tuple(map(known.camera, pair))
+    chosen = known.cameras if asked.pair is None else tuple(map(known.camera, asked.pair))
     formats = written_formats()
     if to not in formats or not formats[to].write_rig:
         first = path.parent / known.cameras[0].path
@@ -113,11 +73,11 @@ def export_rig_files(
             "choose one of " + ", ".join(name for name, made in formats.items() if made.write_rig)
         )
     run.listener.progress("Fitting the other lenses")
-    goal = Path(output or formats[to].rig_name)
+    goal = Path(asked.output or formats[to].rig_name)
     made = []
     for one in chosen:
         try:
-            own = export_camera(one, to, max_error=max_error, max_angle_deg=max_angle_deg)
+            own = export_camera(one, to, max_error=max_error, max_angle_deg=asked.max_angle_deg)
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
@@ -138,3 +98,17 @@ def export_rig_files(
         lines=tuple(lines),
         warnings=tuple(warnings),
     )
+
+
+@as_command(
+    "export",
+    "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "cubicfish rig export --to kalibr-omni -o camchain.yaml",
+    "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
+    do=export_rig_files,
+    how=("overwrite", "as_json"),
+    help=_HELP,
+)
+def command(made: ExportedFiles, given: RigExportOptions, how: How) -> None:
+    """See ``_HELP``."""
+    print_exported(made, how)

@@ -26,46 +26,46 @@ from cubicfish_cli.extensions.rigs.film_clocks import film_offset
 from cubicfish_cli.extensions.rigs.fit.times import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 
-_Beside = tuple[Path | None, float]
-
 # Of so many moments for each that may be chosen the corners are looked for.
 _LOOKED_AT = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigFrames:
-    """Frames of films, chosen together.
+class ShotFrame:
+    """A frame of a camera's film that is of a shot.
 
     Attributes:
-        photos: of each camera by name, the pictures.
-        shots: rows (shot, camera, picture's name).
-        late: of each camera and picture's name, seconds after the shot's moment.
-        beside: of each camera and picture's name, the film's frames before and after it, and
-            seconds to them.
+        shot: name of the shot.
+        camera: name of the camera.
+        picture: the frame's picture.
+        late: seconds after the shot's moment.
+        beside: the film's frames before and after it, None where there is none.
+        seconds: to these.
 
     """
 
-    photos: Mapping[str, tuple[Path, ...]]
-    shots: list[tuple[str, str, str]]
-    late: Mapping[str, Mapping[str, float]]
-    beside: Mapping[str, Mapping[str, tuple[_Beside, _Beside]]]
+    shot: str
+    camera: str
+    picture: Path
+    late: float
+    beside: tuple[Path | None, Path | None]
+    seconds: tuple[float, float]
 
-    def moving(self, camera: str, pairs: Observations, listener: Listener) -> Moving:
-        """How the corners of a camera's pictures move."""
-        files = {path.name: path for path in self.photos[camera]}
-        parts, progress = [], listener.counting(f"Measuring motion in {camera}")
-        for number, image in enumerate(pairs.images):
-            progress(number, len(pairs.images))
-            name, own = Path(image).name, pairs.image == number
-            late = np.full(int(own.sum()), self.late[camera][name])
-            picture, beside = read_grey(files[name]), self.beside[camera][name]
-            before, after = (
-                None if path is None else flow(picture, read_grey(path), pairs.pixel[own])
-                for path, _ in beside
-            )
-            moving = Moving.between(before, after, (beside[0][1], beside[1][1]))
-            parts.append(replace(moving, late=late))
-        return Moving.joined(parts)
+
+def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: Listener) -> Moving:
+    """How the corners move that were found in a camera's frames."""
+    frame_of = {one.picture.name: one for one in frames}
+    parts, progress = [], listener.counting(f"Measuring motion in {frames[0].camera}")
+    for number, image in enumerate(pairs.images):
+        progress(number, len(pairs.images))
+        frame, pixel = frame_of[Path(image).name], pairs.pixel[pairs.image == number]
+        picture = read_grey(frame.picture)
+        ways = [
+            None if one is None else flow(picture, read_grey(one), pixel) for one in frame.beside
+        ]
+        moving = Moving.between(ways[0], ways[1], frame.seconds)
+        parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
+    return Moving.joined(parts)
 
 
 def rig_frames(
@@ -77,7 +77,7 @@ def rig_frames(
     *,
     most: int,
     tolerance: float | None,
-) -> RigFrames:
+) -> list[ShotFrame]:
     """Choose moments at which cameras see the target sharply at once, and write their frames.
 
     Args:
@@ -108,14 +108,10 @@ def rig_frames(
         )
     run.listener.tell(Event.MOMENTS, moments=len(found.time))
     taken = {}
-    for column, (name, one) in enumerate(measured.items()):
-        frames = {
-            index + step
-            for index in found.frame[:, column].tolist()
-            for step in (-1, 0, 1)
-            if index >= 0 and 0 <= index + step < len(one)
-        }
-        taken[name] = {index: room / name / f"{index}.png" for index in sorted(frames)}
+    for (name, one), own in zip(measured.items(), found.frame.T, strict=True):
+        frames = np.unique(own[own >= 0][:, None] + [-1, 0, 1])
+        frames = frames[(frames >= 0) & (frames < len(one))]
+        taken[name] = {index: room / name / f"{index}.png" for index in frames.tolist()}
         take_out(
             one.film, taken[name], run.listener.counting(f"Taking frames of {one.film.path.name}")
         )
@@ -181,50 +177,49 @@ def _write(
     folder: Path,
     *,
     overwrite: bool,
-) -> RigFrames:
+) -> list[ShotFrame]:
     """Write the chosen frames and shots.csv, all or none."""
-    start = min(0.0, float(found.time.min()))
-    rows: list[tuple[str, str, str]] = []
+    start, films = min(0.0, float(found.time.min())), list(measured.items())
+    frames: list[ShotFrame] = []
     sources: dict[Path, Path] = {}
-    late: dict[str, dict[str, float]] = {name: {} for name in measured}
-    beside: dict[str, dict[str, tuple[_Beside, _Beside]]] = {name: {} for name in measured}
-    for row, showing in chosen.items():
-        shot = frame_name("shot", float(found.time[row]) - start)
-        for column in showing:
-            name, film = list(measured.items())[column]
-            index = int(found.frame[row, column])
-            picture = f"{frame_name(name, film.time[index])}.png"
-            if picture in late[name]:
-                continue  # one frame for two moments
-            sources[folder / name / picture] = taken[name][index]
-            rows.append((shot, name, picture))
-            late[name][picture] = float(found.late[row, column])
-            beside[name][picture] = (
-                _beside(film, taken[name], index, -1),
-                _beside(film, taken[name], index, 1),
+    for row, column in ((row, column) for row, showing in chosen.items() for column in showing):
+        name, film = films[column]
+        index = int(found.frame[row, column])
+        picture = folder / name / f"{frame_name(name, film.time[index])}.png"
+        if picture in sources:
+            continue  # one frame for two moments
+        sources[picture] = taken[name][index]
+        (before, first), (after, second) = (
+            _frame_beside(film, taken[name], index, step) for step in (-1, 1)
+        )
+        frames.append(
+            ShotFrame(
+                shot=frame_name("shot", float(found.time[row]) - start),
+                camera=name,
+                picture=picture,
+                late=float(found.late[row, column]),
+                beside=(before, after),
+                seconds=(first, second),
             )
-    for name, own in late.items():
-        if not own:
+        )
+    for name in measured:
+        if all(one.camera != name for one in frames):
             raise DetectionError(
                 f"camera {name}: no board was found in any frame that was chosen: is one in view "
                 "while the others see the target too?"
             )
     table = folder / "shots.csv"
+    rows = [(one.shot, one.camera, one.picture.name) for one in frames]
     with whole_files([table, *sources], overwrite=overwrite, folder=folder) as temporaries:
         write_text(temporaries[0], csv_text([("shot", "camera", "image"), *rows]), overwrite=False)
         for temporary, source in zip(temporaries[1:], sources.values(), strict=True):
             shutil.copyfile(source, temporary)
-    return RigFrames(
-        photos={
-            name: tuple(path for path in sources if path.parent.name == name) for name in measured
-        },
-        shots=rows,
-        late=late,
-        beside=beside,
-    )
+    return frames
 
 
-def _beside(measured: Measured, taken: Mapping[int, Path], index: int, step: int) -> _Beside:
+def _frame_beside(
+    measured: Measured, taken: Mapping[int, Path], index: int, step: int
+) -> tuple[Path | None, float]:
     """A frame's neighbour: its picture, None where there is none, and seconds to it."""
     if index + step not in taken:
         return None, float(step)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import StrPath
+from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.extensions.rigs.options import rig_argument
@@ -17,25 +17,10 @@ if TYPE_CHECKING:
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig info``."""
+class RigInfoOptions:
+    """A rig: its rig.yaml, or the folder of that."""
 
-    rig: Path = rig_argument
-
-
-@as_command(
-    "info",
-    "What a rig is: where its cameras stand, and how surely.",
-    "cubicfish rig info",
-    "cubicfish rig info last_year/rig.yaml --json",
-    do=lambda asked, run: info_rig_files(**vars(asked)),
-    how=("as_json",),
-)
-def command(made: RigInfo, given: Asked, how: How) -> None:
-    """Say where the cameras of RIG (by default: rig) stand, how surely, and how well it fits."""
-    if how.print(made):
-        return
-    print_rig(made.rig)
+    rig: StrPath = rig_argument
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,11 +42,8 @@ class RigInfo:
         return {"model": self.model, "rig": held}
 
 
-def info_rig_files(rig: StrPath) -> RigInfo:
+def info_rig_files(asked: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
     """Say what a rig is, as ``cubicfish rig info`` does.
-
-    Args:
-        rig: its rig.yaml, or the folder of that.
 
     Raises:
         CameraFileError: the file cannot be used.
@@ -69,5 +51,19 @@ def info_rig_files(rig: StrPath) -> RigInfo:
     """
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
-    path = rig_file(rig)
+    path = rig_file(asked.rig)
     return RigInfo(model=path, rig=load_rig(path))
+
+
+@as_command(
+    "info",
+    "What a rig is: where its cameras stand, and how surely.",
+    "cubicfish rig info",
+    "cubicfish rig info last_year/rig.yaml --json",
+    do=info_rig_files,
+    how=("as_json",),
+)
+def command(made: RigInfo, given: RigInfoOptions, how: How) -> None:
+    """Say where the cameras of RIG (by default: rig) stand, how surely, and how well it fits."""
+    if not how.print(made):
+        print_rig(made.rig)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish_cli.app.asked import RUN, Run, TargetSource, check_inputs
+from cubicfish_cli.app.asked import RUN, Run, TargetSource, check_inputs, tables_among
 from cubicfish_cli.app.films.recordings import is_recording, label_of
 from cubicfish_cli.app.fingerprint import fingerprint
 from cubicfish_cli.app.inputs import Inputs, load_inputs
@@ -30,23 +30,49 @@ def named_by(path: Path) -> str:
     return path.stem if suffix == ".csv" or suffix in VIDEO_SUFFIXES else path.name
 
 
+def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run) -> bool:
+    """Refuse at once what cannot be read of cameras' photos or tables, or says nothing here.
+
+    Returns:
+        Whether one has 2D-3D pairs, which have no target.
+
+    Raises:
+        UsageError: the inputs do not go together, or something is asked that would not be done.
+        CubicfishError: one is not there.
+
+    """
+    inputs = [_model_and_corners(path)[1] for path in cameras]
+    searched = len(tables_among(inputs)) < len(inputs)
+    of_pairs = [check_inputs([one], target, RUN if searched else run) for one in inputs]
+    return any(of_pairs)
+
+
+def is_calibrated(path: Path) -> bool:
+    """Whether a camera's input is its calibration: the folder or the camera.yaml in it."""
+    return _model_and_corners(path)[0] is not None
+
+
+def _model_and_corners(path: Path) -> tuple[Path | None, Path]:
+    """The file of a camera that is calibrated already, and its corners; or None and its input."""
+    model = path / "camera.yaml" if path.is_dir() else path
+    if not (model.suffix in (".yaml", ".yml") and model.is_file()):
+        return None, path
+    corners = model.parent / "corners.csv"
+    if not corners.is_file():
+        raise CorrespondenceError(
+            f"{model.parent} has a camera.yaml and no corners.csv: calibrate it again, or name the "
+            "camera's photos or its corners.csv"
+        )
+    return model, corners
+
+
 def load_camera_inputs(
     sources: Sequence[Path], target: TargetSource, run: Run
 ) -> tuple[Inputs, CameraFile | None]:
     """One camera's pairs, and its lens where it is calibrated already."""
-    camera, path = None, sources[0] if sources else Path()
-    model = path / "camera.yaml" if path.is_dir() else path
-    if model.name.endswith((".yaml", ".yml")) and model.is_file():
-        camera = load_camera(model)
-        sources = [model.parent / "corners.csv"]
-        if not sources[0].is_file():
-            raise CorrespondenceError(
-                f"{model.parent} has a camera.yaml and no corners.csv: calibrate it again, or name "
-                "the camera's photos or its corners.csv"
-            )
-    check_inputs(sources, target, RUN)
-    loaded = load_inputs(sources, target, run)
+    model, first = _model_and_corners(sources[0])
+    loaded = load_inputs([first, *sources[1:]], target, run)
     run.listener.found(loaded.photo_findings)
-    if camera is not None:
-        loaded = replace(loaded, files=(*loaded.files, fingerprint(model)))
-    return loaded, camera
+    if model is None:
+        return loaded, None
+    return replace(loaded, files=(*loaded.files, fingerprint(model))), load_camera(model)

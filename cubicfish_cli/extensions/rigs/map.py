@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import Run
+from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.commands.map import photo_size_option, print_maps
-from cubicfish_cli.commands.view_options import view_options
+from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
+from cubicfish_cli.commands.view_options import view_bundle
+from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
+from cubicfish_cli.core.files import refuse_existing
 from cubicfish_cli.core.views.options import ViewOptions
+from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
 
 if TYPE_CHECKING:
-    from cubicfish_cli.extensions.rigs.pair_maps import PairMapFiles
+    from cubicfish_cli.core.views.view import View
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
 
@@ -26,25 +31,142 @@ points: baseline, focal length, and of flat ones P1, P2 and Q. Maps are written 
 'cubicfish map' does: .npz, .exr, .png or .pgm.
 """
 
+_KINDS = ("perspective", "cylindrical", "equirectangular")
+
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig map``."""
+class RigMapOptions:
+    """What the maps of two of a rig's cameras show, and where they go.
 
-    output: Path = options.argument(
+    Attributes:
+        output: a name in .npz, .exr, .png or .pgm, with which theirs begin.
+        rig: its rig.yaml, or the folder of that.
+        pair: names of the cameras; None for a rig of two.
+        view: what they show, or what is asked of it; by default flat.
+        photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
+
+    """
+
+    output: StrPath = options.argument(
         "Where the maps go: a name that ends in .npz, .exr, .png or .pgm.",
         metavar="OUT",
     )
-    rig: Path = rig_option
+    rig: StrPath = rig_option
     pair: tuple[str, str] | None = pair_option
-    view: ViewOptions = view_options
+    view: View | ViewOptions | None = view_bundle(
+        kinds=f"{either(_KINDS)}; the last two about the line between the cameras",
+        size_default="the first camera's photo's; equirectangular is as large as what both see",
+        field_default="perspective keeps the first photo's scale in its middle, up to 120 along "
+        "the longer side; others show what both cameras see",
+        whole=False,
+    )
     photo_size: tuple[int, int] | None = photo_size_option
 
 
-def _map(asked: Asked, *, run: Run) -> PairMapFiles:
-    from cubicfish_cli.extensions.rigs.pair_maps import map_rig_files
+@dataclass(frozen=True, kw_only=True)
+class PairMapFiles(MapFiles):
+    """What became of :func:`map_rig_files`: beside what a :class:`MapFiles` has
 
-    return map_rig_files(**vars(asked), run=run)
+    Attributes:
+        stereo: what it takes to get from disparities to points.
+
+    """
+
+    stereo: Mapping[str, Any]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data: what ``cubicfish rig map --json`` prints."""
+        return {**super().as_record(), "stereo": self.stereo}
+
+
+def map_rig_files(asked: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
+    """Write a map for each of two cameras of a rig, as ``cubicfish rig map`` does.
+
+    Returns:
+        The files, and in ``stereo`` what it takes to get from disparities to points.
+
+    Raises:
+        UsageError: the name ends otherwise, or rows of such views do not agree between cameras.
+        CubicfishError: the rig cannot be used, the two cameras see nothing in common, or a file
+            exists and may not be replaced.
+
+    """
+    import numpy as np
+
+    from cubicfish_cli.app.undistortion.map_formats import map_paths
+    from cubicfish_cli.core.plain_yaml import plain_yaml_text
+    from cubicfish_cli.core.views.choose import ChosenView, chosen_view, sees
+    from cubicfish_cli.core.views.maps import build_map, camera_for_photos
+    from cubicfish_cli.core.views.view import CentralView
+    from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
+    from cubicfish_cli.extensions.rigs.stereo import rectify
+
+    goal, photo_size = Path(asked.output), asked.photo_size
+    map_paths(goal)  # its name is refused first
+    view = _row_aligned(asked.view)
+    path = rig_file(asked.rig)
+    loaded = load_rig(path)
+    both = asked.pair or tuple(one.name for one in loaded.cameras)
+    if len(both) != 2:
+        raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
+    about = goal.with_suffix(".stereo.yaml")
+    plan = map_paths(goal, both)
+    refuse_existing(*files_of(plan), about, overwrite=run.overwrite)
+    between = rectify(loaded, *both)
+    if photo_size is not None:
+        one, other = (camera_for_photos(loaded.camera(name).camera, photo_size) for name in both)
+        between = replace(between, cameras=(one, other))
+    if not sees(between, np.array([0.0, 0.0, 1.0])):
+        raise ViewError(
+            "the two cameras see nothing in common where both look: name two others with --pair"
+        )
+    chosen = chosen_view(between, view)
+    common = chosen.first
+    if not isinstance(common, CentralView):
+        raise ViewError("rows of both pictures agree in one central view only")
+    if (
+        isinstance(view, ViewOptions)
+        and view.leaves_field_open
+        and view.kind == "epipolar-equirectangular"
+    ):
+        common = between.field_view(common)
+        chosen = ChosenView(views={"": common})
+    turned = zip(both, between.cameras, between.views(common), strict=True)
+    maps = {name: build_map(camera, own) for name, camera, own in turned}
+    about_pair = {
+        "cameras": list(both),
+        "units": loaded.units,
+        "photo_sizes": [list(camera.image_size) for camera in between.cameras],
+        **between.as_record(common),
+    }
+    more = {about: plain_yaml_text(about_pair)}
+    return PairMapFiles(
+        model=path,
+        own=files_of(plan),
+        written=write_maps(plan, maps, goal, run, more),
+        image_size=between.image_size,
+        view=chosen,
+        stereo=about_pair,
+    )
+
+
+def _row_aligned(view: View | ViewOptions | None) -> View | ViewOptions:
+    """What was asked of a picture, as of one whose rows agree with another camera's."""
+    if view is not None and not isinstance(view, ViewOptions):
+        return view
+    view = view or ViewOptions()
+    yaw, _, roll = view.rotate_deg
+    if yaw or roll:
+        raise UsageError(
+            "rows of both pictures agree as long as they look up or down only: write --rotate "
+            "0,PITCH,0"
+        )
+    kind = (view.kind or "perspective").removeprefix("epipolar-")
+    if kind not in _KINDS:
+        raise UsageError(
+            f"rows of {kind} pictures do not agree between cameras: choose --view {either(_KINDS)}"
+        )
+    return view if kind == "perspective" else replace(view, kind=f"epipolar-{kind}")
 
 
 @as_command(
@@ -52,11 +174,11 @@ def _map(asked: Asked, *, run: Run) -> PairMapFiles:
     "Maps of two cameras, after which rows of their pictures agree: stereo.",
     "cubicfish rig map stereo.npz --pair left,right",
     "cubicfish rig map stereo.npz --model rig --view equirectangular",
-    do=_map,
+    do=map_rig_files,
     how=("overwrite", "as_json"),
     help=_HELP,
 )
-def command(made: PairMapFiles, given: Asked, how: How) -> None:
+def command(made: PairMapFiles, given: RigMapOptions, how: How) -> None:
     """See ``_HELP``."""
     unit = f" {made.stereo['units']}" if made.stereo["units"] else ""
     depth = f"baseline {made.stereo['baseline']:.3f}{unit}; {made.stereo['depth']}"

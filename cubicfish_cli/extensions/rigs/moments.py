@@ -77,7 +77,7 @@ def moments(
     frame = np.full((len(times[lead]), len(measured)), -1)
     late = np.full(frame.shape, np.nan)
     for camera, time in enumerate(times):
-        nearest = _nearest(time, times[lead])
+        nearest = np.searchsorted((time[1:] + time[:-1]) / 2, times[lead])
         apart = time[nearest] - times[lead]
         near = np.abs(apart) <= tolerance
         frame[near, camera], late[near, camera] = nearest[near], apart[near]
@@ -107,14 +107,6 @@ def _goodness(measured: Measured) -> FloatArray:
     )
     usual = float(np.median(own[own > 0])) if (own > 0).any() else 1.0
     return np.asarray(np.minimum(np.log(np.maximum(own / usual, 1e-3)), 1.0))
-
-
-def _nearest(time: FloatArray, wanted: FloatArray) -> IntArray:
-    """(K,) the index of the time that is nearest to each wanted one."""
-    after = np.clip(np.searchsorted(time, wanted), 1, max(1, len(time) - 1))
-    before = after - 1
-    after = np.minimum(after, len(time) - 1)
-    return np.where(wanted - time[before] <= time[after] - wanted, before, after)
 
 
 def take_out(

@@ -135,14 +135,10 @@ class Mosaic:
     weights: tuple[Floats, ...]
 
     @property
-    def valid(self) -> npt.NDArray[np.bool_]:
-        """(H, W) where any camera sees something."""
-        return np.asarray(np.any([made.valid for made in self.maps], axis=0))
-
-    @property
     def whole_map(self) -> UndistortMap:
         """For what a map's view and valid pixels tell; it maps nothing."""
-        return replace(self.maps[0], valid=self.valid)
+        valid = np.any([made.valid for made in self.maps], axis=0)
+        return replace(self.maps[0], valid=valid)
 
     def render(
         self, photos: Mapping[str, Picture], interpolation: str = "linear"

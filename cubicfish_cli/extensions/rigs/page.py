@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
 
 from cubicfish_cli.app.drawing import drawing
 from cubicfish_cli.app.pages.figures import (
     BOARD_COLOURS,
     INK,
     MUTED,
-    RED,
     STYLE,
     Drawn,
     Key,
-    dots,
     draw_cameras,
     finished,
     new_figure,
@@ -28,7 +25,7 @@ from cubicfish_cli.app.pages.template import day_of, template
 from cubicfish_cli.core.assess.fit_record import origin_of
 from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
-from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
+from cubicfish_cli.extensions.rigs.rig import Rig
 
 _MOST_SHOTS = 20
 COLOURS = (*BOARD_COLOURS, "#56b4e9", MUTED, INK)
@@ -43,7 +40,7 @@ def rig_html(rig: Rig) -> str:
     """
     colours = [COLOURS[number % len(COLOURS)] for number in range(len(rig.cameras))]
     with drawing(STYLE):
-        drawn = [_draw_places(rig, colours), _draw_shots(rig.fit)]
+        figure = _draw_places(rig, colours)
     known = [one for one in rig.fit.per_shot if not np.isnan(one.rms_px)]
     return template(Path(__file__).with_name("page.html")).render(
         verdict=rig.verdict,
@@ -51,7 +48,7 @@ def rig_html(rig: Rig) -> str:
         notes=[one.line for one in rig.fit.findings if one.severity is Severity.NOTE],
         rig=rig,
         colours=colours,
-        figures={figure.name: figure for figure in drawn if figure is not None},
+        figures={figure.name: figure},
         worst=sorted(known, key=lambda one: -one.rms_px)[:_MOST_SHOTS],
         made=origin_of(rig.made_by),
         day=day_of(origin_of(rig.made_by)),
@@ -83,34 +80,4 @@ def _draw_places(rig: Rig, colours: Sequence[str]) -> Drawn:
             Key(kind="area", colour=colour, text=f"{number} {one.name}")
             for number, (colour, one) in named
         ),
-    )
-
-
-def _draw_shots(fit: RigFit) -> Drawn | None:
-    """RMS of each shot, in their order."""
-    rms = np.array([one.rms_px for one in fit.per_shot])
-    known = np.isfinite(rms)
-    if known.sum() < 2:
-        return None
-    outlying = {name for one in fit.findings for name in getattr(one, "shots", ())}
-    odd = np.array([one.shot in outlying for one in fit.per_shot])[known]
-    at = np.column_stack([np.arange(1, len(rms) + 1), rms])[known]
-    usual = float(np.median(at[:, 1]))
-    figure = new_figure(2.8)
-    axes = figure.add_subplot()
-    axes.grid(True)
-    axes.axhline(usual, color=MUTED, linewidth=0.9)
-    dots(axes, at[~odd], BOARD_COLOURS[0], 4.0)
-    dots(axes, at[odd], RED, 6.0)
-    axes.set(xlim=(0, len(rms) + 1), ylim=(0, 1.15 * float(at[:, 1].max()) or 1.0))
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set(xlabel="shot", ylabel="RMS, px")
-    keys = (Key(kind="dot", colour=RED, text="something is told of it"),) if odd.any() else ()
-    return finished(
-        figure,
-        name="rig-shots",
-        title="Errors of the shots, in their order",
-        label=f"RMS error of {len(at)} shots",
-        caption=f"The line is the usual shot, {usual:.3f} px. A step means that a camera moved.",
-        keys=keys,
     )

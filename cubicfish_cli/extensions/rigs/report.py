@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath
+from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none
 from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.figures import print_verdict
@@ -21,39 +21,21 @@ if TYPE_CHECKING:
 
 
 @record
-class Asked:
-    """What is asked of ``cubicfish rig report``."""
+class RigReportOptions:
+    """A page about a rig.
 
-    rig: Path = rig_argument
-    page: Path | None = options.output_option("The page. [default: report.html beside the rig]")
-
-
-@as_command(
-    "report",
-    "One HTML page about a rig: is it good, and why.",
-    "cubicfish rig report",
-    "cubicfish rig report rig/rig.yaml -o body.html",
-    do=lambda asked, run: report_rig_files(asked.rig, asked.page, run=run),
-    how=("overwrite", "as_json"),
-)
-def command(made: ReportFiles, given: Asked, how: How) -> None:
-    """Write one HTML page about RIG (by default: rig): where its cameras stand, what they see.
-
-    The page stands alone: no network, no program, every picture inside.
-    """
-    if how.print(made):
-        return
-    print_verdict(made.verdict)
-    result(f"\nwrote {made.page}")
-
-
-def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RUN) -> ReportFiles:
-    """Write a page about a rig, as ``cubicfish rig report`` does.
-
-    Args:
+    Attributes:
         rig: its rig.yaml, or the folder of that.
         page: where the page goes; by default report.html beside it.
-        run: how the work is done.
+
+    """
+
+    rig: StrPath = rig_argument
+    page: StrPath | None = options.output_option("The page. [default: report.html beside the rig]")
+
+
+def report_rig_files(asked: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
+    """Write a page about a rig, as ``cubicfish rig report`` does.
 
     Raises:
         CubicfishError: the extra ``report`` is not installed, the file cannot be used, or the page
@@ -64,8 +46,8 @@ def report_rig_files(rig: StrPath, page: StrPath | None = None, *, run: Run = RU
     from cubicfish_cli.extensions.rigs.rig import rig_file
 
     refuse_without_extra()
-    model = rig_file(rig)
-    path = model.parent / PAGE if page is None else Path(page)
+    model = rig_file(asked.rig)
+    path = path_or_none(asked.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=write_rig_page(model, path, run))
 
@@ -88,3 +70,22 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
     run.listener.progress("Making the report")
     write_text(page, rig_html(loaded), overwrite=run.overwrite)
     return loaded.verdict
+
+
+@as_command(
+    "report",
+    "One HTML page about a rig: is it good, and why.",
+    "cubicfish rig report",
+    "cubicfish rig report rig/rig.yaml -o body.html",
+    do=report_rig_files,
+    how=("overwrite", "as_json"),
+)
+def command(made: ReportFiles, given: RigReportOptions, how: How) -> None:
+    """Write one HTML page about RIG (by default: rig): where its cameras stand, what they see.
+
+    The page stands alone: no network, no program, every picture inside.
+    """
+    if how.print(made):
+        return
+    print_verdict(made.verdict)
+    result(f"\nwrote {made.page}")

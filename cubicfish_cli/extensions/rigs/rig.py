@@ -15,7 +15,6 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.lenses.file_contents import numbers
 from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, PoseRecord
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.verdict import Verdict
@@ -23,7 +22,7 @@ from cubicfish_cli.core.errors import CameraFileError, CubicfishError
 from cubicfish_cli.core.files import Content, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.geometry import camera_centre
-from cubicfish_cli.core.io.camera_yaml import Calibrated, camera_text, load_camera
+from cubicfish_cli.core.io.camera_yaml import Calibrated, Keys, camera_text, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.plain_yaml import (
     load_plain_yaml,
@@ -37,6 +36,8 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 KEY = "cubicfish_rig"
+REFINED = "target.refined.yaml"
+"""What the target is called, beside rig.yaml, where it was fitted too."""
 FORMAT_VERSION = 1
 MAX_BYTES = 64 * 1024 * 1024
 MAX_CAMERAS = 100
@@ -176,6 +177,11 @@ class RigCamera(Calibrated):
         covered = self.fit.covered_deg
         return covered if 0 < covered < 180 else self.camera.max_angle_deg
 
+    def beside(self, other: RigCamera) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and translation (3,) from another camera's frame to this one's."""
+        rotation = self.rotation @ other.rotation.T
+        return rotation, self.translation - rotation @ other.translation
+
     def place_record(self) -> dict[str, Any]:
         """Plain data: what rig.yaml has of the camera."""
         return {
@@ -306,7 +312,7 @@ def save_rig(
             one.camera, fit=one.fit, made_by={"title": one.name, **origin}
         )
     if rig.target is not None:
-        texts[place / "target.refined.yaml"] = target_text(rig.target)
+        texts[place / REFINED] = target_text(rig.target)
     return write_files(texts, overwrite=overwrite, folder=place)
 
 
@@ -348,71 +354,70 @@ def load_rig(given: str | os.PathLike[str]) -> Rig:
         )
     refuse_version(path, record[KEY], FORMAT_VERSION)
     refuse_unknown(path, record, _KEYS)
-    units, cameras, pairs = record.get("units"), record.get("cameras"), record.get("pairs", [])
-    if not (units is None or isinstance(units, str)):
-        raise CameraFileError(f"{path}: units must be text, such as mm")
+    file, units, cameras = Keys(path, record), record.get("units"), record.get("cameras")
+    if not isinstance(units, str | None):
+        file.refuse("units must be text, such as mm")
     if not isinstance(cameras, list) or not 1 <= len(cameras) <= MAX_CAMERAS:
-        raise CameraFileError(f"{path}: cameras must be a list of 1 to {MAX_CAMERAS} records")
+        file.refuse(f"cameras must be a list of 1 to {MAX_CAMERAS} records")
     found = [_read_camera(path, one, f"cameras[{index}]") for index, one in enumerate(cameras)]
     if len({one.name for one in found}) < len(found):
-        raise CameraFileError(f"{path}: two cameras have the same name: give each one of its own")
-    if not isinstance(pairs, list) or not all(isinstance(one, dict) for one in pairs):
-        raise CameraFileError(f"{path}: pairs must be a list of records")
+        file.refuse("two cameras have the same name: give each one of its own")
+    known = read_record(_Record, record) or _Record()
     return Rig(
         units=units,
         cameras=tuple(found),
-        pairs=tuple(read_record(CameraPair, one) or CameraPair() for one in pairs),
-        fit=read_record(RigFit, mapping(path, record.get("fit", {}), "fit")) or RigFit(),
-        made_by=mapping(path, record.get("made_by", {}), "made_by"),
+        pairs=known.pairs,
+        fit=known.fit,
+        made_by=file.inner("made_by").data,
     )
 
 
-def _read_camera(path: Path, record: Any, where: str) -> RigCamera:
-    record = mapping(path, record, where)
+@dataclass(frozen=True, kw_only=True)
+class _Record:
+    """What rig.yaml holds beside its cameras, as far as it says."""
+
+    pairs: tuple[CameraPair, ...] = ()
+    fit: RigFit = field(default_factory=RigFit)
+
+
+def _read_camera(path: Path, given: Any, where: str) -> RigCamera:
+    record = mapping(path, given, where)
     refuse_unknown(path, record, _CAMERA_KEYS)
-    for key in ("name", "camera", "camera_from_rig"):
-        if key not in record:
-            raise CameraFileError(f"{path}: {where} has no key {key!r}: calibrate again")
-    name, own = record["name"], record["camera"]
-    refuse_name(name, f"{path}: {where}.name", CameraFileError)
+    keys, own = Keys(path, record, f"{where}."), record.get("camera")
+    refuse_name(record.get("name"), f"{path}: {where}.name", CameraFileError)
     if not isinstance(own, str) or os.path.isabs(own) or ".." in Path(own).parts:
-        raise CameraFileError(
-            f"{path}: {where}.camera must be a file in the rig's folder or below it"
-        )
-    at = f"{where}.camera_from_rig"
-    place = mapping(path, record["camera_from_rig"], at)
-    rotation = _read_rows(path, place.get("rotation"), f"{at}.rotation", 3)
+        keys.refuse(f"{where}.camera must be a file in the rig's folder or below it")
+    place = keys.inner("camera_from_rig")
+    rotation, translation = place.numbers("rotation", 3, 3), place.numbers("translation", 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROUNDED or np.linalg.det(rotation) < 0:
-        raise CameraFileError(
-            f"{path}: {at}.rotation must be a rotation: three rows of length 1 at right angles"
+        keys.refuse(
+            f"{place.above}rotation must be a rotation: three rows of length 1 at right angles"
         )
     file, covariance = load_camera(path.parent / own), None
     if record.get("covariance") is not None:
-        covariance = _read_rows(path, record["covariance"], f"{where}.covariance", 6)
+        covariance = keys.numbers("covariance", 6, 6)
         if not _is_covariance(covariance):
-            raise CameraFileError(
-                f"{path}: {where}.covariance is none: it must be symmetric, and no variance or "
-                "eigenvalue negative"
+            keys.refuse(
+                f"{where}.covariance is none: it must be symmetric, and no variance or eigenvalue "
+                "negative"
             )
     camera = RigCamera(
-        name=name,
+        name=record["name"],
         camera=file.camera,
         fit=file.fit,
         made_by=file.made_by,
         path=own,
         rotation=rotation,
-        translation=numbers(path, place.get("translation"), f"{at}.translation", (3,)),
+        translation=translation,
         covariance=covariance,
-        in_rig=read_record(ErrorsInRig, mapping(path, record.get("fit", {}), f"{where}.fit"))
-        or ErrorsInRig(),
+        in_rig=read_record(ErrorsInRig, record.get("fit")) or ErrorsInRig(),
     )
-    position = record.get("position")
-    if position is not None:
-        off = numbers(path, position, f"{where}.position", (3,)) - camera.position
-        if np.abs(off).max() > 2 * _ROUNDED * np.linalg.norm(camera.translation) + 1e-9:
-            raise CameraFileError(
-                f"{path}: {where}.position is not where camera_from_rig says: correct one of them, "
-                "or leave position out"
+    if record.get("position") is not None:
+        off = np.abs(keys.numbers("position", 3) - camera.position).max()
+        if off > 2 * _ROUNDED * np.linalg.norm(translation) + 1e-9:
+            keys.refuse(
+                f"{where}.position is not where camera_from_rig says: correct one of them, or "
+                "leave position out"
             )
     return camera
 
@@ -423,12 +428,6 @@ def _is_covariance(matrix: FloatArray) -> bool:
     alike = matrix / scale / scale[:, None]
     symmetric = np.abs(alike - alike.T).max() <= _ROUNDED
     return bool(symmetric and np.linalg.eigvalsh(alike).min() >= -_ROUNDED)
-
-
-def _read_rows(path: Path, value: Any, key: str, count: int) -> FloatArray:
-    if not isinstance(value, list) or len(value) != count:
-        raise CameraFileError(f"{path}: {key} must hold {count} rows of {count} numbers")
-    return np.array([numbers(path, row, key, (count,)) for row in value])
 
 
 def _total_sigma(covariance: FloatArray) -> float:

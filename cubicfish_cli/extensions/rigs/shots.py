@@ -9,12 +9,12 @@ from typing import Any
 
 from cubicfish_cli.app.asked import named_photos
 from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.app.photos import Picture, natural_key, photo_size, shown
+from cubicfish_cli.app.photos import Picture, natural_key, photo_size
 from cubicfish_cli.app.undistortion.batch import MAKING, Job, Size, Views
-from cubicfish_cli.core.errors import UsageError, ViewError
+from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.views.choose import ChosenView
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
-from cubicfish_cli.extensions.rigs.fit.shots import shots_by_name
+from cubicfish_cli.extensions.rigs.fit.shots import owners_of, shots_by_name
 from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of
 
 Shot = Mapping[str, Path]
@@ -85,9 +85,8 @@ def shots_of(
 ) -> dict[str, Shot]:
     """The shots that the user named: name -> the photo of each camera.
 
-    A source is a folder with a folder for each camera, a camera's own folder, or a photo. Photos
-    belong to the camera that their folder is called after, or their own name begins with; where
-    nothing is called after a camera, sources are in the cameras' order.
+    A source is a folder with a folder for each camera, a camera's own folder, or a photo; see
+    :func:`owners_of`.
 
     Raises:
         UsageError: it is not known which camera a source is of.
@@ -97,18 +96,9 @@ def shots_of(
     """
     inside = [path / name for path in sources for name in cameras if (path / name).is_dir()]
     paths = inside if inside and len(sources) == 1 else list(sources)
-    owners = [_owner(path, cameras) for path in paths]
-    if not any(owners) and len(paths) == len(cameras):
-        owners = list(cameras)
-    for path, owner in zip(paths, owners, strict=True):
-        if owner is None:
-            raise UsageError(
-                f"which camera is {shown(path)} of? Call its folder after one of "
-                f"{', '.join(cameras)}, or name one photo or folder of each, in that order"
-            )
     photos: dict[str, list[Path]] = {name: [] for name in cameras}
-    for path, owner in zip(paths, owners, strict=True):
-        photos[str(owner)] += [photo.path for photo in named_photos([path], listener)]
+    for path, owner in zip(paths, owners_of(paths, cameras), strict=True):
+        photos[owner] += [photo.path for photo in named_photos([path], listener)]
     there = {name: own for name, own in photos.items() if own}
     if all(len(own) == 1 for own in there.values()):
         one = next(iter(there.values()))[0].stem
@@ -116,19 +106,9 @@ def shots_of(
     if len(there) == 1:
         ((name, own),) = there.items()
         return {path.stem: {name: path} for path in own}
-    matched = shots_by_name(list(there), [[str(path) for path in own] for own in there.values()])
+    matched = shots_by_name({name: list(map(str, own)) for name, own in there.items()})
     shots: dict[str, dict[str, Path]] = {}
     for name, index_of in zip(there, matched.photos, strict=True):
         for photo, index in index_of.items():
             shots.setdefault(matched.names[index], {})[name] = Path(photo)
     return dict(sorted(shots.items(), key=lambda item: natural_key(item[0])))
-
-
-def _owner(path: Path, cameras: Sequence[str]) -> str | None:
-    """The camera that a photo or a folder is called after."""
-    own = path.absolute()
-    called = own.name if own.is_dir() else own.parent.name
-    if called in cameras:
-        return called
-    starts = [name for name in cameras if own.name.startswith(name)]
-    return max(starts, key=len, default=None)

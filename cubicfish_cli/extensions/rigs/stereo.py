@@ -229,6 +229,4 @@ def rectify(rig: Rig, first: str, second: str) -> RectifiedPair:
 
     """
     one, other = (rig.camera(name) for name in (first, second))
-    turn = other.rotation @ one.rotation.T
-    shift = other.translation - turn @ one.translation
-    return rectified_pair(one.camera, other.camera, turn, shift)
+    return rectified_pair(one.camera, other.camera, *other.beside(one))

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, as_command, bundle, option, record
+from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
-from cubicfish_cli.commands.view_options import say_what_is_unseen, view_options
-from cubicfish_cli.core.views.options import ViewOptions
+from cubicfish_cli.commands.view_options import say_what_is_unseen, view_bundle
+from cubicfish_cli.core.views.options import WIDEST, ViewOptions
+from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import rig_option
 
 if TYPE_CHECKING:
@@ -22,10 +23,15 @@ if TYPE_CHECKING:
 
 
 @record
-class ShotOptions(PictureOptions):
-    """What becomes of the shots of a rig: beside what a :class:`PictureOptions` has
+class RigUndistortOptions(PictureOptions):
+    """Photos of a rig's cameras, and beside what a :class:`PictureOptions` has
 
     Attributes:
+        photos: files, folders and globs. A photo is of the camera that its folder is called after,
+            or that its own name begins with; where nothing is called after a camera, they are in
+            the cameras' order.
+        output: a folder; of one shot also a name for its result.
+        rig: its rig.yaml, or the folder of that.
         view: by default all around, as longitude and latitude.
         distance: how far away things are that the cameras' pictures join at, in the rig's unit;
             None for far away.
@@ -35,18 +41,6 @@ class ShotOptions(PictureOptions):
 
     """
 
-    view: View | ViewOptions | None = view_options
-    distance: float | None = option(
-        "--distance UNITS",
-        "How far away things are that the cameras' pictures join at. [default: far away]",
-        FloatRange(0, min_open=True),
-    )
-
-
-@record
-class Asked:
-    """What is asked of ``cubicfish rig undistort``."""
-
     photos: StrPath | Sequence[StrPath] = options.argument(
         "Photos of the rig's cameras: files, folders or globs; '-' reads their names from stdin.",
         type=options.NAME,
@@ -54,55 +48,31 @@ class Asked:
         required=True,
         metavar="IN...",
     )
-    output: Path = options.argument(
+    output: StrPath = options.argument(
         "The picture that is made of one shot; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
-    rig: Path = rig_option
-    asked: ShotOptions = bundle(ShotOptions)
+    rig: StrPath = rig_option
+    view: View | ViewOptions | None = view_bundle(
+        kinds=either([*WIDEST]),
+        kind_default="equirectangular, all around",
+        size_default="equirectangular is as large as all that the cameras see at the photos' "
+        "scale; others have the largest photo's",
+        field_default="--fit outer; perspective keeps the first photo's scale in its middle, up to "
+        "120 along the longer side",
+        whole=False,
+    )
+    distance: float | None = option(
+        "--distance UNITS",
+        "How far away things are that the cameras' pictures join at. [default: far away]",
+        FloatRange(0, min_open=True),
+    )
 
 
-@as_command(
-    "undistort",
-    "The photos of each shot to one picture of all that they show.",
-    "cubicfish rig undistort left/1.png right/1.png all.png",
-    "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
-    do=lambda given, run: undistort_rig_files(*vars(given).values(), run=run),
-    how=("overwrite", "as_json", "jobs", "scheduler"),
-)
-def command(made: UndistortedFiles, given: Asked, how: How) -> None:
-    """Render one picture OUT of the photos IN of a rig's cameras, of each shot one.
-
-    A panorama in any --view (equirectangular unless another is named). A photo is of the camera
-    that its folder is called after, or that its name begins with; otherwise name one of each, in
-    the rig's order. A folder with a folder for each camera holds many shots, photos of the same
-    name being one.
-    """
-    if made.view is not None and not how.as_json:
-        say_what_is_unseen(made.view)
-    print_pictures(made, how)
-
-
-def undistort_rig_files(
-    photos: StrPath | Sequence[StrPath],
-    output: StrPath,
-    rig: StrPath,
-    options: ShotOptions | None = None,
-    *,
-    run: Run = RUN,
-) -> UndistortedFiles:
+def undistort_rig_files(asked: RigUndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
     """Make one picture of each shot of a rig, as ``cubicfish rig undistort`` does.
 
     One that fails does not stop the others.
-
-    Args:
-        photos: files, folders and globs. A photo is of the camera that its folder is called after,
-            or that its own name begins with; where nothing is called after a camera, they are in
-            the cameras' order.
-        output: a folder; of one shot also a name for its result.
-        rig: its rig.yaml, or the folder of that.
-        options: what becomes of them.
-        run: how the work is done.
 
     Returns:
         The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
@@ -120,17 +90,37 @@ def undistort_rig_files(
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
 
-    asked, model = options or ShotOptions(), rig_file(rig)
+    model = rig_file(asked.rig)
     known = load_rig(model)
-    shots = shots_of(
-        paths_of(named_sources(photos)), [one.name for one in known.cameras], run.listener
-    )
+    names, sources = [one.name for one in known.cameras], paths_of(named_sources(asked.photos))
+    shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    planned = plan_jobs("shot", jobs, Path(output), asked, run, alone=len(shots) == 1)
-    view = asked.view
-    if view is None or (isinstance(view, ViewOptions) and view.kind is None):
-        view = replace(view or ViewOptions(), kind="equirectangular")
+    planned = plan_jobs("shot", jobs, Path(asked.output), asked, run, alone=len(shots) == 1)
+    view = asked.view or ViewOptions()
+    if isinstance(view, ViewOptions) and view.kind is None:
+        view = replace(view, kind="equirectangular")
     body = body_for_photos(Body(cameras=known.cameras, distance=asked.distance), shots)
     views = RigViews(body, chosen_view(body, view), asked.interpolation)
     return write_pictures("shot", planned, views, asked, run, model=model)
+
+
+@as_command(
+    "undistort",
+    "The photos of each shot to one picture of all that they show.",
+    "cubicfish rig undistort left/1.png right/1.png all.png",
+    "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
+    do=undistort_rig_files,
+    how=("overwrite", "as_json", "jobs", "scheduler"),
+)
+def command(made: UndistortedFiles, given: RigUndistortOptions, how: How) -> None:
+    """Render one picture OUT of the photos IN of a rig's cameras, of each shot one.
+
+    A panorama in any --view (equirectangular unless another is named). A photo is of the camera
+    that its folder is called after, or that its name begins with; otherwise name one of each, in
+    the rig's order. A folder with a folder for each camera holds many shots, photos of the same
+    name being one.
+    """
+    if made.view is not None and not how.as_json:
+        say_what_is_unseen(made.view)
+    print_pictures(made, how)

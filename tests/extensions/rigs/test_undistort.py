@@ -170,3 +170,28 @@ def test_shots_that_exist_are_skipped_and_the_others_done_by_threads(
     done = run(*args)
     assert "skipped 1 shot whose result exists" in done.stderr
     assert (one.read_bytes(), two.read_bytes()) == (b"mine", made)
+
+
+@pytest.mark.parametrize(
+    ("command", "default"), [("undistort", "equirectangular, all around"), ("map", "perspective")]
+)
+def test_help_says_what_a_rig_has_and_nothing_of_one_camera(
+    run: Run, command: str, default: str
+) -> None:
+    said = " ".join(run("rig", command, "--help").stdout.split())
+    assert f"[default: {default}" in said
+    for only_of_one in ("plane:BOARD", "cube", "|whole|", "[default: the photo's]"):
+        assert only_of_one not in said
+    assert ("stereographic" in said) == (command == "undistort")
+
+
+@pytest.mark.parametrize("asked", [("--view", "cube"), ("--view", "plane:one"), ("--fit", "whole")])
+@pytest.mark.parametrize("command", ["undistort", "map"])
+def test_what_is_of_one_camera_is_refused(
+    run: Run, rig: Path, shots: Path, tmp_path: Path, command: str, asked: tuple[str, str]
+) -> None:
+    sources = [shots] if command == "undistort" else []
+    line = ("rig", command, *sources, tmp_path / "out.npz", "-m", rig, *asked)
+    said = run(*line, code=2).stderr
+    assert asked[1] in said or asked[0] in said
+    assert list(tmp_path.iterdir()) == []

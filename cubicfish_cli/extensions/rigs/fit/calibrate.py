@@ -13,7 +13,7 @@ import numpy as np
 
 from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.commands.calibration import observed
-from cubicfish_cli.core.assess.fit_record import NAN, PoseRecord
+from cubicfish_cli.core.assess.fit_record import NAN
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
@@ -54,7 +54,7 @@ from cubicfish_cli.extensions.rigs.fit.faults import (
     find_rig_faults,
     moved_camera,
 )
-from cubicfish_cli.extensions.rigs.fit.names import agreeing
+from cubicfish_cli.extensions.rigs.fit.names import with_agreeing_names
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
@@ -69,10 +69,8 @@ from cubicfish_cli.extensions.rigs.fit.times import (
 )
 from cubicfish_cli.extensions.rigs.fit.views import (
     Alone,
-    Seen,
+    JoinedViews,
     calibrate_alone,
-    joined_views,
-    set_apart,
 )
 from cubicfish_cli.extensions.rigs.rig import ErrorsInRig, Rig, RigCamera, RigFit, refuse_name
 
@@ -156,23 +154,22 @@ def calibrate_rig(
             )
         )
     progress("all cameras together", 0.8)
-    lens, views, pairs, seen = joined_views(singly, matched)
+    joined = JoinedViews.of_cameras([one.lens for one in singly], singly, matched)
     when = Motion.of_names(names, matched.names, matched.photos, times)
     if moving:
         moves = [(one.seen, moving.get(name)) for name, one in zip(names, singly, strict=True)]
-        flow = Moving.of_cameras(moves, lens.camera[pairs.image], pairs)
-        when = when.with_flow(flow, moves)
+        camera_of = joined.lens.camera[joined.pairs.image]
+        when = when.with_flow(Moving.of_cameras(moves, camera_of, joined.pairs), moves)
     if target is not None:
-        views, pairs = agreeing(lens, views, pairs, target.moved(-origin), scale)
+        joined = with_agreeing_names(joined, target.moved(-origin), scale)
     try:
-        start = start_rig(names, lens, views, pairs)
+        start = start_rig(names, joined)
     except FitError as error:
         told = [one for camera in singly for one in camera.told if one.severity is Severity.BAD]
         raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
-    lens, poses, seen = set_apart(
-        replace(lens, places=start.places), start.shots, views, seen, np.flatnonzero(start.apart)
-    )
-    units = None if target is None else target.units
+    joined = replace(joined, lens=replace(joined.lens, places=start.places))
+    joined, poses = joined.set_apart(start.shots, np.flatnonzero(start.apart))
+    units, pairs = None if target is None else target.units, joined.pairs
     level: Level = "off"
     if target is not None:
         level = max((one.level for one in singly), key=LEVELS.index)
@@ -181,7 +178,7 @@ def calibrate_rig(
     nominal = NominalTarget(target=target and target.moved(-origin), pairs=pairs, scale=scale)
     moved: list[Moved] = []
     while True:
-        fit, pairs, clocks = _fit(singly, lens, poses, nominal, when, seen, level)
+        fit, pairs, clocks = _fit(singly, joined, poses, nominal, when, level)
         evidence = RigEvidence(
             names=names,
             fit=fit,
@@ -189,8 +186,7 @@ def calibrate_rig(
             moved=tuple(moved),
             clocks=clocks,
             start=start,
-            photos=seen.photo,
-            shots=seen.shot,
+            views=replace(joined, lens=fit.lens),
             scale=scale,
             units=units,
         )
@@ -198,14 +194,14 @@ def calibrate_rig(
         # What two places explain little better has another cause, and is told by that.
         if found is None or found.share <= _CLEAR_MOVE:
             break
-        apart = set_apart(fit.lens, fit.poses, views, seen, found.apart)
-        if not connected(apart[0].common_shots):
+        apart, poses = evidence.views.set_apart(fit.poses, found.apart)
+        if not connected(apart.lens.common_shots):
             # It stands in one place: where it stood in most shots.
             mean = replace(found, apart=found.apart[:0])
             evidence = replace(evidence, moved=(*moved, mean))
             break
         moved.append(found)
-        lens, poses, seen = apart
+        joined = apart
     progress("how certain it is", 0.95)
     refined = None
     if nominal.target is not None and fit.world.free:
@@ -213,31 +209,19 @@ def calibrate_rig(
         refined = nearby.moved(origin)
     placed, poses = _places(evidence, singly, origin)
     held_out = _held_out(fit, evidence.shots)
-    tells = fit.pairs.tells_error
     errors = error_statistics(fit.errors, len(fit.residual))
-    vectors, shifts = poses.rotation_vector.tolist(), poses.translation.tolist()
     return Rig(
         units=units,
-        cameras=tuple(_cameras(evidence, singly, placed, held_out, level, units)),
-        pairs=tuple(camera_pairs(names, fit.lens, evidence.pairs, fit.residual)),
+        cameras=tuple(_cameras(evidence, singly, placed, held_out, level)),
+        pairs=camera_pairs(names, fit),
         fit=RigFit(
             **vars(errors),
-            held_out_rms_px=NAN if held_out is None else rms_px(held_out[tells]),
+            held_out_rms_px=NAN if held_out is None else rms_px(held_out[fit.pairs.tells_error]),
             shots=len(evidence.shots),
             refine_target=level,
             held_lenses=not any(isinstance(own, CubicFit) for own in fit.lens.lenses),
             findings=(*(told for one in singly for told in one.told), *find_rig_faults(evidence)),
-            per_shot=tuple(
-                replace(
-                    one,
-                    rig_from_world=PoseRecord(
-                        rotation_vector=tuple(vectors[shot]), translation=tuple(shifts[shot])
-                    ),
-                )
-                for shot, one in enumerate(
-                    shot_errors(evidence.shots, fit.lens, evidence.pairs, fit.residual, names)
-                )
-            ),
+            per_shot=shot_errors(evidence.shots, names, fit, poses),
         ),
         target=refined,
     )
@@ -245,11 +229,10 @@ def calibrate_rig(
 
 def _fit(
     singly: Sequence[Alone],
-    lens: RigLens,
+    joined: JoinedViews,
     poses: Poses,
     nominal: NominalTarget,
     when: Motion,
-    seen: Seen,
     level: Level,
 ) -> tuple[Adjustment[RigLens], Observations, Clocks | None]:
     """Places, shots and the photos' times first, the lenses held; then all at once.
@@ -260,10 +243,10 @@ def _fit(
 
     """
     pairs, rough = nominal.pairs, _ROUGH_DECREASE
-    held = lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
+    held = joined.lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
     fit = adjust(held, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=rough)
     fit = fit.again(pairs, relative_decrease=rough)
-    fit, timing = on_time(fit, when, seen.shot, seen.photo)
+    fit, timing = on_time(fit, when, joined.shots, joined.photos)
     pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
@@ -345,7 +328,6 @@ def _cameras(
     placed: tuple[list[CubicCamera], Poses, Poses],
     held_out: FloatArray | None,
     level: Level,
-    units: str | None,
 ) -> Iterator[RigCamera]:
     """The rig's cameras, with their errors and how surely they stand where they do."""
     fit, lens, clocks = evidence.fit, evidence.lens, evidence.clocks
@@ -356,10 +338,13 @@ def _cameras(
         evidence.shots,
         [one.runners_up for one in singly],
     )
+    late = sigma = np.full(len(cameras), np.nan)
+    if clocks is not None and clocks.in_seconds:
+        late, sigma = clocks.late, clocks.sigma
     in_units = np.repeat([1.0, evidence.scale], 3)
     covariance = covariance * in_units[:, None] * in_units
     own_views, camera_of = lens.views(fit.poses), lens.camera[fit.pairs.image]
-    tells, known_ms = fit.pairs.tells_error, clocks is not None and clocks.in_seconds
+    tells = fit.pairs.tells_error
     for number, (name, one) in enumerate(zip(evidence.names, singly, strict=True)):
         own, taken = camera_of == number, np.flatnonzero(lens.camera == number)
         known = own & tells if (own & tells).any() else own
@@ -374,7 +359,7 @@ def _cameras(
         out = NAN if held_out is None else rms_px(held_out[known])
         yield RigCamera(
             name=name,
-            camera=replace(cameras[number], units=units),
+            camera=replace(cameras[number], units=evidence.units),
             fit=replace(
                 one.record,
                 **vars(errors),
@@ -382,7 +367,7 @@ def _cameras(
                 held_out_rms_px=out,
                 refine_target=level,
                 per_image=photo_records(
-                    replace(pairs, images=tuple(evidence.photos[view] for view in seen)),
+                    replace(pairs, images=tuple(evidence.views.photos[view] for view in seen)),
                     fit.residual[own],
                     views[seen],
                 ),
@@ -396,10 +381,8 @@ def _cameras(
                 images=len(taken),
                 held_out_rms_px=out,
                 alone_rms_px=rms_px(alone.residual[known[own]]),
-                late_ms=NAN if clocks is None or not known_ms else 1e3 * float(clocks.late[number]),
-                late_sigma_ms=NAN
-                if clocks is None or not known_ms
-                else 1e3 * float(clocks.sigma[number]),
+                late_ms=1e3 * float(late[number]),
+                late_sigma_ms=1e3 * float(sigma[number]),
             ),
         )
 

@@ -76,8 +76,8 @@ def compare_rigs(first: Rig, second: Rig) -> list[ComparedCamera]:
     begin, begin_other = common[0]
     found = []
     for (one, other), lens, turn in zip(common, lenses, turns, strict=True):
-        rotation, translation = _beside(one, begin)
-        theirs, shifted = _beside(other, begin_other)
+        rotation, translation = one.beside(begin)
+        theirs, shifted = other.beside(begin_other)
         theirs, shifted = turn @ theirs @ turns[0].T, turn @ shifted
         off = np.append(
             Rotation.from_matrix(theirs @ rotation.T).as_rotvec(), shifted - translation
@@ -99,12 +99,6 @@ def compare_rigs(first: Rig, second: Rig) -> list[ComparedCamera]:
             )
         )
     return found
-
-
-def _beside(camera: RigCamera, begin: RigCamera) -> tuple[FloatArray, FloatArray]:
-    """Camera from the first camera's frame."""
-    rotation = camera.rotation @ begin.rotation.T
-    return rotation, camera.translation - rotation @ begin.translation
 
 
 def _sum_of(one: RigCamera, other: RigCamera, turn: FloatArray) -> FloatArray | None:

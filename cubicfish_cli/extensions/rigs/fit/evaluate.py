@@ -6,7 +6,7 @@ Where the rig was is fitted, nothing else.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -14,67 +14,63 @@ import numpy as np
 from cubicfish_cli.commands.calibration import observed
 from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import adjust
+from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
+from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
-from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.identification.identified import Detection
-from cubicfish_cli.extensions.rigs.fit.names import agreeing
+from cubicfish_cli.extensions.rigs.fit.names import with_agreeing_names
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.start import place_shots
 from cubicfish_cli.extensions.rigs.fit.times import Motion, on_time
-from cubicfish_cli.extensions.rigs.fit.views import Placed, joined_views
+from cubicfish_cli.extensions.rigs.fit.views import JoinedViews
 from cubicfish_cli.extensions.rigs.rig import CameraPair, Rig, ShotErrors
 
 # While shots are placed by one camera's view, the loss must still feel every corner.
 _WIDE_HUBER_PX = 50.0
 
 
-def camera_pairs(
-    names: Sequence[str], lens: RigLens, pairs: Observations, residual: FloatArray
-) -> list[CameraPair]:
-    """Every two cameras."""
-    camera, shot = lens.camera[pairs.image], lens.shot[pairs.image]
+def camera_pairs(names: Sequence[str], fit: Adjustment[RigLens]) -> tuple[CameraPair, ...]:
+    """Every two cameras of a fitted rig."""
+    lens, tells = fit.lens, fit.pairs.tells_error
+    camera, shot = lens.camera[fit.pairs.image], lens.shot[fit.pairs.image]
     found = []
     for a, b in combinations(range(len(names)), 2):
         both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
-        own = np.isin(shot, both) & ((camera == a) | (camera == b)) & pairs.tells_error
+        own = np.isin(shot, both) & ((camera == a) | (camera == b)) & tells
         found.append(
             CameraPair(
                 cameras=(names[a], names[b]),
                 shots=int(lens.common_shots[a, b]),
-                rms_px=rms_px(residual[own]) if own.any() else NAN,
+                rms_px=rms_px(fit.residual[own]) if own.any() else NAN,
             )
         )
-    return found
+    return tuple(found)
 
 
 def shot_errors(
-    shots: Sequence[str],
-    lens: RigLens,
-    pairs: Observations,
-    residual: FloatArray,
-    names: Sequence[str],
-) -> list[ShotErrors]:
-    """Every shot."""
-    shot = lens.shot[pairs.image]
-    told = [pairs.tells_error & (shot == number) for number in range(len(shots))]
-    return [
+    shots: Sequence[str], names: Sequence[str], fit: Adjustment[RigLens], poses: Poses
+) -> tuple[ShotErrors, ...]:
+    """Every shot of a fitted rig, where ``poses`` say that it was."""
+    lens = fit.lens
+    of_shots = replace(fit.pairs, images=tuple(shots), image=lens.shot[fit.pairs.image])
+    records = photo_records(of_shots, fit.residual, poses)
+    return tuple(
         ShotErrors(
-            shot=name,
-            rms_px=rms_px(residual[told[number]]) if told[number].any() else NAN,
-            corners=int(np.sum(shot == number)),
+            shot=one.image,
+            rms_px=one.rms_px,
+            corners=one.corners,
             cameras=tuple(names[camera] for camera in lens.camera[lens.shot == number]),
+            rig_from_world=one.camera_from_world,
         )
-        for number, name in enumerate(shots)
-    ]
+        for number, one in enumerate(records)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,11 +156,9 @@ def evaluate_rig(
             alone.append(evaluate(camera.camera, select(own, rows)[0]))
         except FitError as error:
             raise FitError(f"camera {camera.name}: {error}") from error
-    lens, views, joint, seen = joined_views(
-        [
-            Placed(lens=FixedLens(camera=camera.camera), pairs=one.pairs, poses=one.poses)
-            for camera, one in zip(known, alone, strict=True)
-        ],
+    joined = JoinedViews.of_cameras(
+        [FixedLens(camera=camera.camera) for camera in known],
+        alone,
         matched,
         Poses(
             rotation=np.stack([one.rotation for one in known]),
@@ -173,13 +167,13 @@ def evaluate_rig(
     )
     of = next(iter(pairs.values())).target
     if of is not None:
-        views, joint = agreeing(lens, views, joint, of, 1.0, known=True)
-    fit = adjust(lens, place_shots(lens, views, joint)[0], joint, huber_px=_WIDE_HUBER_PX)
-    fit = fit.again(joint)
+        joined = with_agreeing_names(joined, of, 1.0, known=True)
+    fit = adjust(joined.lens, place_shots(joined)[0], joined.pairs, huber_px=_WIDE_HUBER_PX)
+    fit = fit.again(joined.pairs)
     when = Motion.of_names(list(cameras), matched.names, matched.photos, times)
-    fit, _ = on_time(fit, when, seen.shot, seen.photo)
-    fit = fit.again(joint)
-    names, camera_of = list(cameras), lens.camera[joint.image]
+    fit, _ = on_time(fit, when, joined.shots, joined.photos)
+    fit = fit.again(joined.pairs)
+    names, camera_of = list(cameras), fit.lens.camera[fit.pairs.image]
     return RigEvaluation(
         **vars(error_statistics(fit.residual)),
         alone_rms_px=rms_px(np.concatenate([one.residual for one in alone])),
@@ -187,13 +181,13 @@ def evaluate_rig(
             EvaluatedCamera(
                 **vars(error_statistics(fit.residual[camera_of == number])),
                 name=name,
-                images=int(np.sum(lens.camera == number)),
+                images=int(np.sum(fit.lens.camera == number)),
                 alone_rms_px=rms_px(one.residual),
                 outside_field=one.outside,
                 unplaced=one.unplaced,
             )
             for number, (name, one) in enumerate(zip(names, alone, strict=True))
         ),
-        pairs=tuple(camera_pairs(names, lens, joint, fit.residual)),
-        per_shot=tuple(shot_errors(seen.shot, lens, joint, fit.residual, names)),
+        pairs=camera_pairs(names, fit),
+        per_shot=shot_errors(joined.shots, names, fit, fit.poses),
     )

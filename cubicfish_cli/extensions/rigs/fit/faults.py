@@ -19,6 +19,7 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import RigStart
 from cubicfish_cli.extensions.rigs.fit.times import Clocks
+from cubicfish_cli.extensions.rigs.fit.views import JoinedViews
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
 _FEW = 5
@@ -75,8 +76,7 @@ class RigEvidence:
         moved: cameras that were found to have moved, as far as that was taken out.
         clocks: by how much cameras were late, which was taken out; None where it is not known.
         start: where it started from.
-        photos: of each view, its photo's name.
-        shots: the shots' names, in the order in which they were taken.
+        views: its views, by which photos and shots are named.
         scale: the target's units in one unit of the pairs.
         units: of the target; None where they are not known.
 
@@ -88,8 +88,7 @@ class RigEvidence:
     moved: Sequence[Moved]
     clocks: Clocks | None
     start: RigStart
-    photos: Sequence[str]
-    shots: Sequence[str]
+    views: JoinedViews
     scale: float
     units: str | None
 
@@ -97,6 +96,11 @@ class RigEvidence:
     def lens(self) -> RigLens:
         """The lenses and places of the rig."""
         return self.fit.lens
+
+    @property
+    def shots(self) -> tuple[str, ...]:
+        """The shots' names, in the order in which they were taken."""
+        return self.views.shots
 
     @cached_property
     def of_views(self) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -305,7 +309,7 @@ def mismatched(evidence: RigEvidence) -> list[Finding]:
             code=Code.SHOT_MISMATCHED,
             severity=Severity.BAD,
             cameras=(names[lens.camera[view]],),
-            shots=(evidence.photos[view],),
+            shots=(evidence.views.photos[view],),
             figures={"off_px": float(start.misfit[view])},
         )
         for view in np.flatnonzero(start.apart).tolist()
@@ -314,25 +318,21 @@ def mismatched(evidence: RigEvidence) -> list[Finding]:
 
 def few_common_shots(evidence: RigEvidence) -> list[Finding]:
     """Cameras whose strongest connection to the others is weak."""
-    names = evidence.names
-    common = evidence.lens.common_shots
-    found: list[Finding] = []
-    told: list[set[str]] = []
-    for camera, name in enumerate(names):
-        others = np.delete(np.arange(len(names)), camera)
-        best = int(others[np.argmax(common[camera, others])])
-        shared = int(common[camera, others].sum())
-        if shared < _FEW and {name, names[best]} not in told:
-            told.append({name, names[best]})
-            found.append(
-                Finding(
-                    code=Code.FEW_COMMON_SHOTS,
-                    severity=Severity.CARE,
-                    cameras=(name, names[best]),
-                    figures={"shots": float(shared), "wanted": float(_FEW - shared)},
-                )
-            )
-    return found
+    common = evidence.lens.common_shots.copy()
+    np.fill_diagonal(common, -1)
+    weak: dict[frozenset[int], tuple[int, int]] = {}
+    for camera, other in enumerate(common.argmax(axis=1).tolist()):
+        if common[camera, other] < _FEW:
+            weak.setdefault(frozenset({camera, other}), (camera, other))
+    return [
+        Finding(
+            code=Code.FEW_COMMON_SHOTS,
+            severity=Severity.CARE,
+            cameras=tuple(evidence.names[one] for one in both),
+            figures={"shots": float(common[both]), "wanted": float(_FEW - common[both])},
+        )
+        for both in weak.values()
+    ]
 
 
 def find_rig_faults(evidence: RigEvidence) -> list[Finding]:

@@ -13,12 +13,12 @@ import numpy as np
 
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.subset import world_scale
-from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import chosen, symmetries
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import apart, median_pose
+from cubicfish_cli.extensions.rigs.fit.views import JoinedViews
 
 # Places of a camera, one per shot, from which the one is sought that the others agree with.
 _SEEDS = 20
@@ -28,40 +28,31 @@ _FAR = 0.5
 _CLEARLY = 2.0
 
 
-def agreeing(
-    lens: RigLens,
-    views: Poses,
-    pairs: Observations,
-    target: Target,
-    scale: float,
-    *,
-    known: bool = False,
-) -> tuple[Poses, Observations]:
-    """Views and corners with names by which each camera stands in one place in all shots.
+def with_agreeing_names(
+    joined: JoinedViews, target: Target, scale: float, *, known: bool = False
+) -> JoinedViews:
+    """The same views and corners by names by which each camera stands in one place in all shots.
 
     Args:
-        lens: the cameras, and which view is whose.
-        views: camera_from_world of each view, as its camera found it alone.
-        pairs: pairs of all views, their boards indices into the target's.
-        target: the target.
+        joined: the views, as each camera found and named them alone.
+        target: the target, of whose boards the pairs have indices.
         scale: its units in one unit of poses and pairs.
-        known: whether the cameras stand where ``lens`` says.
+        known: whether the cameras stand where the lens says.
 
     """
     motions = symmetries(target)
     if not motions:
-        return views, pairs
+        return joined
+    lens, views, pairs = joined.lens, joined.poses, joined.pairs
     turned = [views, *(views.of_moved(one.rotation, one.shift / scale) for one in motions)]
     # Places are told apart in radians and in lengths of about the target's.
     size = 1 / world_scale(pairs)
     near = replace(lens, places=lens.places.scaled(size))
     way = _ways(near, [one.scaled(size) for one in turned], known=known)
     if not way.any():
-        return views, pairs
-    for number, other in enumerate(turned):
-        own = np.flatnonzero(way == number)
-        views = views.with_photos(own, other[own])
-    return views, chosen([pairs, *(one.named(pairs, target, scale) for one in motions)], way)
+        return joined
+    named = chosen([pairs, *(one.named(pairs, target, scale) for one in motions)], way)
+    return replace(joined, poses=_of_ways(turned, way), pairs=named)
 
 
 def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:

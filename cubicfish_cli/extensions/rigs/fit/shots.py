@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from cubicfish_cli.core.errors import CorrespondenceError, FitError
+from cubicfish_cli.app.photos import shown
+from cubicfish_cli.core.errors import CorrespondenceError, FitError, UsageError
 from cubicfish_cli.core.frame_names import film_and_time
 from cubicfish_cli.core.tables import read_table
 from cubicfish_cli.core.wording import quoted
@@ -51,22 +52,20 @@ def match_shots(
         FitError: it is not known how, or no two cameras share a shot.
 
     """
-    names, own = list(photos), list(photos.values())
     if isinstance(shots, Shots):
         return shots
     if shots == "name":
-        return shots_by_name(names, own)
+        return shots_by_name(photos)
     if shots == "time":
-        known = times or {}
-        of_names = ({one: time_of(one) for one in given} for given in own)
-        found = [
-            known.get(name, {photo: time for photo, time in read.items() if time is not None})
-            for name, read in zip(names, of_names, strict=True)
-        ]
-        return shots_by_time(names, own, found, tolerance)
+        found = {
+            camera: (times or {}).get(camera)
+            or {name: time for name in names if (time := time_of(name)) is not None}
+            for camera, names in photos.items()
+        }
+        return shots_by_time(photos, found, tolerance)
     if isinstance(shots, str):
         raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
-    return shots_of_table(names, own, shots)
+    return shots_of_table(photos, shots)
 
 
 def load_shots(path: Path) -> list[Row]:
@@ -105,24 +104,49 @@ def load_times(path: Path, cameras: Sequence[str]) -> Times:
     return times
 
 
-def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Shots:
-    """Photos of the same name, whatever their folder and kind of file, are one shot.
+def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
+    """The camera that each photo, folder or table is of.
+
+    They belong to the camera that their folder is called after, or their own name begins with;
+    where nothing is called after a camera, they are in the cameras' order.
+
+    Raises:
+        UsageError: it is not known which camera one is of.
+
+    """
+    owners = [_owner(path.absolute(), cameras) for path in paths]
+    if not any(owners) and len(paths) == len(cameras):
+        return list(cameras)
+    for path, owner in zip(paths, owners, strict=True):
+        if not owner:
+            raise UsageError(
+                f"which camera is {shown(path)} of? Call its folder after one of "
+                f"{', '.join(cameras)}, or name one photo or folder of each, in that order"
+            )
+    return owners
+
+
+def _owner(path: Path, cameras: Sequence[str]) -> str:
+    """The camera that a photo, a folder or a table is called after; empty for none."""
+    called = path.name if path.is_dir() else path.parent.name
+    starts = [name for name in cameras if path.name.startswith(name)]
+    return called if called in cameras else max(starts, key=len, default="")
+
+
+def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
+    """Photos (by camera) of the same name, whatever their folder and kind of file, are one shot.
 
     Where no name comes twice, what all photos of a camera begin and end with is left out:
     ``left01.png`` and ``right01.png`` are then one shot.
-
-    Args:
-        cameras: names of the cameras.
-        photos: for each camera the names of its photos.
 
     Raises:
         FitError: two photos of a camera have one name, or no two cameras share one.
 
     """
-    stems = [[Path(name).stem for name in names] for names in photos]
+    stems = [[Path(name).stem for name in names] for names in photos.values()]
     if not _any_shared(stems):
         stems = [_without_common_ends(names) for names in stems]
-    for camera, names, own in zip(cameras, photos, stems, strict=True):
+    for (camera, names), own in zip(photos.items(), stems, strict=True):
         seen: dict[str, str] = {}
         for name, stem in zip(names, own, strict=True):
             if seen.setdefault(stem, name) != name:
@@ -133,24 +157,20 @@ def shots_by_name(cameras: Sequence[str], photos: Sequence[Sequence[str]]) -> Sh
                 )
     if not _any_shared(stems):
         raise FitError(
-            f"no photo of {cameras[0]} is called as one of another camera, so no two cameras share "
-            "a shot: call the photos of a shot alike, or list them with --shots"
+            f"no photo of {next(iter(photos))} is called as one of another camera, so no two "
+            "cameras share a shot: call the photos of a shot alike, or list them with --shots"
         )
-    return _number(dict(zip(*pair, strict=True)) for pair in zip(photos, stems, strict=True))
+    return _number(
+        dict(zip(*pair, strict=True)) for pair in zip(photos.values(), stems, strict=True)
+    )
 
 
-def shots_by_time(
-    cameras: Sequence[str],
-    photos: Sequence[Sequence[str]],
-    times: Sequence[Mapping[str, float]],
-    tolerance: float,
-) -> Shots:
-    """Photos that were taken at one time are one shot: each with the nearest of other cameras.
+def shots_by_time(photos: Mapping[str, Sequence[str]], times: Times, tolerance: float) -> Shots:
+    """Photos (by camera) that were taken at one time are one shot: each with the nearest of others.
 
     Args:
-        cameras: names of the cameras.
-        photos: for each camera the names of its photos.
-        times: for each camera its photos' times, seconds on one clock.
+        photos: by camera, their names.
+        times: by camera and photo, seconds on one clock.
         tolerance: how far from the first of a shot the others may be, seconds.
 
     Raises:
@@ -158,11 +178,11 @@ def shots_by_time(
 
     """
     taken = sorted(
-        (_known_time(camera, name, own), number, name)
-        for number, (camera, names, own) in enumerate(zip(cameras, photos, times, strict=True))
+        (_known_time(camera, name, times[camera]), number, name)
+        for number, (camera, names) in enumerate(photos.items())
         for name in names
     )
-    found: list[dict[str, float]] = [{} for _ in cameras]
+    found: list[dict[str, float]] = [{} for _ in photos]
     begin, seen, most = -float("inf"), set[int](), 0
     for time, camera, name in taken:
         if time - begin > tolerance or camera in seen:
@@ -188,35 +208,32 @@ def _known_time(camera: str, name: str, times: Mapping[str, float]) -> float:
     return times[name]
 
 
-def shots_of_table(
-    cameras: Sequence[str], photos: Sequence[Sequence[str]], rows: Sequence[tuple[str, str, str]]
-) -> Shots:
-    """Shots as a table lists them: (shot, camera, photo).
+def shots_of_table(photos: Mapping[str, Sequence[str]], rows: Sequence[Row]) -> Shots:
+    """Shots of photos (by camera) as a table lists them: (shot, camera, photo).
 
     Photos that are not listed take no part.
 
     Raises:
-        FitError: a row names a camera or a photo that is not there, or a photo twice.
+        FitError: a row names a camera that is not there, or a photo or a camera twice.
 
     """
-    listed: list[dict[str, str]] = [{} for _ in cameras]
+    listed: dict[str, dict[str, str]] = {camera: {} for camera in photos}
     for shot, camera, photo in rows:
-        if camera not in cameras:
+        if camera not in photos:
             raise FitError(
                 f"shot {quoted(shot)}: there is no camera {quoted(camera)}: the cameras are "
-                + ", ".join(cameras)
+                + ", ".join(photos)
             )
-        own = listed[cameras.index(camera)]
-        known = {os.path.basename(name): name for name in photos[cameras.index(camera)]}
-        name = photo if photo in photos[cameras.index(camera)] else known.get(photo, "")
+        known = {os.path.basename(name): name for name in photos[camera]}
+        name = photo if photo in photos[camera] else known.get(photo, "")
         if not name:
             continue  # a photo in which nothing was found
-        if name in own or shot in own.values():
+        if name in listed[camera] or shot in listed[camera].values():
             raise FitError(
                 f"shot {quoted(shot)}: camera {camera} has two photos of a shot, or one of two"
             )
-        own[name] = shot
-    return _number(listed)
+        listed[camera][name] = shot
+    return _number(listed.values())
 
 
 def _number(photos: Iterable[Mapping[str, str]]) -> Shots:
@@ -240,18 +257,12 @@ def _without_common_ends(names: Sequence[str]) -> list[str]:
 
     Digits stay whole, since a digit that all begin with is part of their numbers.
     """
-    first = re.sub(r"\d.*$", "", _common_start(names), flags=re.DOTALL)
+    first = os.path.commonprefix(names)  # noqa: RUF071 (letter by letter)
+    first = re.sub(r"\d.*$", "", first, flags=re.DOTALL)
     rest = [name[len(first) :] for name in names]
-    last = _common_start([name[::-1] for name in rest])[::-1]
+    last = os.path.commonprefix([name[::-1] for name in rest])[::-1]  # noqa: RUF071
     last = re.sub(r"^.*\d", "", last, flags=re.DOTALL)
     return [name[: len(name) - len(last)] for name in rest]
-
-
-def _common_start(names: Sequence[str]) -> str:
-    """What all of them begin with: what the first and the last in order do."""
-    low, high = min(names, default=""), max(names, default="")
-    apart = (at for at, (a, b) in enumerate(zip(low, high, strict=False)) if a != b)
-    return low[: next(apart, len(low))]
 
 
 # Digits of a time since 1970 in seconds, milliseconds, microseconds and nanoseconds.

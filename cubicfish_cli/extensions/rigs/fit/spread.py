@@ -18,7 +18,7 @@ from cubicfish_cli.core.fit.lenses import CubicFit, FitLens
 from cubicfish_cli.core.fit.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 
 
@@ -45,7 +45,8 @@ def place_covariances(
     noise = _noise_covariance(fit)
     count = len(fit.lens.parameters)
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
-    clusters = _clusters(shots)
+    parts = min(len(shots), MOST_CLUSTERS)
+    clusters = dealt_out(np.arange(len(shots)), shots, parts) if parts >= MIN_PHOTOS else []
     leave_one_out = LeaveOneOut(fit, clusters)
     if clusters:
         left_out = np.array([shared[:count] for shared, _, _ in leave_one_out.steps()])
@@ -107,17 +108,9 @@ def _noise_covariance(fit: Adjustment[RigLens]) -> FloatArray:
     """(K, K) of the shared unknowns, from the corners' noise."""
     hessian = fit.normal.reduced_shared()
     scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
-    inverse = (
-        scale
-        * scale[:, None]
-        * np.linalg.pinv(hessian * scale * scale[:, None], hermitian=True, rcond=1e-14)
-    )
+    both = scale * scale[:, None]
+    inverse = both * np.linalg.pinv(hessian * both, hermitian=True, rcond=1e-14)
     return np.asarray(inverse * corner_noise_px(fit) ** 2)
-
-
-def _clusters(shots: Sequence[str]) -> list[IntArray]:
-    count = min(len(shots), MOST_CLUSTERS)
-    return dealt_out(np.arange(len(shots)), shots, count) if count >= MIN_PHOTOS else []
 
 
 def _of_shots(left_out: FloatArray, influence: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -25,6 +26,7 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
+from cubicfish_cli.extensions.rigs.fit.views import JoinedViews
 
 # Photos fit another lens so many times better before they are said to be its.
 _TIMES = 2.0
@@ -134,40 +136,31 @@ def median_pose(poses: Poses) -> Poses:
     return Poses(rotation=middle.as_matrix()[None], translation=shift[None])
 
 
-def start_rig(
-    names: Sequence[str],
-    lens: RigLens,
-    views: Poses,
-    pairs: Observations,
-) -> RigStart:
+def start_rig(names: Sequence[str], joined: JoinedViews) -> RigStart:
     """Place the cameras and the shots.
 
     Args:
         names: of the cameras, for words.
-        lens: the cameras' lenses, and which view is whose; its places are not looked at.
-        views: camera_from_world of each view, as its camera found it alone.
-        pairs: pairs of all views, sorted by view; the target's lengths are about 1.
+        joined: the views; the target's lengths are about 1. Cameras' places are not looked at.
 
     Raises:
         FitError: the cameras are not connected, or no one body has them.
 
     """
-    count = len(names)
-    common = lens.common_shots
+    lens, views, common = joined.lens, joined.poses, joined.lens.common_shots
     relative: dict[tuple[int, int], Poses] = {}
-    for a in range(count):
-        for b in range(a + 1, count):
-            if not common[a, b]:
-                continue
+    for a, b in combinations(range(len(names)), 2):
+        if common[a, b]:
             of_a, of_b = _together(lens, a, b)
             relative[a, b] = median_pose(views[of_b] @ views[of_a].inverse())
             relative[b, a] = relative[a, b].inverse()
     places, edges = _placed(names, common, relative)
-    lens = replace(lens, places=places)
-    size = max(pairs.image_size)
-    typical = 0.0
+    joined = replace(joined, lens=replace(lens, places=places))
+    size, typical = max(joined.pairs.image_size), 0.0
     for a, b in edges:
-        error = float(np.median(_transferred(lens, views, pairs, a, b)))
+        of_a, of_b = _together(lens, a, b)
+        rigs = places[lens.camera[of_a]].inverse() @ views[of_a]
+        error = float(np.median(_view_errors(joined, rigs, of_b)))
         if error > _LOST_SHARE * size:
             raise FitError(
                 f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
@@ -175,7 +168,7 @@ def start_rig(
                 "taken at the same moment and are matched rightly, and that no camera moved"
             )
         typical = max(typical, error)
-    shots, misfit = place_shots(lens, views, pairs)
+    shots, misfit = place_shots(joined)
     several = np.bincount(lens.shot, minlength=len(shots))[lens.shot] > 1
     wrong = several & (misfit > np.maximum(_GROSS_TIMES * typical, _GROSS_SHARE * size))
     return RigStart(places=places, shots=shots, misfit=misfit, apart=wrong)
@@ -212,13 +205,6 @@ def _placed(
     return Poses.joined([found[camera] for camera in range(len(names))]), edges
 
 
-def _transferred(lens: RigLens, views: Poses, pairs: Observations, a: int, b: int) -> FloatArray:
-    """Errors of one camera's views where another's say that the rig was, pixels."""
-    of_a, of_b = _together(lens, a, b)
-    rigs = lens.places[lens.camera[of_a]].inverse() @ views[of_a]
-    return _view_errors(lens, rigs, of_b, pairs)
-
-
 def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
     near = " and ".join(names[camera] for camera in sorted(found))
     far = [name for camera, name in enumerate(names) if camera not in found]
@@ -229,11 +215,12 @@ def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
     )
 
 
-def place_shots(lens: RigLens, views: Poses, pairs: Observations) -> tuple[Poses, FloatArray]:
+def place_shots(joined: JoinedViews) -> tuple[Poses, FloatArray]:
     """rig_from_world of each shot, by the view with which the shot's others agree best.
 
     And how far each view (V,) is off then, pixels.
     """
+    lens, views, pairs = joined.lens, joined.poses, joined.pairs
     proposed = lens.places[lens.camera].inverse() @ views
     count, cameras = int(lens.shot.max()) + 1, len(lens.lenses)
     view_of = np.full((cameras, count), -1, np.intp)
@@ -243,7 +230,7 @@ def place_shots(lens: RigLens, views: Poses, pairs: Observations) -> tuple[Poses
     for camera in range(cameras):
         by = view_of[camera, lens.shot]
         judged = np.flatnonzero(by >= 0)
-        errors = _view_errors(lens, proposed[by[judged]], judged, pairs)
+        errors = _view_errors(joined, proposed[by[judged]], judged)
         # A capped sum: one view that is of another shot must not choose.
         capped = np.minimum(errors, _LOST_SHARE * max(pairs.image_size))
         total = np.bincount(lens.shot[judged], capped, count)
@@ -258,16 +245,16 @@ def place_shots(lens: RigLens, views: Poses, pairs: Observations) -> tuple[Poses
     return nowhere.with_photos(seen, proposed[proposer[seen]]), misfit
 
 
-def _view_errors(lens: RigLens, rigs: Poses, views: IntArray, pairs: Observations) -> FloatArray:
+def _view_errors(joined: JoinedViews, rigs: Poses, views: IntArray) -> FloatArray:
     """Median error (V,) of each of some views' corners under its pose of the rig, pixels.
 
     Args:
-        lens: the lenses, and where the cameras stand.
+        joined: all views, with the places of the cameras.
         rigs: rig_from_world, one for each of these views.
         views: increasing.
-        pairs: pairs of all views, sorted by view.
 
     """
+    lens, pairs = joined.lens, joined.pairs
     poses = lens.places[lens.camera[views]] @ rigs
     bounds = np.searchsorted(pairs.image, [views, views + 1])
     rows = np.concatenate([np.arange(*own) for own in bounds.T]) if len(views) else views

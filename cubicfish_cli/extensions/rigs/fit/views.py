@@ -14,10 +14,10 @@ from cubicfish_cli.core.finding import Finding, of_camera
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
 from cubicfish_cli.core.fit.deformable_target import Level
-from cubicfish_cli.core.fit.evaluate import evaluate
+from cubicfish_cli.core.fit.evaluate import Evaluation, evaluate
 from cubicfish_cli.core.fit.lenses import CubicFit, FitLens, FixedLens
 from cubicfish_cli.core.fit.model_selection import RefineTarget
-from cubicfish_cli.core.fit.poses import Poses
+from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.radial_reference import radial_near
 from cubicfish_cli.core.fit.subset import select, with_mean_weight_one
 from cubicfish_cli.core.io.camera_yaml import Calibrated
@@ -34,19 +34,13 @@ _FIRM = 100.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Placed:
-    """A camera whose photos are placed: its lens, their pairs, and camera_from_world of each."""
-
-    lens: FitLens
-    pairs: Observations
-    poses: Poses
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Alone(Placed):
-    """One camera calibrated alone, in the common scale of all; its lens is free or fixed.
+class Alone:
+    """One camera calibrated alone, in the common scale of all.
 
     Attributes:
+        lens: its lens, free or fixed.
+        pairs: of its photos that are placed.
+        poses: camera_from_world of each.
         camera: its lens, as a camera of points in the common scale.
         runners_up: the lens with the other priors, and how likely each is the best one.
         record: of its fit.
@@ -56,6 +50,9 @@ class Alone(Placed):
 
     """
 
+    lens: FitLens
+    pairs: Observations
+    poses: Poses
     camera: CubicCamera
     runners_up: Sequence[tuple[FitLens, float]]
     record: FitRecord
@@ -158,92 +155,87 @@ def _with_own_denominators(lens: CubicFit) -> CubicFit:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
-    """What is seen in each view.
-
-    Attributes:
-        photo: of each view, its camera's photo.
-        shot: of each shot, its name.
-
-    """
-
-    photo: tuple[str, ...]
-    shot: tuple[str, ...]
-
-
-def joined_views(
-    alone: Sequence[Placed], shots: Shots, places: Poses | None = None
-) -> tuple[RigLens, Poses, Observations, Seen]:
+class JoinedViews:
     """All cameras' photos as the views of one rig, sorted by camera.
 
-    Args:
-        alone: each camera by itself, all in one scale.
-        shots: which photos are of one shot.
-        places: camera_from_rig of each camera, where they are known and held.
-
-    Returns:
-        Lenses, with all cameras in one place if none is known; camera_from_world of each view; the
-        pairs of all; names.
+    Attributes:
+        lens: lenses and places, and which view is whose.
+        poses: camera_from_world of each view, as its camera found it alone.
+        pairs: of all views.
+        photos: of each view, its camera's photo.
+        shots: of each shot, its name.
 
     """
-    parts, views = [], []
-    camera: list[int] = []
-    shot: list[int] = []
-    for number, (one, of_shot) in enumerate(zip(alone, shots.photos, strict=True)):
-        listed = np.array([name in of_shot for name in one.pairs.images])
-        own, kept = select(one.pairs, listed[one.pairs.image])
-        parts.append(own)
-        camera += [number] * len(kept)
-        shot += [of_shot[name] for name in own.images]
-        views.append(one.poses[kept])
-    used, index = np.unique(shot, return_inverse=True)
-    in_one = Poses(
-        rotation=np.repeat(np.eye(3)[None], len(alone), axis=0),
-        translation=np.zeros((len(alone), 3)),
-    )
-    lens = RigLens(
-        lenses=tuple(one.lens for one in alone),
-        places=in_one if places is None else places,
-        camera=np.array(camera, np.intp),
-        shot=index.astype(np.intp),
-        held=places is not None,
-    )
-    width, height = np.max([part.image_size for part in parts], axis=0).tolist()
-    return (
-        lens,
-        Poses.joined(views),
-        replace(Observations.joined(parts), image_size=(width, height)),
-        Seen(
-            photo=tuple(name for part in parts for name in part.images),
-            shot=tuple(shots.names[number] for number in used),
-        ),
-    )
 
+    lens: RigLens
+    poses: Poses
+    pairs: Observations
+    photos: tuple[str, ...]
+    shots: tuple[str, ...]
 
-def set_apart(
-    lens: RigLens, shots: Poses, views: Poses, seen: Seen, apart: IntArray
-) -> tuple[RigLens, Poses, Seen]:
-    """Views that do not go with their shots get shots of their own: they say nothing of places.
+    @classmethod
+    def of_cameras(
+        cls,
+        lenses: Sequence[FitLens],
+        alone: Sequence[Alone | Evaluation],
+        shots: Shots,
+        places: Poses | None = None,
+    ) -> JoinedViews:
+        """The views of cameras that are placed alone, in one scale.
 
-    Args:
-        lens: the lenses and places of the rig.
-        shots: rig_from_world of each shot.
-        views: camera_from_world of each view.
-        seen: names.
-        apart: (A,) which views.
+        Args:
+            lenses: of each camera.
+            alone: each camera's pairs and poses.
+            shots: which photos are of one shot.
+            places: camera_from_rig of each camera, where they are known and held; else all are in
+                one place.
 
-    Returns:
-        The same of the new shots.
+        """
+        parts, views = [], []
+        camera: list[int] = []
+        shot: list[int] = []
+        for number, (one, of_shot) in enumerate(zip(alone, shots.photos, strict=True)):
+            listed = np.array([name in of_shot for name in one.pairs.images])
+            own, kept = select(one.pairs, listed[one.pairs.image])
+            parts.append(own)
+            camera += [number] * len(kept)
+            shot += [of_shot[name] for name in own.images]
+            views.append(one.poses[kept])
+        used, index = np.unique(shot, return_inverse=True)
+        nowhere = np.zeros((len(lenses), 3))
+        size = np.max([part.image_size for part in parts], axis=0).tolist()
+        return cls(
+            lens=RigLens(
+                lenses=tuple(lenses),
+                places=places or Poses(rotation=rotation_from_vector(nowhere), translation=nowhere),
+                camera=np.array(camera, np.intp),
+                shot=index.astype(np.intp),
+                held=places is not None,
+            ),
+            poses=Poses.joined(views),
+            pairs=replace(Observations.joined(parts), image_size=tuple(size)),
+            photos=tuple(name for part in parts for name in part.images),
+            shots=tuple(shots.names[number] for number in used),
+        )
 
-    """
-    if not apart.size:
-        return lens, shots, seen
-    shot = lens.shot.copy()
-    shot[apart] = len(shots) + np.arange(len(apart))
-    own = lens.places[lens.camera[apart]].inverse() @ views[apart]
-    poses = Poses.joined([shots, own])
-    names = (*seen.shot, *(f"{seen.shot[lens.shot[view]]} ({seen.photo[view]})" for view in apart))
-    # A shot may be left without any view.
-    used, shot = np.unique(shot, return_inverse=True)
-    lens = replace(lens, shot=shot.astype(np.intp))
-    return lens, poses[used], replace(seen, shot=tuple(names[number] for number in used))
+    def set_apart(self, shots: Poses, apart: IntArray) -> tuple[JoinedViews, Poses]:
+        """Views that do not go with their shots get shots of their own: they say nothing of places.
+
+        Args:
+            shots: rig_from_world of each shot.
+            apart: (A,) which views.
+
+        Returns:
+            The same of the new shots, and rig_from_world of these.
+
+        """
+        lens, shot = self.lens, self.lens.shot.copy()
+        shot[apart] = len(shots) + np.arange(len(apart))
+        own = lens.places[lens.camera[apart]].inverse() @ self.poses[apart]
+        new = (f"{self.shots[lens.shot[view]]} ({self.photos[view]})" for view in apart)
+        names = (*self.shots, *new)
+        # A shot may be left without any view.
+        used, shot = np.unique(shot, return_inverse=True)
+        lens = replace(lens, shot=shot.astype(np.intp))
+        named = tuple(names[number] for number in used)
+        return replace(self, lens=lens, shots=named), Poses.joined([shots, own])[used]

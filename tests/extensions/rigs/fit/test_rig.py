@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -37,6 +38,7 @@ from cubicfish_cli.extensions.rigs.fit.times import Moving
 from cubicfish_cli.extensions.rigs.rig import Rig
 
 NAMES = ("left", "right")
+T = TypeVar("T")
 APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))
 
 
@@ -78,8 +80,12 @@ def simulated(
     return tuple(one.with_target(target()) for one in corners), truth
 
 
+def of_cameras(*parts: T) -> dict[str, T]:
+    return dict(zip(NAMES, parts, strict=True))
+
+
 def matched(pairs: Sequence[Observations]) -> Shots:
-    return shots_by_name(NAMES, [one.images for one in pairs])
+    return shots_by_name(of_cameras(*(one.images for one in pairs)))
 
 
 def fitted(
@@ -571,39 +577,39 @@ def test_the_median_of_poses_forgets_a_few_that_are_wrong() -> None:
     ],
 )
 def test_photos_of_one_name_are_one_shot(left: list[str], right: list[str]) -> None:
-    shots = shots_by_name(NAMES, [left, right])
+    shots = shots_by_name(of_cameras(left, right))
     assert shots.photos == ({left[0]: 0, left[1]: 1}, {right[0]: 1, right[1]: 0})
 
 
 def test_names_that_tell_no_shot_are_refused() -> None:
     with pytest.raises(FitError, match="no photo of left is called as one of another camera"):
-        shots_by_name(NAMES, [["x1.png", "x2.png"], ["y3.png", "y4.png"]])
+        shots_by_name(of_cameras(["x1.png", "x2.png"], ["y3.png", "y4.png"]))
     with pytest.raises(FitError, match="would be of one shot"):
-        shots_by_name(NAMES, [["a/1.png", "b/1.png"], ["1.png", "2.png"]])
+        shots_by_name(of_cameras(["a/1.png", "b/1.png"], ["1.png", "2.png"]))
 
 
 def test_photos_of_one_time_are_one_shot() -> None:
-    photos = [["a.png", "b.png", "c.png"], ["x.png", "y.png"]]
+    photos = of_cameras(["a.png", "b.png", "c.png"], ["x.png", "y.png"])
     times = [{"a.png": 1.0, "b.png": 2.0, "c.png": 3.0}, {"x.png": 2.004, "y.png": 3.006}]
-    shots = shots_by_time(NAMES, photos, times, 5e-3)
+    shots = shots_by_time(photos, of_cameras(*times), 5e-3)
     assert shots.photos == (
         {"a.png": 0, "b.png": 1, "c.png": 2},
         {"x.png": 1, "y.png": 3},
     )
     with pytest.raises(FitError, match="no two cameras have photos within 1 ms"):
-        shots_by_time(NAMES, photos, times, 1e-3)
+        shots_by_time(photos, of_cameras(*times), 1e-3)
     with pytest.raises(FitError, match=r"'y.png' has no time in its name"):
-        shots_by_time(NAMES, photos, [times[0], {"x.png": 1.0}], 5e-3)
+        shots_by_time(photos, of_cameras(times[0], {"x.png": 1.0}), 5e-3)
 
 
 def test_a_table_says_which_photos_are_of_one_shot() -> None:
-    photos = [["p.png", "q.png"], ["x.png", "y.png"]]
+    photos = of_cameras(["p.png", "q.png"], ["x.png", "y.png"])
     rows = [("one", "left", "q.png"), ("one", "right", "x.png"), ("two", "left", "p.png")]
-    shots = shots_of_table(NAMES, photos, rows)
+    shots = shots_of_table(photos, rows)
     assert shots.names == ("one", "two")
     assert shots.photos == ({"p.png": 1, "q.png": 0}, {"x.png": 0})
     with pytest.raises(FitError, match="there is no camera 'rear'"):
-        shots_of_table(NAMES, photos, [("one", "rear", "x.png")])
+        shots_of_table(photos, [("one", "rear", "x.png")])
 
 
 def test_poses_of_matrices_are_what_the_tests_think() -> None:
