@@ -12,16 +12,9 @@ from cubicfish_cli.core.types import FloatArray
 
 Picture = npt.NDArray[np.uint8]
 
-# Cividis (Nuñez, Anderton & Renslow 2018) in ten bands, RGB: lightness grows all the way, and
-# people with and without colour blindness see nearly the same.
-_BANDS = bytes.fromhex("00204d 00336f 39486b 575c6d 707173 8a8779 a69d75 c4b56c e4cf5b ffea46")
-COLOURS = np.frombuffer(_BANDS, np.uint8).reshape(10, 3)
-_PAPER = 255
-_INK = 0
+_WHITE, _BLACK = (255,) * 3, (0,) * 3
 # Differences far below any noise are not worth a scale of their own.
 _SMALLEST_TOP = 1e-3
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
-_CAPITAL = 22  # height of its capitals at scale 1, pixels
 
 
 def round_up(value: float) -> float:
@@ -31,11 +24,11 @@ def round_up(value: float) -> float:
 
 
 def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Picture:
-    """Draw magnitudes in ten bands of colour, with a scale below.
+    """Draw magnitudes in OpenCV's cividis, with a scale below.
 
     Args:
         magnitude: (H, W) pixels; NaN is left white.
-        top: where the last band ends, and beyond which all is of its colour; by default a round
+        top: where the scale ends, and beyond which all is of its last colour; by default a round
             number at or above 99 of 100 magnitudes.
 
     Returns:
@@ -46,25 +39,20 @@ def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Pi
     if top is None:
         most = float(np.percentile(magnitude[known], 99)) if known.any() else 1.0
         top = max(round_up(most), _SMALLEST_TOP)
-    share = np.where(known, magnitude, 0) / top
-    band = np.clip((share * len(COLOURS)).astype(int), 0, len(COLOURS) - 1)
-    picture = np.where(known[..., None], COLOURS[band], np.uint8(_PAPER)).astype(np.uint8)
-    return np.ascontiguousarray(np.vstack([picture, _scale(magnitude.shape[1], top)])[..., ::-1])
+    share = np.where(known, np.clip(magnitude, 0, top), 0) / top
+    picture = _coloured(share)
+    picture[~known] = _WHITE
+    width = magnitude.shape[1]
+    bar = max(8, width // 30)
+    scale = _coloured(np.tile(np.linspace(0, 1, width), (bar, 1)))
+    text = np.full_like(scale, 255)
+    for words, left in (("0", 0.01), (f"{top:g} px", 0.8)):
+        place = (int(left * width), bar - bar // 4)
+        cv2.putText(text, words, place, cv2.FONT_HERSHEY_SIMPLEX, bar / 40, _BLACK, 1, cv2.LINE_AA)
+    return np.vstack([picture, scale, text])
 
 
-def _scale(width: int, top: float) -> Picture:
-    dot = max(1, width // 240)
-    margin, bar, letter = 4 * dot, 8 * dot, 7 * dot
-    picture = np.full((2 * margin + bar + 8 * dot, width, 3), _PAPER, np.uint8)
-    edges = np.linspace(8 * dot, width - 24 * dot, len(COLOURS) + 1).astype(int)
-    for left, right, colour in zip(edges[:-1], edges[1:], COLOURS, strict=True):
-        picture[margin : margin + bar, left:right] = colour
-    for share in (0.0, 0.5, 1.0):
-        text = f"{share * top:.6f}".rstrip("0").rstrip(".") + (" px" if share == 1 else "")
-        size = letter / _CAPITAL
-        (length, _), _ = cv2.getTextSize(text, _FONT, size, dot)
-        middle = int(edges[0] + share * (edges[-1] - edges[0]))
-        left = max(0, min(middle - 2 * dot, width - length))
-        below = (left, margin + bar + 2 * dot + letter)
-        cv2.putText(picture, text, below, _FONT, size, (_INK,) * 3, dot, cv2.LINE_AA)
-    return picture
+def _coloured(share: FloatArray) -> Picture:
+    """(H, W, 3) colours of shares from 0 to 1: lightness grows, also to the colour-blind."""
+    levels = np.round(255 * share).astype(np.uint8)
+    return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS), np.uint8)
