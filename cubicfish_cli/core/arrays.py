@@ -48,35 +48,17 @@ class Refusal:
             raise self.error(f"{name}, row {bad[0]} is not within ±{limit:g}: are the units right?")
         return np.array(array, np.float64)  # the caller may change its own
 
-    def places(self, value: npt.ArrayLike, name: str, columns: int) -> IntArray:
-        """Whole numbers (N, columns) from 0 on.
-
-        Raises:
-            CubicfishError: of the class ``error``; ``value`` is something else.
-
-        """
-        array = self.numbers(value, name, columns, limit=1e6)
-        if (array != np.round(array)).any() or (array < 0).any():
-            raise self.error(f"{name} must hold whole numbers, counted from 0")
-        return array.astype(np.intp)
-
-    def weights(self, value: npt.ArrayLike, name: str, count: int, *, limit: float) -> FloatArray:
-        """Numbers (count,) above 0.
+    def column(self, value: npt.ArrayLike, name: str, rows: int) -> npt.NDArray[Any]:
+        """Real numbers (rows,), of any type.
 
         Raises:
             CubicfishError: of the class ``error``; ``value`` is something else.
 
         """
         array = self._real(value, name)
-        if array.shape != (count,):
-            raise self.error(f"{name} has the shape {array.shape}, not ({count},)")
-        good = np.isfinite(array) & (array > 0) & (array <= limit)
-        if not good.all():
-            raise self.error(
-                f"{name}[{np.argmin(good)}] must be a finite number above 0: "
-                "to leave a corner out, remove its row"
-            )
-        return np.array(array, np.float64)
+        if array.shape != (rows,):
+            raise self.error(f"{name} has the shape {array.shape}, not ({rows},)")
+        return array
 
     def size(self, value: Sequence[int], name: str, *, limit: int) -> tuple[int, int]:
         """(width, height), pixels.
@@ -135,13 +117,13 @@ class Refusal:
             CubicfishError: of the class ``error``; ``value`` is something else.
 
         """
-        index = np.asarray(value)
-        if index.shape != (rows,) or index.dtype.kind not in "iu":
-            raise self.error(f"{name} must hold {rows} whole numbers, one for each row of pixel")
+        index = self.column(value, name, rows)
+        if (index != np.round(index)).any():
+            raise self.error(f"{name} must hold whole numbers, counted from 0")
         if rows and (index.min() < least or (count is not None and index.max() >= count)):
             raise self.error(
-                f"{name} must count from 0, and within what it counts: it goes from {index.min()} "
-                f"to {index.max()}"
+                f"{name} must count from 0, and within what it counts: it goes from "
+                f"{index.min():g} to {index.max():g}"
             )
         return index.astype(np.intp)
 

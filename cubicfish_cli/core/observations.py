@@ -19,7 +19,7 @@ from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.reading import MAX_COORDINATE
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.core.wording import Brief, did_you_mean, quoted
+from cubicfish_cli.core.wording import did_you_mean, quoted
 
 MAX_SIDE = 100_000
 _REFUSAL = Refusal(error=CorrespondenceError)
@@ -40,7 +40,7 @@ _ALL: BoolArray = np.ones(0, bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Observations(Brief):
+class Observations:
     """Corners of boards, or points, seen in photos: the paper's pairs M ↔ m.
 
     What looks for corners knows their names, and their world points once it is known of which
@@ -126,24 +126,18 @@ class Observations(Brief):
                 fellow, or numbers that cannot be; one line that says which and where.
 
         """
-        names = _REFUSAL.names(boards, "boards")
-        found = [_REFUSAL.places(one, f"places[{i}]", 3) for i, one in _listed(places, "places")]
-        photos = _photos(found, pixel, image_size, images, weight)
-        image, place = photos["image"], np.concatenate(found)
-        bad = np.flatnonzero(place[:, 0] >= len(names))
-        if bad.size:
-            raise CorrespondenceError(
-                f"places[{image[bad[0]]}]: board {place[bad[0], 0]} is not one of the "
-                f"{len(names)} boards, counted from 0"
-            )
-        twice = first_repeated(image, *place.T)
-        if twice is not None:
-            raise CorrespondenceError(
-                f"places[{image[twice[1]]}]: the corner {place[twice[1]].tolist()} is there twice: "
-                "keep one of them"
-            )
+        place, photos = _stack_photos("places", places, pixel, image_size, images, weight)
         board, column, row = place.T
-        return cls(**photos, boards=names, board=board, column=column, row=row)
+        names = _REFUSAL.names(boards, "boards")
+        made = cls(**photos, boards=names, board=board, column=column, row=row)._within_photos()
+        twice = first_repeated(made.image, made.board, made.column, made.row)
+        if twice is not None:
+            row = twice[1]
+            corner = [int(one[row]) for one in (made.board, made.column, made.row)]
+            raise CorrespondenceError(
+                f"places[{made.image[row]}]: the corner {corner} is there twice: keep one of them"
+            )
+        return made
 
     @classmethod
     def from_points(
@@ -175,16 +169,10 @@ class Observations(Brief):
                 fellow, or numbers that cannot be; one line that says which and where.
 
         """
-        points = [
-            _REFUSAL.numbers(one, f"world[{i}]", 3, limit=MAX_COORDINATE)
-            for i, one in _listed(world, "world")
-        ]
-        photos = _photos(points, pixel, image_size, images, weight)
-        return cls.without_names(
-            **photos,
-            world=np.concatenate(points),
-            column=np.concatenate([np.arange(len(one), dtype=np.intp) for one in points]),
-        )
+        points, photos = _stack_photos("world", world, pixel, image_size, images, weight)
+        column = np.concatenate([np.arange(count) for count in np.bincount(photos["image"])])
+        made = cls.without_names(**photos, world=points, column=column)
+        return made._within_photos()
 
     @classmethod
     def without_names(cls, *, column: IntArray, **others: Any) -> Observations:
@@ -289,19 +277,8 @@ class Observations(Brief):
                 or they do not fit the target; one line that says which.
 
         """
-        pixel = _REFUSAL.numbers(self.pixel, "pixel", 2, limit=MAX_COORDINATE)
-        rows, least = len(pixel), 0 if self.boards else -1
-        own = replace(
-            self,
-            image_size=_REFUSAL.size(self.image_size, "image_size", limit=MAX_SIDE),
-            image=_REFUSAL.index(self.image, "image", rows, 0, len(self.images)),
-            pixel=pixel,
-            weight=_REFUSAL.weights(self.weight, "weight", rows, limit=MAX_COORDINATE),
-            board=_REFUSAL.index(self.board, "board", rows, least, len(self.boards)),
-            column=_REFUSAL.index(self.column, "column", rows, 0),
-            row=_REFUSAL.index(self.row, "row", rows, 0),
-            certain=_REFUSAL.flags(self.certain, "certain", rows),
-        )
+        own = self._of_good_rows()
+        rows = len(own.pixel)
         target = self.target if target is None else target
         if target is not None:
             return own.with_target(target)
@@ -315,6 +292,35 @@ class Observations(Brief):
         if (np.diff(own.image) < 0).any():
             raise CorrespondenceError("image must not decrease: sort the rows with by_photo()")
         return replace(own, world=world)
+
+    def _within_photos(self) -> Observations:
+        """The same with good rows, whose pixels lie within the photos."""
+        own = self._of_good_rows()
+        outside = first_outside_photo(own.pixel, own.image_size)
+        if outside is not None:
+            photo = own.images[own.image[outside[0]]]
+            raise CorrespondenceError(f"{photo}: {outside[1]}: is image_size (width, height)?")
+        return own
+
+    def _of_good_rows(self) -> Observations:
+        """The same with arrays of the types that they must have, whatever the world points are."""
+        pixel = _REFUSAL.numbers(self.pixel, "pixel", 2, limit=MAX_COORDINATE)
+        rows, least = len(pixel), 0 if self.boards else -1
+        weight = _REFUSAL.column(self.weight, "weight", rows).astype(float)
+        bad = first_bad_weight(weight)
+        if bad is not None:
+            raise CorrespondenceError(f"weight, row {bad[0]}: {bad[1]}")
+        return replace(
+            self,
+            image_size=_REFUSAL.size(self.image_size, "image_size", limit=MAX_SIDE),
+            image=_REFUSAL.index(self.image, "image", rows, 0, len(self.images)),
+            pixel=pixel,
+            weight=weight,
+            board=_REFUSAL.index(self.board, "board", rows, least, len(self.boards)),
+            column=_REFUSAL.index(self.column, "column", rows, 0),
+            row=_REFUSAL.index(self.row, "row", rows, 0),
+            certain=_REFUSAL.flags(self.certain, "certain", rows),
+        )
 
 
 def no_such_board(name: str, target: Target) -> str:
@@ -371,65 +377,58 @@ def first_bad_weight(weight: FloatArray) -> tuple[int, str] | None:
     )
 
 
-def _listed(arrays: Iterable[npt.ArrayLike], name: str) -> list[tuple[int, npt.ArrayLike]]:
-    """The arrays of the photos, numbered."""
-    one_array = isinstance(arrays, np.ndarray) and arrays.ndim < 3 and arrays.dtype != object
-    if one_array or isinstance(arrays, str | bytes) or not isinstance(arrays, Iterable):
-        raise CorrespondenceError(f"{name} must be a list of arrays, one for each photo")
-    return list(enumerate(arrays))
-
-
-def _photos(
-    known: Sequence[FloatArray | IntArray],
+def _stack_photos(
+    name: str,
+    known: Iterable[npt.ArrayLike],
     pixel: Iterable[npt.ArrayLike],
     image_size: Sequence[int],
     images: Sequence[str] | None,
     weight: Iterable[npt.ArrayLike] | None,
-) -> dict[str, Any]:
-    """The attributes that go with what is known of each photo's rows."""
-    size = _REFUSAL.size(image_size, "image_size", limit=MAX_SIDE)
-    own = [
-        _REFUSAL.numbers(one, f"pixel[{i}]", 2, limit=MAX_COORDINATE)
-        for i, one in _listed(pixel, "pixel")
-    ]
-    if not known:
+) -> tuple[FloatArray, dict[str, Any]]:
+    """What is known of each row of all photos (N, 3), and the attributes that go with it."""
+    given: dict[str, list[Any]] = {
+        key: _list_arrays(arrays, key, columns)
+        for key, arrays, columns in ((name, known, 3), ("pixel", pixel, 2), ("weight", weight, 0))
+        if arrays is not None
+    }
+    if not given[name]:
         raise CorrespondenceError("no photo was given: pass one array for each photo")
-    if len(own) != len(known):
-        raise CorrespondenceError(
-            f"pixels are given for {len(own)} photos and points for {len(known)}: "
-            "pass one array of each for every photo"
-        )
-    for index, (points, seen) in enumerate(zip(known, own, strict=True)):
-        if len(points) != len(seen):
+    counts = [len(one) for one in given[name]]
+    for key, arrays in given.items():
+        own = [len(one) for one in arrays]
+        if len(own) != len(counts):
             raise CorrespondenceError(
-                f"photo {index} has {len(points)} points and {len(seen)} pixels: "
+                f"{key} is given for {len(own)} photos and {name} for {len(counts)}: "
+                "pass one array of each for every photo"
+            )
+        other = next((i for i, (a, b) in enumerate(zip(own, counts, strict=True)) if a != b), None)
+        if other is not None:
+            raise CorrespondenceError(
+                f"{key}[{other}] has {own[other]} rows and {name}[{other}] has {counts[other]}: "
                 "each row of one belongs to the same row of the other"
             )
-        if not len(points):
-            raise CorrespondenceError(f"photo {index} has no points: leave it out of both lists")
-        outside = first_outside_photo(seen, size)
-        if outside is not None:
-            raise CorrespondenceError(
-                f"pixel[{index}], row {outside[0]}: {outside[1]}: is image_size (width, height)?"
-            )
-    names = [f"photo_{index}" for index in range(len(own))] if images is None else images
+    if 0 in counts:
+        raise CorrespondenceError(
+            f"photo {counts.index(0)} has no points: leave it out of all lists"
+        )
+    names = [f"photo_{index}" for index in range(len(counts))] if images is None else images
     photos = _REFUSAL.names(names, "images")
-    if len(photos) != len(own):
-        raise CorrespondenceError(f"{len(photos)} names are given for {len(own)} photos")
-    counts = [len(one) for one in own]
-    weights = [np.ones(count) for count in counts]
-    if weight is not None:
-        given = _listed(weight, "weight")
-        if len(given) != len(own):
-            raise CorrespondenceError(f"weights are given for {len(given)} of {len(own)} photos")
-        weights = [
-            _REFUSAL.weights(one, f"weight[{i}]", counts[i], limit=MAX_COORDINATE)
-            for i, one in given
-        ]
-    return {
-        "image_size": size,
-        "images": photos,
-        "image": np.repeat(np.arange(len(own), dtype=np.intp), counts),
-        "pixel": np.concatenate(own),
-        "weight": np.concatenate(weights),
-    }
+    if len(photos) != len(counts):
+        raise CorrespondenceError(f"{len(photos)} names are given for {len(counts)} photos")
+    stacked = {key: np.concatenate(arrays) for key, arrays in given.items()}
+    image = np.repeat(np.arange(len(counts), dtype=np.intp), counts)
+    size = _REFUSAL.size(image_size, "image_size", limit=MAX_SIDE)
+    return stacked.pop(name), {**stacked, "image_size": size, "images": photos, "image": image}
+
+
+def _list_arrays(arrays: Iterable[npt.ArrayLike], name: str, columns: int) -> list[Any]:
+    """The arrays of the photos: finite numbers (N, columns), or as they are without columns."""
+    one_array = isinstance(arrays, np.ndarray) and arrays.ndim < 3 and arrays.dtype != object
+    if one_array or isinstance(arrays, str | bytes) or not isinstance(arrays, Iterable):
+        raise CorrespondenceError(f"{name} must be a list of arrays, one for each photo")
+    if not columns:
+        return [np.atleast_1d(one) for one in arrays]
+    return [
+        _REFUSAL.numbers(one, f"{name}[{i}]", columns, limit=MAX_COORDINATE)
+        for i, one in enumerate(arrays)
+    ]

@@ -33,8 +33,6 @@ TURNS = np.array(
 # Places that agree this well, in squares, are the same place.
 SAME = 0.01
 _SAME_SCALE = 1e-3
-# Candidate motions times places that are compared at a time, to bound memory.
-_AT_A_TIME = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,33 +97,23 @@ class Placement:
         found = []
         for upright in range(0, len(self.board), 4):
             last = self.size[upright] - 1
-            cells = np.array([[0, 0], [last[0], 0], last, [0, last[1]]])
-            colour = int(self.colour[upright])
-            side, offset = reach_of(cells, colour, self).places()
-            fills = (np.abs(self.matrix[side]) @ (last + 1) == self.size[side]).all(axis=1)
-            order = np.argsort(side[fills] != upright, kind="stable")
-            side, offset = side[fills][order], offset[fills][order]
-            form = np.swapaxes(self.world_from_grid(side, offset), -1, -2)
-            found.append((side, np.column_stack([cells, np.ones(4)]) @ form))
+            offset = -np.minimum(self.matrix @ last, 0)
+            fits = (np.abs(self.matrix) @ (last + 1) == self.size).all(axis=1)
+            fits &= offset.sum(axis=1) % 2 == self.flips(int(self.colour[upright]))
+            side = np.flatnonzero(fits)
+            side = side[np.argsort(side != upright, kind="stable")]
+            cells = np.array([[0, 0, 1], [last[0], 0, 1], [*last, 1], [0, last[1], 1]], float)
+            form = self.world_from_grid(side, offset[side])
+            found.append((side, cells @ np.swapaxes(form, -1, -2)))
         return found
 
-    def landing(
-        self, matrix: FloatArray, shift: FloatArray, board: int
-    ) -> tuple[FloatArray, IntArray]:
-        """How far a board, moved, is from the nearest of its places, in squares, and which.
+    def flips(self, parity: int) -> BoolArray:
+        """(S,) whether a grid's colours are not a side's own where their cells (0, 0) meet.
 
-        (C, 3, 3), (C, 3) -> (C,) the largest distance of an outermost corner, (C,) the place.
+        ``parity`` is +1 when the square down-right of the grid's cell (0, 0) is light, else -1.
         """
-        side, places = self.wholes[board]
-        moved = places[0] @ np.swapaxes(matrix, -1, -2) + shift[:, None]
-        error, place = [np.empty(0)], [np.empty(0, np.intp)]
-        step = max(1, _AT_A_TIME // len(side))
-        for first in range(0, len(moved), step):
-            apart = np.linalg.norm(moved[first : first + step, None] - places, axis=-1)
-            distance = apart.max(axis=-1) / self.square[side]
-            place.append(distance.argmin(axis=1))
-            error.append(distance.min(axis=1))
-        return np.concatenate(error), np.concatenate(place)
+        # A quarter turn swaps the two colours that meet at a corner.
+        return np.asarray((self.colour * parity < 0) ^ (self.turn % 2 == 1))
 
     def motions(self, board: int) -> tuple[FloatArray, FloatArray]:
         """(P, 3, 3), (P, 3) matrices and shifts that carry a board onto each of its places."""
@@ -134,33 +122,21 @@ class Placement:
         matrix = scale[:, None, None] * (self.frame[side] @ self.frame[4 * board].T)
         return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
 
-    def carried(self, base: int, within: float) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Motions of the whole target that carry each of its boards onto a place, or nearly.
-
-        Args:
-            base: the board of which every place is tried.
-            within: how far each board may be from its place, in squares.
-
-        Returns:
-            (K, 3, 3) matrices, (K, 3) shifts, and which of its places each board takes, (K, B).
-
-        """
-        matrix, shift = self.motions(base)
-        landed = np.empty((len(matrix), 0), np.intp)
-        for board in range(len(self.wholes)):
-            error, place = self.landing(matrix, shift, board)
-            kept = error < within
-            matrix, shift = matrix[kept], shift[kept]
-            landed = np.column_stack([landed, place])[kept]
-        return matrix, shift, landed
+    def landing(self, rotation: FloatArray, shift: FloatArray) -> IntArray | None:
+        """The sides (B,) that boards cover when they are moved; None where one covers none."""
+        landed = []
+        for side, places in self.wholes:
+            apart = np.linalg.norm(places[0] @ rotation.T + shift - places, axis=-1)
+            off = apart.max(axis=-1) / self.square[side]
+            if off.min() >= SAME:
+                return None
+            landed.append(side[off.argmin()])
+        return np.array(landed)
 
     def is_symmetry(self, motion: Similarity) -> bool:
         """Whether ``motion`` carries the target onto itself, colours included."""
-        if abs(motion.scale - 1) > _SAME_SCALE:
-            return False
-        boards = range(len(self.wholes))
-        turn, shift = motion.rotation[None], motion.shift[None]
-        return all(self.landing(turn, shift, board)[0][0] < SAME for board in boards)
+        same_size = abs(motion.scale - 1) <= _SAME_SCALE
+        return same_size and self.landing(motion.rotation, motion.shift) is not None
 
     def board_cells(self, side: int, offset: IntArray, cells: IntArray) -> IntArray:
         """(N, 2) columns and rows of the grid's cells at one place."""
@@ -169,10 +145,7 @@ class Placement:
 
 def placement_of(target: Target) -> Placement:
     """All sides of the boards that carry a plain grid of squares (with or without markers)."""
-    boards = [
-        index for index, board in enumerate(target.boards)
-        if board.has_squares
-    ]  # fmt: skip
+    boards = [index for index, board in enumerate(target.boards) if board.has_squares]
     board = np.repeat(np.array(boards, np.intp), 4)
     each = [target.boards[index] for index in board]
     return Placement(
@@ -209,19 +182,12 @@ class Reach:
 
     def places(self) -> tuple[IntArray, IntArray]:
         """Every allowed place: sides (H,) and offsets (H, 2)."""
-        sides, offsets = [], []
+        sides, offsets = [np.empty(0, np.intp)], [np.empty((0, 2), np.intp)]
         for side, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
-            if (high < low).any():
-                continue
-            column, row = np.meshgrid(
-                np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1), indexing="ij"
-            )
-            offset = np.stack([column.ravel(), row.ravel()], axis=-1)
+            offset = low + np.indices(np.maximum(high - low + 1, 0)).reshape(2, -1).T
             offset = offset[offset.sum(axis=-1) % 2 == self.parity[side]]
             sides.append(np.full(len(offset), side, np.intp))
             offsets.append(offset)
-        if not sides:
-            return np.empty(0, np.intp), np.empty((0, 2), np.intp)
         return np.concatenate(sides), np.concatenate(offsets)
 
     @property
@@ -232,9 +198,7 @@ class Reach:
     @property
     def possible(self) -> bool:
         """Whether there is any place."""
-        room = np.maximum(self.high - self.low + 1, 0).prod(axis=1)
-        fits = self.low.sum(axis=1) % 2 == self.parity
-        return bool(((room > 1) | ((room == 1) & fits)).any())
+        return len(self.places()[0]) > 0
 
 
 def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
@@ -248,12 +212,10 @@ def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
     """
     box = np.stack([cells.min(axis=0), cells.max(axis=0)])
     ends = box @ np.swapaxes(sides.matrix, -1, -2)
-    # A quarter turn swaps the two colours that meet at a corner.
-    flipped = (sides.colour * parity < 0) ^ (sides.turn % 2 == 1)
     return Reach(
         low=-ends.min(axis=1),
         high=sides.size - 1 - ends.max(axis=1),
-        parity=flipped.astype(np.intp),
+        parity=sides.flips(parity).astype(np.intp),
     )
 
 
@@ -300,16 +262,16 @@ def symmetries(target: Target) -> tuple[Symmetry, ...]:
 
     It is judged as drawn, without the shapes of its boards. Markers and lists of points have none.
     """
-    boards = range(len(target.boards))
-    plain = all(board.has_squares and board.markers is None for board in target.boards)
+    boards = target.boards
+    plain = all(board.has_squares and board.markers is None for board in boards)
     if not plain or len(boards) > _MOST_BOARDS:
         return ()
     sides = placement_of(target.with_flat_boards())
     found = []
-    for matrix, shift, places in zip(*sides.carried(0, SAME), strict=True):
-        side = np.array([sides.wholes[board][0][place] for board, place in enumerate(places)])
+    for matrix, shift in zip(*sides.motions(0), strict=True):
         same_size = abs(np.linalg.det(matrix) - 1) < _SAME_SCALE
-        if not same_size or (side == 4 * np.arange(len(boards))).all():
+        side = sides.landing(matrix, shift) if same_size else None
+        if side is None or (side == 4 * np.arange(len(boards))).all():
             continue
         turn = sides.matrix[side]
         last = (turn @ (sides.size[::4] - 1)[..., None])[..., 0]

@@ -9,9 +9,9 @@ where PyYAML's default is YAML 1.1.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -76,9 +76,9 @@ def parse_plain_yaml(
     if_empty: str = "is it the right file?",
 ) -> Any:
     """Read the text of a file as :func:`load_plain_yaml` does; ``path`` is for messages."""
+    events = _Events(path, text, error)
     try:
-        _refuse_more_than_plain_data(path, text, error)
-        node = yaml.compose(text, Loader=_PlainLoader)
+        return events.document(if_empty)
     except yaml.MarkedYAMLError as problem:
         mark = problem.problem_mark or problem.context_mark
         line = f", line {mark.line + 1}" if mark else ""
@@ -86,65 +86,79 @@ def parse_plain_yaml(
         raise error(f"{path}{line}: not valid YAML: {what}") from problem
     except yaml.YAMLError as problem:  # characters that YAML does not allow
         raise error(f"{path}: not valid YAML: it holds characters that are not text") from problem
-    if node is None:
-        raise error(f"{path} is empty: {if_empty}")
-    return _plain(path, node, error)
 
 
-def _refuse_more_than_plain_data(path: Path, text: str, error: type[CubicfishError]) -> None:
-    if text.startswith("%") + text.count("\n%") + text.count("\r%") > _MAX_DIRECTIVES:
-        raise error(f"{path}: directives (%) are not allowed: plain data only")
-    depth = documents = 0
-    events: Iterator[Any] = yaml.parse(text, Loader=_PlainLoader)
-    for count, event in enumerate(events):
-        if count > MAX_VALUES:
-            raise error(f"{path} holds more than {MAX_VALUES:,} values: is it the right file?")
-        where = f"{path}, line {event.start_mark.line + 1}"
+class _Events:
+    """What the parser finds in a text, thing by thing, made into plain data."""
+
+    def __init__(self, path: Path, text: str, error: type[CubicfishError]) -> None:
+        if text.startswith("%") + text.count("\n%") + text.count("\r%") > _MAX_DIRECTIVES:
+            raise error(f"{path}: directives (%) are not allowed: plain data only")
+        self.path, self.error, self.count = path, error, 0
+        self.loader = _PlainLoader(text)
+
+    def refuse(self, event: Any, what: str) -> NoReturn:
+        raise self.error(f"{self.path}, line {event.start_mark.line + 1}: {what}")
+
+    def following(self) -> Any:
+        """The next event, if it is one of plain data."""
+        event = self.loader.get_event()
+        self.count += 1
+        if self.count > MAX_VALUES:
+            raise self.error(
+                f"{self.path} holds more than {MAX_VALUES:,} values: is it the right file?"
+            )
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
-            raise error(f"{where}: anchors and aliases (& and *) are not allowed: write values out")
+            self.refuse(event, "anchors and aliases (& and *) are not allowed: write values out")
         if getattr(event, "tag", None) is not None:
-            raise error(f"{where}: tags (!) are not allowed: plain data only")
-        if isinstance(event, yaml.DocumentStartEvent):
-            documents += 1
-            if documents > 1:
-                raise error(f"{where}: a second document starts here: one is expected")
-        elif isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-            if depth > MAX_DEPTH:
-                raise error(f"{where}: nested more than {MAX_DEPTH} levels deep")
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
+            self.refuse(event, "tags (!) are not allowed: plain data only")
+        return event
 
+    def document(self, if_empty: str) -> Any:
+        self.following()  # the stream starts
+        if isinstance(self.following(), yaml.StreamEndEvent):
+            raise self.error(f"{self.path} is empty: {if_empty}")
+        value = self.value(self.following(), 0)
+        self.following()  # the document ends
+        event = self.following()
+        if not isinstance(event, yaml.StreamEndEvent):
+            self.refuse(event, "a second document starts here: one is expected")
+        return value
 
-def _plain(path: Path, node: Any, error: type[CubicfishError]) -> Any:
-    if isinstance(node, yaml.SequenceNode):
-        return [_plain(path, item, error) for item in node.value]
-    if isinstance(node, yaml.MappingNode):
+    def value(self, event: Any, depth: int) -> Any:
+        """What begins with an event, within so many lists and mappings."""
+        if isinstance(event, yaml.ScalarEvent):
+            return self.scalar(event)
+        if depth == MAX_DEPTH:
+            self.refuse(event, f"nested more than {MAX_DEPTH} levels deep")
+        if isinstance(event, yaml.SequenceStartEvent):
+            items = []
+            while not isinstance(event := self.following(), yaml.SequenceEndEvent):
+                items.append(self.value(event, depth + 1))
+            return items
         mapping: dict[str, Any] = {}
-        for key_node, value_node in node.value:
-            where = f"{path}, line {key_node.start_mark.line + 1}"
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise error(f"{where}: a key must be text")
-            if key_node.value in mapping:
-                raise error(f"{where}: the key {quoted(key_node.value)} is there twice")
-            mapping[key_node.value] = _plain(path, value_node, error)
+        while not isinstance(key := self.following(), yaml.MappingEndEvent):
+            if not isinstance(key, yaml.ScalarEvent):
+                self.refuse(key, "a key must be text")
+            if key.value in mapping:
+                self.refuse(key, f"the key {quoted(key.value)} is there twice")
+            mapping[key.value] = self.value(self.following(), depth + 1)
         return mapping
-    return _scalar(path, node, error)
 
-
-def _scalar(path: Path, node: Any, error: type[CubicfishError]) -> Any:
-    kind, text = node.tag.rsplit(":", 1)[-1], node.value
-    if kind == "null":
-        return None
-    if kind == "bool":
-        return text.lower() == "true"
-    if kind == "int":
-        if len(text) > 300:  # beyond what a float holds; int() has a limit of its own
-            raise error(f"{path}, line {node.start_mark.line + 1}: a number with too many digits")
-        return int(text)
-    if kind == "float":
-        return float(re.sub(r"\.(?=[iInN])", "", text))  # YAML writes .inf and .nan
-    return text
+    def scalar(self, event: Any) -> Any:
+        tag = self.loader.resolve(yaml.ScalarNode, event.value, event.implicit)
+        kind, text = tag.rsplit(":", 1)[-1], event.value
+        if kind == "null":
+            return None
+        if kind == "bool":
+            return text.lower() == "true"
+        if kind == "int":
+            if len(text) > 300:  # beyond what a float holds; int() has a limit of its own
+                self.refuse(event, "a number with too many digits")
+            return int(text)
+        if kind == "float":
+            return float(re.sub(r"\.(?=[iInN])", "", text))  # YAML writes .inf and .nan
+        return text
 
 
 _SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

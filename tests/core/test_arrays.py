@@ -91,8 +91,8 @@ def test_points_as_opencv_has_them(make) -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"pixel": [PIXEL]}, "pixels are given for 1 photos and points for 2"),
-        ({"pixel": [PIXEL, PIXEL]}, "photo 1 has 2 points and 4 pixels"),
+        ({"pixel": [PIXEL]}, "pixel is given for 1 photos and "),
+        ({"pixel": [PIXEL, PIXEL]}, "pixel[1] has 4 rows and "),
         ({"pixel": PIXEL}, "pixel must be a list of arrays, one for each photo"),
         ({"pixel": 3}, "pixel must be a list of arrays"),
         ({"pixel": [PIXEL, WORLD[:2]]}, r"pixel[1] has the shape (2, 3), not (N, 2)"),
@@ -101,7 +101,7 @@ def test_points_as_opencv_has_them(make) -> None:
         ({"pixel": [PIXEL, [["a", "b"]] * 2]}, "pixel[1] must hold real numbers, not <U1"),
         ({"pixel": [PIXEL, PIXEL[:2] * 1j]}, "real numbers, not complex128"),
         ({"pixel": [PIXEL, [[1, np.nan], [1, 2]]]}, "pixel[1], row 0 is not finite"),
-        ({"pixel": [PIXEL, [[1, 2], [1, 15]]]}, "pixel[1], row 1: x 1, y 15 is outside the 20x10"),
+        ({"pixel": [PIXEL, [[1, 2], [1, 15]]]}, "x 1, y 15 is outside the 20x10"),
         ({"image_size": (10,)}, "image_size must be two whole numbers above 0, (width, height)"),
         ({"image_size": (10.0, 20.0)}, "image_size must be two whole numbers"),
         ({"image_size": (0, 20)}, "image_size must be two whole numbers"),
@@ -113,9 +113,9 @@ def test_points_as_opencv_has_them(make) -> None:
         ({"images": ["a", "b\n"]}, "images[1] must be plain text"),
         ({"images": ["a", "b\tc"]}, "images[1] must be printable text"),
         ({"images": "ab"}, "images must be a list of names"),
-        ({"weight": [np.ones(4)]}, "weights are given for 1 of 2 photos"),
-        ({"weight": [np.ones(4), np.ones(3)]}, "weight[1] has the shape (3,), not (2,)"),
-        ({"weight": [np.ones(4), [1, 0]]}, "weight[1][1] must be a finite number above 0"),
+        ({"weight": [np.ones(4)]}, "weight is given for 1 photos and "),
+        ({"weight": [np.ones(4), np.ones(3)]}, "weight[1] has 3 rows and "),
+        ({"weight": [np.ones(4), [1, 0]]}, "weight, row 5: weight 0 must be above 0"),
     ],
 )
 def test_arrays_that_cannot_be_are_refused_in_one_line(
@@ -139,10 +139,14 @@ def test_arrays_that_cannot_be_are_refused_in_one_line(
         (pairs, {"world": WORLD}, "world must be a list of arrays"),
         (pairs, {"world": [WORLD, WORLD[:2] * 1e12]}, "world[1], row 0 is not within ±1e+09"),
         (pairs, {"world": [WORLD, [[0, 0, np.inf]] * 2]}, "world[1], row 0 is not finite"),
-        (corners, {"places": [PLACES, PLACES[:2] + 0.5]}, "places[1] must hold whole numbers"),
-        (corners, {"places": [PLACES, PLACES[:2] - 1]}, "counted from 0"),
-        (corners, {"places": [PLACES, PLACES[[0, 0]]]}, "places[1]: the corner [0, 0, 0] is there"),
-        (corners, {"boards": ["near"]}, "places[0]: board 1 is not one of the 1 boards"),
+        (corners, {"places": [PLACES, PLACES[:2] + 0.5]}, "board must hold whole numbers"),
+        (corners, {"places": [PLACES, PLACES[:2] - 1]}, "board must count from 0"),
+        (corners, {"places": [PLACES, PLACES[[0, 0]]]}, "places[1]: the corner [0, 0, 0] is "),
+        (
+            corners,
+            {"boards": ["near"]},
+            "board must count from 0, and within what it counts: it goes from 0 to 1",
+        ),
     ],
 )
 def test_points_and_places_that_cannot_be_are_refused(

@@ -21,11 +21,10 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import best_named
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import Brief
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Evaluation(Brief):
+class Evaluation:
     """Reprojection errors of a known camera on pairs.
 
     Attributes:
