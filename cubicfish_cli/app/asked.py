@@ -133,7 +133,7 @@ class TargetSource:
             TargetError: its file cannot be used.
 
         """
-        from cubicfish_cli.core.target import Target, colourings, load_target
+        from cubicfish_cli.core.target import Target, load_target
 
         self.check()
         if self.told:
@@ -170,6 +170,20 @@ def target_in(given: Target | StrPath) -> Target:
     from cubicfish_cli.core.target import Target, load_target
 
     return given if isinstance(given, Target) else load_target(Path(given))
+
+
+def colourings(target: Target) -> list[Target]:
+    """The target, and where that is another one also the same with its colours exchanged.
+
+    Turned by 180°, or by 90° where it is as wide as high, some boards look as if they were.
+    """
+    board = target.boards[0]
+    if len(target.boards) > 1 or board.markers or not board.has_squares:
+        return [target]
+    columns, rows = board.columns, board.rows
+    if columns % 2 != rows % 2 or (columns == rows and columns % 2):
+        return [target]
+    return [target, target.with_boards({0: board.with_other_colours()})]
 
 
 def _is_of_kalibr(path: Path) -> bool:

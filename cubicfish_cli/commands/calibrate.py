@@ -256,7 +256,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
         photos, source, run, correspondences=pairs, image_size=asked.image_size, most=asked.most
     )
     run.listener.found(loaded.photo_findings)
-    uncertain = loaded.pairs.uncertain_images
+    uncertain = set(loaded.pairs.image[~loaded.pairs.certain].tolist())
     if asked.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.reading import MAX_COORDINATE, MAX_SIDE
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.core.wording import quoted
 
@@ -25,12 +26,12 @@ class Refusal:
 
     error: type[CubicfishError]
 
-    def numbers(self, value: npt.ArrayLike, name: str, columns: int, *, limit: float) -> FloatArray:
+    def numbers(self, value: npt.ArrayLike, name: str, columns: int) -> FloatArray:
         """Finite real numbers (N, columns), or OpenCV's (N, 1, columns), as float64 (N, columns).
 
         Raises:
             CubicfishError: of the class ``error``; ``value`` is something else, or not within
-                ±``limit``.
+                ±:data:`~.reading.MAX_COORDINATE`.
 
         """
         array = self._real(value, name)
@@ -43,9 +44,10 @@ class Refusal:
             raise self.error(
                 f"{name}, row {bad[0]} is not finite: leave out corners that were not found"
             )
-        bad = np.flatnonzero((np.abs(array) > limit).any(axis=1))
+        bad = np.flatnonzero((np.abs(array) > MAX_COORDINATE).any(axis=1))
         if bad.size:
-            raise self.error(f"{name}, row {bad[0]} is not within ±{limit:g}: are the units right?")
+            limit = f"±{MAX_COORDINATE:g}"
+            raise self.error(f"{name}, row {bad[0]} is not within {limit}: are the units right?")
         return np.array(array, np.float64)  # the caller may change its own
 
     def column(self, value: npt.ArrayLike, name: str, rows: int) -> npt.NDArray[Any]:
@@ -60,7 +62,7 @@ class Refusal:
             raise self.error(f"{name} has the shape {array.shape}, not ({rows},)")
         return array
 
-    def size(self, value: Sequence[int], name: str, *, limit: int) -> tuple[int, int]:
+    def size(self, value: Sequence[int]) -> tuple[int, int]:
         """(width, height), pixels.
 
         Raises:
@@ -70,10 +72,11 @@ class Refusal:
         array = np.asarray(value) if not isinstance(value, str) else np.empty(0)
         if array.shape != (2,) or array.dtype.kind not in "iu" or array.min() < 1:
             raise self.error(
-                f"{name} must be two whole numbers above 0, (width, height), not {quoted(value)}"
+                "image_size must be two whole numbers above 0, (width, height), not "
+                f"{quoted(value)}"
             )
-        if array.max() > limit:
-            raise self.error(f"{name}: a side may have {limit} pixels at most, not {array.max()}")
+        if array.max() > MAX_SIDE:
+            raise self.error(f"image_size: a side may have {MAX_SIDE} pixels at most")
         return int(array[0]), int(array[1])
 
     def names(self, value: Sequence[str], name: str) -> tuple[str, ...]:
@@ -87,10 +90,10 @@ class Refusal:
         if not names:
             raise self.error(f"{name} must be a list of names")
         for index, one in enumerate(names):
-            if not isinstance(one, str) or not one.strip() or one != one.strip():
-                raise self.error(f"{name}[{index}] must be plain text, not {quoted(one)}")
-            if not one.isprintable():
+            if not isinstance(one, str) or not one.strip() or not one.isprintable():
                 raise self.error(f"{name}[{index}] must be printable text, not {quoted(one)}")
+            if one != one.strip():
+                raise self.error(f"{name}[{index}] begins or ends with a blank: {quoted(one)}")
         if len(set(names)) < len(names):
             twice = next(one for index, one in enumerate(names) if one in names[:index])
             raise self.error(f"{name}: {quoted(twice)} is there twice")

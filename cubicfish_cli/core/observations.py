@@ -21,7 +21,6 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
-MAX_SIDE = 100_000
 _REFUSAL = Refusal(error=CorrespondenceError)
 _OF_A_ROW = (
     "image",
@@ -94,11 +93,6 @@ class Observations:
             said = getattr(self, name)
             if np.shape(said)[:1] != rows and np.all(said):
                 object.__setattr__(self, name, np.ones(rows, bool))
-
-    @property
-    def uncertain_images(self) -> tuple[str, ...]:
-        """Photos with corners that may be others than they are named as."""
-        return tuple(self.images[image] for image in np.unique(self.image[~self.certain]))
 
     @classmethod
     def from_corners(
@@ -286,7 +280,7 @@ class Observations:
         numbers = isinstance(world, np.ndarray) and world.dtype.kind == "f"
         if rows and numbers and np.isnan(world).all():
             raise CorrespondenceError("corners need the target that they are of: pass it as well")
-        world = _REFUSAL.numbers(world, "world", 3, limit=MAX_COORDINATE)
+        world = _REFUSAL.numbers(world, "world", 3)
         if len(world) != rows:
             raise CorrespondenceError(f"world has {len(world)} rows and pixel has {rows}")
         if (np.diff(own.image) < 0).any():
@@ -304,7 +298,7 @@ class Observations:
 
     def _of_good_rows(self) -> Observations:
         """The same with arrays of the types that they must have, whatever the world points are."""
-        pixel = _REFUSAL.numbers(self.pixel, "pixel", 2, limit=MAX_COORDINATE)
+        pixel = _REFUSAL.numbers(self.pixel, "pixel", 2)
         rows, least = len(pixel), 0 if self.boards else -1
         weight = _REFUSAL.column(self.weight, "weight", rows).astype(float)
         bad = first_bad_weight(weight)
@@ -312,7 +306,7 @@ class Observations:
             raise CorrespondenceError(f"weight, row {bad[0]}: {bad[1]}")
         return replace(
             self,
-            image_size=_REFUSAL.size(self.image_size, "image_size", limit=MAX_SIDE),
+            image_size=_REFUSAL.size(self.image_size),
             image=_REFUSAL.index(self.image, "image", rows, 0, len(self.images)),
             pixel=pixel,
             weight=weight,
@@ -417,7 +411,7 @@ def _stack_photos(
         raise CorrespondenceError(f"{len(photos)} names are given for {len(counts)} photos")
     stacked = {key: np.concatenate(arrays) for key, arrays in given.items()}
     image = np.repeat(np.arange(len(counts), dtype=np.intp), counts)
-    size = _REFUSAL.size(image_size, "image_size", limit=MAX_SIDE)
+    size = _REFUSAL.size(image_size)
     return stacked.pop(name), {**stacked, "image_size": size, "images": photos, "image": image}
 
 
@@ -428,7 +422,4 @@ def _list_arrays(arrays: Iterable[npt.ArrayLike], name: str, columns: int) -> li
         raise CorrespondenceError(f"{name} must be a list of arrays, one for each photo")
     if not columns:
         return [np.atleast_1d(one) for one in arrays]
-    return [
-        _REFUSAL.numbers(one, f"{name}[{i}]", columns, limit=MAX_COORDINATE)
-        for i, one in enumerate(arrays)
-    ]
+    return [_REFUSAL.numbers(one, f"{name}[{i}]", columns) for i, one in enumerate(arrays)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -46,10 +46,7 @@ class Table:
 
     def floats(self, column: str) -> npt.NDArray[np.float64]:
         """A column as (N,) finite numbers."""
-        try:
-            values = np.fromiter(map(float, self.columns[column]), float, len(self.lines))
-        except ValueError:
-            values = np.array([_float(text) for text in self.columns[column]])
+        values = np.array(self._numbers(column, float, "a finite number"))
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             text = self.columns[column][bad[0]]
@@ -58,13 +55,16 @@ class Table:
 
     def integers(self, column: str) -> npt.NDArray[np.intp]:
         """A column as (N,) whole numbers."""
+        return np.array(self._numbers(column, _whole_number, "a whole number"), np.intp)
+
+    def _numbers(self, column: str, kind: Callable[[str], Any], must: str) -> list[Any]:
+        numbers: list[Any] = []
         try:
-            return np.fromiter(map(int, self.columns[column]), np.intp, len(self.lines))
-        except (ValueError, OverflowError):
-            row, text = next(
-                (row, text) for row, text in enumerate(self.columns[column]) if not _is_index(text)
-            )
-            self.refuse(row, f"{column} must be a whole number, not {quoted(text)}")
+            for text in self.columns[column]:
+                numbers.append(kind(text))
+        except ValueError:
+            self.refuse(len(numbers), f"{column} must be {must}, not {quoted(text)}")
+        return numbers
 
     def codes(self, column: str) -> tuple[tuple[str, ...], npt.NDArray[np.intp]]:
         """A column of names as the distinct names in order of appearance, and (N,) indices."""
@@ -166,15 +166,8 @@ def csv_text(rows: Iterable[Sequence[object]]) -> str:
     return text.getvalue()
 
 
-def _float(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
-
-
-def _is_index(text: str) -> bool:
-    try:
-        return abs(int(text)) < 2**62
-    except ValueError:
-        return False
+def _whole_number(text: str) -> int:
+    number = int(text)
+    if abs(number) >= 2**62:
+        raise ValueError("larger than any index")
+    return number

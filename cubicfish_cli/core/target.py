@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.core.boards.board import Board, FirstSquare
+from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.boards.section import AXES_TOLERANCE, Section
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
@@ -52,9 +53,9 @@ class Target:
 
         """
         try:
-            plain = _plain(data)
-        except RecursionError as problem:
-            raise TargetError("target: is nested without end") from problem
+            plain = json.loads(json.dumps(data, default=_list_of_array))
+        except (TypeError, ValueError, RecursionError) as problem:
+            raise TargetError(f"target: must hold plain data: {problem}") from problem
         return _target("target", plain)
 
     @cached_property
@@ -118,19 +119,6 @@ class Target:
         boards, columns, rows, world = (np.concatenate(part) for part in zip(*parts, strict=True))
         return boards, columns, rows, world
 
-    def plane_count(self) -> int:
-        """Number of distinct planes that the boards lie in (each decides how much P can know).
-
-        A ``points`` board counts when its points lie in one plane (to 1e-6 of their extent).
-        """
-        planes: list[tuple[FloatArray, FloatArray]] = []
-        extent = max(np.ptp(board.outline(), axis=0).max() for board in self.boards)
-        for board in self.boards:
-            plane = board.plane()
-            if plane and not any(_same_plane(plane, known, 1e-3 * extent) for known in planes):
-                planes.append(plane)
-        return len(planes)
-
 
 _NO_TARGET = (
     "name the target.yaml that says where the boards are, or make one with 'cubicfish target print'"
@@ -148,68 +136,31 @@ def load_target(path: Path) -> Target:
     data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES, if_empty=_NO_TARGET)
     if isinstance(data, dict) and "cubicfish" in data and "boards" not in data:
         raise TargetError(f"{path} is a camera file, not a calibration target: {_NO_TARGET}")
-    if not isinstance(data, dict):
-        raise TargetError(f"{path} must hold the keys units and boards: {_NO_TARGET}")
-    if "target_type" in data:
+    if isinstance(data, dict) and "target_type" in data:
         data = _of_kalibr(str(path), data)
     return _target(str(path), data)
 
 
-def colourings(target: Target) -> list[Target]:
-    """The target, and where that is another one also the same with its colours exchanged.
-
-    Turned by 180°, or by 90° where it is as wide as high, some boards look as if they were.
-    """
-    board = target.boards[0]
-    if len(target.boards) > 1 or board.markers or not board.has_squares:
-        return [target]
-    columns, rows = board.columns, board.rows
-    if columns % 2 != rows % 2 or (columns == rows and columns % 2):
-        return [target]
-    other: FirstSquare = "light" if board.first_square == "dark" else "dark"
-    return [target, target.with_boards({0: replace(board, first_square=other)})]
-
-
-# Kalibr's key -> ours, by the type of the target. Its counts of a checkerboard are of inner corners
-# too, its lengths are metres.
-_KALIBR_KEYS = {
-    "checkerboard": ("targetCols", "targetRows", "rowSpacingMeters", "colSpacingMeters"),
-    "aprilgrid": ("tagCols", "tagRows", "tagSize", "tagSpacing"),
-}
-# Two spacings that were measured differ by less than this, relatively.
-_ONE_SPACING = 1e-3
-
-
 def _of_kalibr(where: str, data: dict[str, Any]) -> dict[str, Any]:
-    """What target.yaml would hold for a target file of Kalibr's."""
-    top = Section(where, data)
-    kind = data["target_type"]
-    if kind not in _KALIBR_KEYS:
-        top.refuse(
-            "target_type",
-            f"{quoted(kind)} is not found in photos here: use a checkerboard or an aprilgrid",
-        )
-    columns, rows, *lengths = _KALIBR_KEYS[kind]
-    for key in (columns, rows, *lengths):
-        top.required(key, f"a target of type {kind} of Kalibr's has it")
-    counts = [data[columns], data[rows]]
-    board: dict[str, Any] = {"name": "board", "type": kind}
-    if kind == "aprilgrid":
-        board |= {"tags": counts, "tag": data["tagSize"], "spacing": data["tagSpacing"]}
+    """What target.yaml would hold for a target file of Kalibr's, which counts inner corners too."""
+    board: dict[str, Any] = {"name": "board", "type": data["target_type"]}
+    if board["type"] == "aprilgrid":
+        board |= {"tags": [data.get("tagCols"), data.get("tagRows")]}
+        board |= {"tag": data.get("tagSize"), "spacing": data.get("tagSpacing")}
     else:
-        high, wide = (top.length(key, "metres between corners") for key in lengths)
-        if abs(high - wide) > _ONE_SPACING * wide:
-            top.refuse(
-                "rowSpacingMeters",
-                f"{high:g} and colSpacingMeters, {wide:g}, differ: squares must be as high as wide",
+        square = data.get("colSpacingMeters")
+        if square != data.get("rowSpacingMeters"):
+            raise TargetError(
+                f"{where}: rowSpacingMeters and colSpacingMeters differ: squares must be as high "
+                "as wide"
             )
-        board |= {"corners": counts, "square": wide}
+        board |= {"corners": [data.get("targetCols"), data.get("targetRows")], "square": square}
     return {"units": "m", "boards": [board]}
 
 
 def _target(where: str, data: object) -> Target:
     if not isinstance(data, dict):
-        raise TargetError(f"{where}: must hold the keys units and boards")
+        raise TargetError(f"{where} must hold the keys units and boards: {_NO_TARGET}")
     top = Section(where, data)
     top.allow_only(("units", "boards", "mirrored"), "a target file")
     mirrored = top.flag("mirrored")
@@ -234,18 +185,11 @@ def _target(where: str, data: object) -> Target:
     return target.in_mirror() if mirrored else target
 
 
-def _plain(value: object) -> Any:
-    """Data as a file holds them: lists for tuples and arrays, Python's numbers for numpy's."""
-    if isinstance(value, Mapping):
-        for key in value:
-            if not isinstance(key, str):
-                raise TargetError(f"target: the key {quoted(key)} must be text")
-        return {key: _plain(part) for key, part in value.items()}
+def _list_of_array(value: object) -> Any:
+    """A numpy array or number as Python has it."""
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return value
+        return value.tolist()
+    raise TypeError(f"{quoted(value)} is something else")
 
 
 def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
@@ -316,10 +260,3 @@ def _in_the_same_place(one: Board, other: Board) -> bool:
         ):
             return False
     return True
-
-
-def _same_plane(
-    one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray], tolerance: float
-) -> bool:
-    parallel = abs(one[1] @ other[1]) > 1 - AXES_TOLERANCE**2
-    return bool(parallel and abs((other[0] - one[0]) @ one[1]) < tolerance)

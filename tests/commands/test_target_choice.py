@@ -9,9 +9,10 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
+from cubicfish_cli.app.asked import colourings
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.target import colourings, load_target
+from cubicfish_cli.core.target import load_target
 
 CORNERS = SAMPLE / "true_corners.csv"
 
@@ -141,8 +142,8 @@ def test_files_of_kalibr_are_read_as_they_are(tmp_path: Path) -> None:
     ("kind", "old", "new", "says"),
     [
         ("checkerboard", "colSpacingMeters: 0.06", "colSpacingMeters: 0.07", "differ: squares"),
-        ("checkerboard", "targetCols: 6\n", "", "targetCols is missing"),
-        ("checkerboard", "'checkerboard'", "circlegrid", "target_type: 'circlegrid' is not found"),
+        ("checkerboard", "targetCols: 6\n", "", "corners: must be two whole numbers"),
+        ("checkerboard", "'checkerboard'", "circlegrid", "type: 'circlegrid' is not known"),
         ("aprilgrid", "tagSize: 0.088", "tagSize: -1", "tag: must be a positive"),
     ],
 )

@@ -66,7 +66,7 @@ def test_pairs_are_copies_and_may_come_as_lists_or_smaller_numbers() -> None:
 
 
 def test_what_is_checked_is_a_copy() -> None:
-    checked = Refusal(error=CorrespondenceError).numbers(WORLD, "world", 3, limit=100)
+    checked = Refusal(error=CorrespondenceError).numbers(WORLD, "world", 3)
     assert not np.shares_memory(checked, WORLD)
     np.testing.assert_array_equal(checked, WORLD)
 
@@ -109,8 +109,8 @@ def test_points_as_opencv_has_them(make) -> None:
         ({"image_size": (10**6, 20)}, "image_size: a side may have 100000 pixels at most"),
         ({"images": ["a"]}, "1 names are given for 2 photos"),
         ({"images": ["a", "a"]}, "images: 'a' is there twice"),
-        ({"images": ["a", " b"]}, "images[1] must be plain text"),
-        ({"images": ["a", "b\n"]}, "images[1] must be plain text"),
+        ({"images": ["a", " b"]}, "images[1] begins or ends with a blank"),
+        ({"images": ["a", "b\n"]}, "images[1] must be printable text"),
         ({"images": ["a", "b\tc"]}, "images[1] must be printable text"),
         ({"images": "ab"}, "images must be a list of names"),
         ({"weight": [np.ones(4)]}, "weight is given for 1 photos and "),
@@ -169,8 +169,9 @@ def test_a_target_of_plain_data_has_the_corners_of_its_boards() -> None:
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ([], "target: must hold the keys units and boards"),
-        ({"units": "mm", "boards": [], 3: 4}, "target: the key '3' must be text"),
+        ([], "target must hold the keys units and boards"),
+        ({"units": "mm", "boards": [], 3: 4}, "target: unknown key '3' for a target file"),
+        ({"units": "mm", "boards": [{3}]}, "target: must hold plain data: '{3}' is something else"),
         ({**DATA, "boards": DATA["boards"] * 2}, "board 'near', name: another board has it too"),
         ({**DATA, "boards": [{**DATA["boards"][0], "square": np.nan}]}, "'near', square: must be"),
         ({**DATA, "boards": [{**DATA["boards"][0], "twist": np.nan}]}, "'near', twist: must be"),
@@ -186,7 +187,7 @@ def test_plain_data_that_are_no_target_are_refused(data: Any, said: str) -> None
 def test_data_that_hold_themselves_are_refused() -> None:
     data: dict[str, Any] = {"units": "mm"}
     data["boards"] = [data]
-    with pytest.raises(TargetError, match="nested without end"):
+    with pytest.raises(TargetError, match="must hold plain data: Circular"):
         Target.from_data(data)
 
 

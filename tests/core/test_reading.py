@@ -1,7 +1,10 @@
 import os
+import threading
+import time
 
 import pytest
 
+from cubicfish_cli.core import reading
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.reading import read_bytes, read_text
 
@@ -42,3 +45,35 @@ def test_what_is_no_file_is_refused(tmp_path, name, says):
 def test_devices_without_end_are_read_up_to_the_bound():
     with pytest.raises(TargetError, match="/dev/zero is larger"):
         read("/dev/zero")
+
+
+@UNIX
+def test_a_pipe_that_nobody_writes_to_is_not_waited_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading, "PATIENCE", 0.05)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(TargetError, match="nobody writes to this pipe"):
+        read(tmp_path / "pipe")
+
+
+@UNIX
+def test_a_pipe_with_a_writer_is_waited_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading, "PATIENCE", 0.05)
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+
+    def write():
+        with path.open("wb") as file:
+            time.sleep(0.2)
+            file.write(b"slow")
+            file.flush()
+            time.sleep(0.1)
+            file.write(b"ly")
+
+    writer = threading.Thread(target=write)
+    # Somebody has it open before: otherwise who opens first is a matter of chance.
+    held = os.open(path, os.O_RDWR)
+    writer.start()
+    time.sleep(0.1)
+    os.close(held)
+    assert read(path) == b"slowly"
+    writer.join()

@@ -11,6 +11,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cubicfish_cli.app.diagnosis.object_check import count_planes
 from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.errors import TargetError
@@ -171,16 +172,16 @@ def test_planes_are_counted_once(tmp_path: Path) -> None:
     beside = {**FLOOR, "name": "beside", "origin": [1000, 20, 30]}
     back = {**FLOOR, "name": "back", "x_axis": [-1, 0, 0]}
     above = {**FLOOR, "name": "above", "origin": [10, 20, 130]}
-    assert load(tmp_path, FLOOR).plane_count() == 1
-    assert load(tmp_path, FLOOR, beside, back).plane_count() == 1
-    assert load(tmp_path, FLOOR, above).plane_count() == 2
+    assert count_planes(load(tmp_path, FLOOR).boards) == 1
+    assert count_planes(load(tmp_path, FLOOR, beside, back).boards) == 1
+    assert count_planes(load(tmp_path, FLOOR, above).boards) == 2
     crossing = {**FLOOR, "name": "crossing", "x_axis": [0, 0, 1]}
-    assert load(tmp_path, FLOOR, crossing).plane_count() == 2
-    assert load(tmp_path, FLOOR, beside, WALL).plane_count() == 2
+    assert count_planes(load(tmp_path, FLOOR, crossing).boards) == 2
+    assert count_planes(load(tmp_path, FLOOR, beside, WALL).boards) == 2
     flat = {**POINTS, "points": [[0, 0, 5], [1, 0, 5], [0, 1, 5], [2, 2, 5]]}
     solid = {**POINTS, "points": [[0, 0, 5], [1, 0, 5], [0, 1, 5], [2, 2, 6]]}
-    assert load(tmp_path, flat).plane_count() == 1
-    assert load(tmp_path, solid).plane_count() == 0
+    assert count_planes(load(tmp_path, flat).boards) == 1
+    assert count_planes(load(tmp_path, solid).boards) == 0
 
 
 def test_units_may_be_any_text(tmp_path: Path) -> None:

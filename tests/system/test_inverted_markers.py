@@ -23,7 +23,7 @@ PLAIN = Target(
         wall("right", "aprilgrid", (4, 3), 34.0),
     ),
 )
-INVERTED = PLAIN.with_boards({0: PLAIN.boards[0].with_negative_markers()})
+INVERTED = PLAIN.with_boards({0: PLAIN.boards[0].with_other_colours()})
 DATA = {"name": "b", "type": "charuco", "corners": [6, 4], "square": 30, "marker": 22,
         "dictionary": "DICT_4X4_50"}  # fmt: skip
 

@@ -151,7 +151,11 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
     target, unseen = evidence.target, unseen_boards(evidence)
     if not unseen:
         return []
-    changed = {index: target.boards[index].with_negative_markers() for index in unseen}
+    changed = {
+        index: target.boards[index].with_other_colours()
+        for index in unseen
+        if target.boards[index].has_squares
+    }
     kinds = {target.boards[index].kind for index in unseen}
     others = [target.with_boards(changed)] if "charuco" in kinds else []
     # Where some boards are read as they are, the photos are not mirrored.

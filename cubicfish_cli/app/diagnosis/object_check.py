@@ -17,6 +17,7 @@ from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.section import AXES_TOLERANCE
 from cubicfish_cli.core.fit.subset import flatness
 from cubicfish_cli.core.placement import placement_of, symmetries
 from cubicfish_cli.core.target import Target
@@ -25,6 +26,7 @@ from cubicfish_cli.core.types import FloatArray
 NamedBy = Literal["markers", "geometry", "table"]
 
 _FLAT = 1e-4
+_ONE_PLANE = 1e-6
 # Prints that reach into each other by less than this, in squares, only touch.
 _TOUCH = 0.1
 
@@ -92,7 +94,7 @@ def check_object(target: Target) -> ObjectFacts:
     named = replace(drawn, boards=tuple(plain)) if by_geometry else None
     return ObjectFacts(
         corners=len(world),
-        planes=drawn.plane_count(),
+        planes=count_planes(drawn.boards),
         flat=flatness(world) < _FLAT,
         named_by="markers" if drawn.has_markers else "geometry" if plain else "table",
         plain=tuple(board.name for board in plain),
@@ -100,6 +102,26 @@ def check_object(target: Target) -> ObjectFacts:
         look_alikes=() if named is None else _find_look_alikes(named),
         crossing=_find_crossing(printed),
     )
+
+
+def count_planes(boards: Sequence[Board]) -> int:
+    """Number of distinct planes that boards lie in: each decides how much P can know.
+
+    A list of points counts when its points lie in one plane (to 1e-6 of their extent).
+    """
+    planes: list[tuple[FloatArray, FloatArray]] = []
+    outlines = [board.outline() for board in boards]
+    apart = 1e-3 * max(np.ptp(outline, axis=0).max() for outline in outlines)
+    for outline in outlines:
+        middle = outline.mean(axis=0)
+        _, extents, axes = np.linalg.svd(outline - middle)
+        flat = len(extents) < 3 or extents[2] <= _ONE_PLANE * extents[0]
+        if flat and not any(
+            abs(normal @ axes[2]) > 1 - AXES_TOLERANCE**2 and abs((middle - point) @ normal) < apart
+            for point, normal in planes
+        ):
+            planes.append((middle, axes[2]))
+    return len(planes)
 
 
 def _find_turns(target: Target) -> tuple[Turn, ...]:

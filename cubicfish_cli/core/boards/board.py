@@ -16,6 +16,7 @@ from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 FirstSquare = Literal["dark", "light"]
+_OTHER: dict[FirstSquare, FirstSquare] = {"dark": "light", "light": "dark"}
 
 # From the first corner of a square to all four, in order around it.
 AROUND_SQUARE: IntArray = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.intp)
@@ -151,9 +152,10 @@ class Board(ABC):
         last = self.columns // 2 - 1 if self.per_cell == 2 else self.columns
         return np.stack([printed[:, 0], last - printed[:, 1], printed[:, 2]], axis=-1)
 
-    def with_negative_markers(self) -> Board:
-        """The board with light and dark exchanged, where that is another one; or itself."""
-        return self
+    def with_other_colours(self) -> Self:
+        """The board with light and dark exchanged."""
+        markers = self.markers and replace(self.markers, inverted=not self.markers.inverted)
+        return replace(self, first_square=_OTHER[self.first_square], markers=markers)
 
     def in_mirror(self) -> Self:
         """The board as a mirror in the world's plane z = 0 shows it; of that, the board itself.
@@ -162,15 +164,15 @@ class Board(ABC):
         them, so column 0 is the last one of the print.
         """
         mirror = np.array([1.0, 1.0, -1.0])
+        # As many squares are before the first column as behind the last one.
+        exchanged = self.columns % 2 and self.has_squares
         last = self.origin + self.plane_points(self.columns - 1, 0)[0] * self.x_axis
-        other: FirstSquare = "light" if self.first_square == "dark" else "dark"
         return replace(
             self,
             origin=last * mirror,
             x_axis=-self.x_axis * mirror,
             y_axis=self.y_axis * mirror,
-            # As many squares are before the first column as behind the last one.
-            first_square=other if self.columns % 2 and self.has_squares else self.first_square,
+            first_square=_OTHER[self.first_square] if exchanged else self.first_square,
             shape=self.shape.in_mirror() if self.shape else None,
             mirrored=not self.mirrored,
         )
@@ -205,10 +207,6 @@ class Board(ABC):
         """(N, 3) world points that span it: its four outermost corners, or all its points."""
         last_column, last_row = self.columns - 1, self.rows - 1
         return self.world_points([0, last_column, last_column, 0], [0, 0, last_row, last_row])
-
-    def plane(self) -> tuple[FloatArray, FloatArray] | None:
-        """A point (3,) of the board's plane and its unit normal (3,), None for points off one."""
-        return self.origin, self.axes[2]
 
     def _drawn_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """World points of corners of the board as drawn (..., 3)."""

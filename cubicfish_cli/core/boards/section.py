@@ -68,9 +68,7 @@ class Section:
         value = self.required(key, hint)
         if is_number(value):
             self.refuse(key, f"must be text: write it in quotes, {key}: '{value}'")
-        if not isinstance(value, str):
-            self.refuse(key, "must be text")
-        if not value.strip() or value != value.strip():
+        if not isinstance(value, str) or not value.strip() or value != value.strip():
             self.refuse(key, "must be text that does not start or end with a blank")
         if not value.isprintable() or len(value) > 100:
             self.refuse(key, "must be printable text of at most 100 characters")

@@ -23,8 +23,6 @@ from cubicfish_cli.core.boards.section import Section, are_numbers
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
-_FLAT = 1e-6
-
 
 class Checkerboard(Board):
     """Squares around inner corners, of which (0, 0) is the origin of the board's plane."""
@@ -91,16 +89,6 @@ class Charuco(Checkerboard):
             _carriers(self.columns, self.rows, self.first_square, inverted=self.markers.inverted)
         )
         return np.stack([self.markers.first + np.arange(self.markers.count), column, row], axis=-1)
-
-    def with_negative_markers(self) -> Board:
-        """The board with light and dark exchanged."""
-        if self.markers is None:
-            return self
-        return replace(
-            self,
-            first_square="light" if self.first_square == "dark" else "dark",
-            markers=replace(self.markers, inverted=not self.markers.inverted),
-        )
 
 
 class AprilGrid(Board):
@@ -202,14 +190,6 @@ class PointList(Board):
     def outline(self) -> FloatArray:
         """All points."""
         return self._points
-
-    def plane(self) -> tuple[FloatArray, FloatArray] | None:
-        """As :meth:`Board.plane`, for points in one plane to a millionth of their extent."""
-        middle = self._points.mean(axis=0)
-        _, extents, axes = np.linalg.svd(self._points - middle, full_matrices=True)
-        if len(extents) == 3 and extents[2] > _FLAT * extents[0]:
-            return None
-        return middle, axes[2]
 
     def _drawn_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         return self._points[np.asarray(column, int)]

@@ -33,14 +33,13 @@ from cubicfish_cli.core.plain_yaml import (
     refuse_unknown,
     refuse_version,
 )
-from cubicfish_cli.core.reading import read_text
+from cubicfish_cli.core.reading import MAX_SIDE, read_text
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import quoted
 
 FORMAT_VERSION = 1
 # A calibration of some ten thousand photos; nobody's camera file is larger.
 _MAX_BYTES = 64 * 1024 * 1024
-_MAX_SIDE = 100_000
 _MAX_DEPTH = 8  # the reader takes no more than a few levels
 _RADIAL = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 _KEYS = (
@@ -268,7 +267,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
             "'camera': calibrate again"
         )
     size = file.numbers("image_size", 2)
-    if not all(side == int(side) and 0 < side <= _MAX_SIDE for side in size):
+    if not all(side == int(side) and 0 < side <= MAX_SIDE for side in size):
         file.refuse("image_size must be two whole numbers above 0")
     image_size = (int(size[0]), int(size[1]))
     P = file.numbers("P", 3, SIZE)

@@ -12,7 +12,6 @@ import numpy as np
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.observations import (
-    MAX_SIDE,
     Observations,
     first_bad_weight,
     first_outside,
@@ -20,7 +19,7 @@ from cubicfish_cli.core.observations import (
     first_repeated,
     no_such_board,
 )
-from cubicfish_cli.core.reading import MAX_COORDINATE
+from cubicfish_cli.core.reading import MAX_COORDINATE, MAX_SIDE
 from cubicfish_cli.core.tables import Table, csv_text, read_table
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray
@@ -166,27 +165,19 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
 
 def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
     """The image size from the file's first line, from the caller, or from both if they agree."""
-    match = re.fullmatch(r"cubicfish\s+(\w+)\s+([^\s,]+)\s*(?:,\s*(.*))?", table.comment)
-    if match is None:
+    if not table.comment.startswith("cubicfish"):
         if given is None:
             raise CorrespondenceError(
                 f"{table.name}: the image size is not known: add --size WxH, or start the file "
                 f"with the line '# cubicfish {kind} 1, image_size WxH'"
             )
         return given
-    if match[1] != kind:
-        raise CorrespondenceError(
-            f"{table.name}, line 1: a file of {kind} is expected, this one holds {quoted(match[1])}"
-        )
-    if match[2] not in map(str, range(1, _VERSIONS[kind] + 1)):
-        raise CorrespondenceError(
-            f"{table.name}, line 1: version {quoted(match[2])[1:-1]} of this format is not known "
-            "here: use a newer cubicfish"
-        )
-    size = re.fullmatch(r"image_size\s+(\S+)", match[3] or "")
+    version = f"[1-{_VERSIONS[kind]}]"
+    size = re.fullmatch(rf"cubicfish\s+{kind}\s+{version}\s*,\s*image_size\s+(\S+)", table.comment)
     if size is None:
         raise CorrespondenceError(
-            f"{table.name}, line 1: 'image_size WxH', and nothing else, belongs behind the version"
+            f"{table.name}, line 1: it must be '# cubicfish {kind} 1, image_size WxH', not "
+            f"{quoted(table.comment)}: name another file, or use a newer cubicfish"
         )
     try:
         stated = parse_size(size[1])

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
 
 _SQUARE_TOLERANCE = 1e-6
-_LIMIT = 1e9
 # Where the scale of the photo is looked up, along each side of the plane's part.
 _LOOKS = 15
 _STEP = 1e-3
@@ -58,10 +57,10 @@ def build_plane(
 
     """
     refusal = Refusal(error=ViewError)
-    turn = refusal.numbers(rotation, "rotation", 3, limit=_LIMIT)
+    turn = refusal.numbers(rotation, "rotation", 3)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=_SQUARE_TOLERANCE):
         raise ViewError("rotation is no rotation matrix (3, 3)")
-    place = refusal.numbers([np.asarray(translation)], "translation", 3, limit=_LIMIT)[0]
+    place = refusal.numbers([np.asarray(translation)], "translation", 3)[0]
     plane = board_with_plane(target, board)
     beyond = plane.square if margin is None else margin
     low, high = plane.plane_points([0, plane.columns - 1], [0, plane.rows - 1])

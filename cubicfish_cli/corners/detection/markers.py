@@ -121,7 +121,7 @@ def _however_printed(
 def _with_markers(target: Target, *, inverted: bool) -> Target | None:
     """The target with only the inverted markers, as positive ones, or only the others; or None."""
     boards = [
-        (board.with_negative_markers() if inverted else board)
+        (board.with_other_colours() if inverted else board)
         if board.markers is not None and board.markers.inverted == inverted
         else replace(board, markers=None)
         for board in target.boards

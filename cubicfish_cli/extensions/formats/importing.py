@@ -21,7 +21,6 @@ from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.io.camera_yaml import CameraFile
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.observations import MAX_SIDE
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 _REFUSAL = Refusal(error=CameraFileError)
@@ -105,7 +104,7 @@ def import_camera(
         )
     size = None
     if image_size is not None:
-        size = _REFUSAL.size(image_size, "image_size", limit=MAX_SIDE)
+        size = _REFUSAL.size(image_size)
     lens, found = read_foreign(path, name=written_by, camera=camera, image_size=size)
     own = own_field_deg(path)
     made = from_lens(lens, max_angle_deg=max_angle_deg or own or LARGEST_FIELD_DEG)
