@@ -92,8 +92,7 @@ def test_a_terminal_shows_the_worst_twelve(monkeypatch: pytest.MonkeyPatch, colu
                  errors=ErrorStatistics(rms_px=n / 100, median_px=n / 120, p95_px=n / 60))
         for n in range(1, 41)
     ]  # fmt: skip
-    total = ErrorStatistics(rms_px=0.2, median_px=0.1, p95_px=0.4, max_px=1.0)
-    figures.print_photo_table(rows, ["board"], total)
+    figures.print_photo_table(rows, ["board"])
     shown = [line.split()[0] for line in screen.text.splitlines() if line.startswith("p")][1:]
     assert shown == [f"p{n:02}.jpg" for n in range(40, 28, -1)]
     assert widest(screen.text) <= columns

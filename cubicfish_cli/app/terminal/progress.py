@@ -9,7 +9,7 @@ import atexit
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +32,7 @@ from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
 
 if TYPE_CHECKING:
+    from cubicfish_cli.app.executors.pool import Executor
     from cubicfish_cli.app.listener import Event
     from cubicfish_cli.core.finding import Finding
 
@@ -146,6 +147,24 @@ def say_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
     say_found([replace(why, images=(photo,)) for photo, why in rejected.items()], f"left out: {of}")
 
 
+class _Cluster:
+    """The workers of a scheduler, who are called when there is work: mistakes are told first."""
+
+    def __init__(self, address: str, listener: _Shown, stack: ExitStack) -> None:
+        self._address, self._listener, self._stack = address, listener, stack
+        self._there: Executor | None = None
+
+    def each(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        if self._there is None:
+            from cubicfish_cli.app.executors.cluster import connect
+
+            self._listener.end()
+            self._there = there = self._stack.enter_context(connect(self._address))
+            threads = plural(there.threads, "thread")
+            say(f"Using {plural(there.workers, 'worker')} with {threads} at {self._address}.")
+        return self._there.each(work, items)
+
+
 @record
 class How:
     """How a command does its work, and answers; each command has some of these options.
@@ -179,13 +198,7 @@ class How:
         listener = _Shown()
         with ExitStack() as there:
             there.callback(listener.end)
-            executor = None
-            if self.scheduler is not None:
-                from cubicfish_cli.app.executors.cluster import connect
-
-                executor = there.enter_context(connect(self.scheduler))
-                workers, threads = executor.workers, plural(executor.threads, "thread")
-                say(f"Using {plural(workers, 'worker')} with {threads} at {self.scheduler}.")
+            executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
             yield Run(
                 jobs=self.jobs,
                 cache=cache_folder(),

@@ -132,6 +132,8 @@ def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
     for path in matches:
         if not matches[path]:
             raise PhotoError(f"{path} matches no film: check the name and the current folder")
+    if not matches:
+        raise PhotoError("no film was given: name one, or a pattern that matches some")
     return [match for every in matches.values() for match in every]
 
 
