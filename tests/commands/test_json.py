@@ -176,10 +176,9 @@ def test_report(run: Run, model: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_advise(run: Run, calibrated: Path, tmp_path: Path) -> None:
-    line = ("advise", calibrated, "-o", tmp_path / "a.svg", "--poses", tmp_path / "p.csv")
+    line = ("advise", calibrated, "-o", tmp_path / "a.svg")
     (one,) = records(run, line)
     assert one["picture"] == str(tmp_path / "a.svg")
-    assert one["poses"] == str(tmp_path / "p.csv")
 
 
 def test_undistort(run: Run, model: Path, tmp_path: Path) -> None:

@@ -103,7 +103,6 @@ def advise(
     *,
     goal_px: float | None = None,
     proposals: int = PROPOSALS,
-    seed: int = 0,
 ) -> Advice:
     """Say what photos so far leave open and what to photograph next.
 
@@ -116,7 +115,6 @@ def advise(
             the verdict. By default photos are enough where the verdict asks for none, and
             proposals aim at :func:`default_goal`.
         proposals: how many photos to propose.
-        seed: of the poses that are tried.
 
     Raises:
         FitError: pairs and camera do not belong together.
@@ -145,7 +143,7 @@ def advise(
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, within, notes, reach_of(own, blind=blind), seed)
+        views = _views(knowledge, target, within, notes, reach_of(own, blind=blind))
         if knowledge is not None and views:
             found, needed = proposed(knowledge, views, gaps.cells, rays, goal, proposals)
         short = (FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS) - len(pairs.images)
@@ -198,7 +196,6 @@ def _views(
     within: Distances | None,
     notes: list[Finding],
     lens: WholeLens,
-    seed: int,
 ) -> list[Viewpoint]:
     """Poses to choose from; where there can be none, ``notes`` says why."""
     if target is None:
@@ -210,7 +207,7 @@ def _views(
     if knowledge is None:
         return []
     size = knowledge.camera.image_size
-    views = sample_views(target, lens, size, _VIEWS, seed=seed, within=within)
+    views = sample_views(target, lens, size, _VIEWS, within=within)
     if not views:
         notes.append(Finding(code=Code.NO_VIEW))
     return views

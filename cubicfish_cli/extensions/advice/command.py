@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.terminal import options
@@ -16,7 +14,7 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.core.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice
@@ -34,9 +32,7 @@ class AdviseOptions:
         target: the calibration target as drawn, where it is not at its recorded place.
         corners: the corners.csv of the fit, where it is not beside the camera.
         picture: also draws where the target should appear: .svg, .png or .pdf.
-        poses: also writes the proposed poses.
         goal_px: the uncertainty wanted over 95 % of the field; without it the verdict decides.
-        seed: another one tries other poses.
 
     """
 
@@ -52,22 +48,11 @@ class AdviseOptions:
         "'cubicfish[report]'.",
         metavar="FILE",
     )
-    poses: StrPath | None = option(
-        "--poses FILE",
-        "Also write the proposed poses, for 'cubicfish simulate --poses'.",
-        options.FILE,
-    )
     goal_px: float | None = option(
         "--goal PX",
         "The uncertainty wanted over 95 % of the field. Without it, photos are enough where the "
         "verdict asks for none.",
         FloatRange(min=0, min_open=True),
-    )
-    seed: int = option(
-        "--seed N",
-        "Other poses are tried; the same seed gives the same proposals.",
-        click.IntRange(0),
-        0,
     )
 
 
@@ -79,19 +64,16 @@ class AdviceFiles:
         model: the camera's file.
         advice: what photos leave open, and which to take next.
         picture: the drawing; None where none was asked for.
-        poses: the table of proposed poses; likewise.
 
     """
 
     model: Path
     advice: Advice
     picture: Path | None = None
-    poses: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish advise --json`` prints."""
-        files = {"model": self.model, "picture": self.picture, "poses": self.poses}
-        return {**self.advice.as_record(), **files}
+        return {**self.advice.as_record(), "model": self.model, "picture": self.picture}
 
 
 def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
@@ -104,19 +86,18 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
 
     """
     from cubicfish_cli.app.calibration_facts import facts_of_files
-    from cubicfish_cli.app.viewpoints.truth import pose_table_text
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.extensions.advice.advise import advise
 
-    named = (asked.picture, asked.poses, asked.corners, asked.target)
-    drawing, table, given, drawn = map(path_or_none, named)
+    drawing, given, drawn = map(path_or_none, (asked.picture, asked.corners, asked.target))
     if drawing is not None and drawing.suffix.lower() not in _PICTURES:
         raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
     if drawing is not None and extra.missing(extra.PRINTING):
         raise CubicfishError(f"a picture needs matplotlib: {extra.INSTALL}")
-    if run.overwrite and drawing is None and table is None:
-        raise UsageError("--overwrite goes with -o or --poses, which write files: leave it out")
-    refuse_existing(*filter(None, (drawing, table)), overwrite=run.overwrite)
+    if run.overwrite and drawing is None:
+        raise UsageError("--overwrite goes with -o, which writes a file: leave it out")
+    if drawing is not None:
+        refuse_existing(drawing, overwrite=run.overwrite)
     path = in_folder(Path(asked.camera))
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
     if given is not None and facts.target is None:
@@ -132,23 +113,14 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         raise CubicfishError(f"{path}: {facts.lack}: {do}")
     run.listener.progress("Looking for photos that would help")
     advice = advise(
-        facts.camera,
-        facts.fit,
-        facts.errors.pairs,
-        facts.target,
-        goal_px=asked.goal_px,
-        seed=asked.seed,
+        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=asked.goal_px
     )
-    files: dict[Path, Content] = {}
     if drawing is not None:
         with extra.quiet():
             from cubicfish_cli.extensions.advice.picture import advice_picture
-        files[drawing] = advice_picture(advice, drawing.suffix.lower())
-    if table is not None:
-        poses = {f"next_{i}.jpg": one.view.pose for i, one in enumerate(advice.proposals, start=1)}
-        files[table] = pose_table_text(poses)
-    write_files(files, overwrite=run.overwrite)
-    return AdviceFiles(model=path, advice=advice, picture=drawing, poses=table)
+        picture = advice_picture(advice, drawing.suffix.lower())
+        write_files({drawing: picture}, overwrite=run.overwrite)
+    return AdviceFiles(model=path, advice=advice, picture=drawing)
 
 
 @as_command(
@@ -157,7 +129,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     "cubicfish advise",
     "cubicfish advise calibration/ -o advice.svg",
     "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",
-    "cubicfish advise --goal 0.05 --poses next.csv",
+    "cubicfish advise --goal 0.05",
     do=advise_files,
     how=("overwrite", "as_json"),
 )
@@ -173,7 +145,8 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
     if how.print(made):
         return
     _print(made.advice)
-    print_wrote([path for path in (made.picture, made.poses) if path is not None])
+    if made.picture is not None:
+        print_wrote([made.picture])
 
 
 def _print(advice: Advice) -> None:

@@ -139,8 +139,7 @@ SCENARIOS = {
         ),
         Scenario(
             name="advise",
-            args=("advise", "in/calibration", *OBJECT, "-o", "out/next.svg",
-                  "--poses", "out/next.csv"),
+            args=("advise", "in/calibration", *OBJECT, "-o", "out/next.svg"),
             prepare=fault_inputs.camera_and_corners,
         ),
         Scenario(
