@@ -17,6 +17,7 @@ from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import all_around, ray_at
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import Brief
 
 # Pixels that numbers are taken at, and rays that the frames are aligned by.
 _PIXELS = 40_000
@@ -30,7 +31,7 @@ _START_SHARE = 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Brief):
     """Differences of a second camera to a first one, in the first one's pixels.
 
     Attributes:

@@ -19,7 +19,7 @@ from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.reading import MAX_COORDINATE
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.core.wording import Brief, did_you_mean, quoted
 
 _REFUSAL = Refusal(error=CorrespondenceError)
 _OF_A_ROW = (
@@ -39,7 +39,7 @@ _ALL: BoolArray = np.ones(0, bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Observations:
+class Observations(Brief):
     """Corners of boards, or points, seen in photos: the paper's pairs M ↔ m.
 
     What looks for corners knows their names, and their world points once it is known of which

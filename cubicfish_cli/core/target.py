@@ -19,7 +19,7 @@ from cubicfish_cli.core.boards.types import BOARD_TYPES
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.plain_yaml import load_plain_yaml, plain_yaml_text
 from cubicfish_cli.core.types import FloatArray, IntArray
-from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.core.wording import Brief, quoted
 
 # A refined target of some ten thousand corners, each with its offset.
 MAX_BYTES = 4_000_000
@@ -27,7 +27,7 @@ MAX_BOARDS = 256
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Target:
+class Target(Brief):
     """A rigid calibration target: several boards in one world frame, in one unit of length."""
 
     units: str

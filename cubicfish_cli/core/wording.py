@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 LONGEST_QUOTE = 60
+_LONGEST_LINE = 100
+_FEW = 3
 _MOST_NAMES = 6
 
 
@@ -47,3 +51,23 @@ def listed(names: Sequence[str], what: str) -> str:
         return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
     few = _MOST_NAMES - 2
     return f"{', '.join(names[:few])} and {len(names) - few} more {what}"
+
+
+class Brief:
+    """A dataclass that shows itself in one short line, its arrays by their shapes alone."""
+
+    def __repr__(self) -> str:
+        """Its name and its fields, as far as there is room."""
+        record: Any = self
+        parts = (f"{one.name} {_in_short(getattr(self, one.name))}" for one in fields(record))
+        line = f"<{type(self).__name__}: {', '.join(parts)}>"
+        return line if len(line) <= _LONGEST_LINE else line[: _LONGEST_LINE - 2] + "…>"
+
+
+def _in_short(value: object) -> str:
+    if hasattr(value, "shape"):
+        return "x".join(map(str, value.shape)) or str(value)
+    if isinstance(value, tuple | list | Mapping):
+        plain = len(value) <= _FEW and all(isinstance(one, str | int | float) for one in value)
+        return repr(value) if plain else str(len(value))
+    return type(value).__name__ if is_dataclass(value) else repr(value)

@@ -1,6 +1,10 @@
+from dataclasses import dataclass, field
+
+import numpy as np
 import pytest
 
-from cubicfish_cli.core.wording import did_you_mean, either, quoted
+from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import Brief, did_you_mean, either, quoted
 
 
 def test_quotes_are_one_short_printable_line() -> None:
@@ -29,3 +33,17 @@ def test_a_long_list_is_cut() -> None:
 
 def test_choices_are_listed_as_one_says_them():
     assert [either(words) for words in ("a", "ab", "abc")] == ["a", "a or b", "a, b or c"]
+
+
+@dataclass(repr=False)
+class Shown(Brief):
+    size: tuple[int, int] = (960, 720)
+    P: FloatArray = field(default_factory=lambda: np.zeros((3, 20)))
+    names: tuple[str, ...] = ("a",) * 1000
+    inner: object = None
+
+
+def test_a_record_shows_as_one_short_line() -> None:
+    inner = Shown(inner="x" * 200)
+    assert repr(Shown(inner=inner)) == "<Shown: size (960, 720), P 3x20, names 1000, inner Shown>"
+    assert len(repr(inner)) == 100

@@ -356,9 +356,11 @@ def command_line() -> str:
         if given is not ParameterSource.COMMANDLINE:
             continue
         names = parameter.secondary_opts if value is False else parameter.opts
-        words.append(max(names or parameter.opts, key=len))
-        if not isinstance(value, bool):
-            words.append("x".join(map(str, value)) if isinstance(value, tuple) else str(value))
+        given_often = isinstance(parameter, click.Option) and parameter.multiple
+        for one in (value or ()) if given_often else (value,):
+            words.append(max(names or parameter.opts, key=len))
+            if not isinstance(one, bool):
+                words.append("x".join(map(str, one)) if isinstance(one, tuple) else str(one))
     return as_text(shlex.join(words))
 
 

@@ -21,10 +21,11 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import best_named
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray
+from cubicfish_cli.core.wording import Brief
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Evaluation:
+class Evaluation(Brief):
     """Reprojection errors of a known camera on pairs.
 
     Attributes:

@@ -10,10 +10,11 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.wording import Brief
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Poses:
+class Poses(Brief):
     """camera_from_world of every photo: Xc = R X + t.
 
     Attributes:

@@ -24,6 +24,7 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at, rays_of_pixels
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.units import times
+from cubicfish_cli.core.wording import Brief
 
 # Pixel -> ray is exact to this many pixels; what does not get there is NaN.
 UNPROJECT_TOLERANCE_PX = 1e-6
@@ -39,7 +40,7 @@ _HALVINGS = 30
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CubicCamera:
+class CubicCamera(Brief):
     """A fisheye camera: pixels are ratios of cubics in the unit ray.
 
     Attributes:

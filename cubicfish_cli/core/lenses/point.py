@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.lenses.lift import SIZE, lift
 from cubicfish_cli.core.types import BoolArray, FloatArray
+from cubicfish_cli.core.wording import Brief
 
 Frame = Literal["world", "camera"]
 
@@ -27,7 +28,7 @@ _ON_BOARD = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PointCamera:
+class PointCamera(Brief):
     """A ratio of cubics in the point.
 
     Attributes:

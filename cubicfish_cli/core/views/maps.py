@@ -26,6 +26,7 @@ from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.views.cubic_grid import grid_of
 from cubicfish_cli.core.views.view import MAX_SIDE, PlaneView, PointProjector, View
+from cubicfish_cli.core.wording import Brief
 
 FORMAT = "cubicfish undistort_map 1"
 REDISTORT_FORMAT = "cubicfish redistort_map 1"
@@ -38,7 +39,7 @@ _EDGE_LOOKS = 200  # along a side of the photo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class UndistortMap:
+class UndistortMap(Brief):
     """Where each pixel of a view comes from in the photo.
 
     ``cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR)`` renders the view.

@@ -20,7 +20,7 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray
-from cubicfish_cli.core.wording import listed
+from cubicfish_cli.core.wording import Brief, listed
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
 
 if TYPE_CHECKING:  # tables have no grids to be named, and ask for none of what names them
@@ -231,7 +231,7 @@ class PhotoReport:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Detection:
+class Detection(Brief):
     """The corners found in a set of photos.
 
     Attributes:
