@@ -21,12 +21,12 @@ from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.listener import SILENT, Event, Listener
 from cubicfish_cli.app.look import GridCache, Look, look_at, refused
-from cubicfish_cli.app.photos import Photo, Picture, find_photos, refuse_no_picture
+from cubicfish_cli.app.photos import Photo, find_photos, refuse_no_picture
 from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.errors import DetectionError, OutputError, PhotoError
+from cubicfish_cli.core.errors import DetectionError, OutputError
 from cubicfish_cli.core.files import refuse_outside
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
@@ -97,11 +97,7 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
     """
     run.listener.tell(Event.LOOKING, photos=len(photos))
     work = run.work("Finding corners")
-    if len(targets) == 1:
-        cache = None if run.cache is None else GridCache(folder=run.cache.absolute())
-        detection = detect_corners(photos, targets[0], work, cache)
-    else:
-        detection = first_look(photos, targets, work, run.cache)
+    detection = first_look(photos, targets, work, run.cache)
     target = detection.corners.target
     if target is not None:
         detection = second_pass(photos, detection, target, run.work("Looking again"))
@@ -176,9 +172,9 @@ def first_look(
 
     """
     with ExitStack() as stack:
-        if cache is None:  # photos are searched once for all targets
+        if cache is None and len(targets) > 1:  # photos are searched once for all targets
             cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
-        grids = GridCache(folder=Path(cache).absolute())
+        grids = None if cache is None else GridCache(folder=Path(cache).absolute())
         found: list[Detection] = []
         for number, target in enumerate(targets, start=1):
             try:
@@ -293,7 +289,7 @@ def detect_corners(
     about: dict[str, Any] = {
         "photos": len(photos),
         "names": names,
-        "picture": lambda number: _brightness(photos[usable[number]]),
+        "picture": lambda number: photos[usable[number]].grey_if_readable(),
         "target": target,
         "with_boards": sum(with_boards),
         "lost": [
@@ -346,14 +342,6 @@ def _of_size(one: Look, name: str, size: tuple[int, int]) -> Look:
     figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
     case = "turned" if (height, width) == size else ""
     return Look(grids=None, refusal=refused(name, Code.OTHER_SIZE, case, **figures))
-
-
-def _brightness(photo: Photo) -> Picture | None:
-    """What a photo shows, once more; None where it is there no longer."""
-    try:
-        return photo.read_grey()
-    except PhotoError:
-        return None
 
 
 def _twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from cubicfish_cli.core.errors import MISSING, CubicfishError, PhotoError
 from cubicfish_cli.core.files import on_host
 from cubicfish_cli.core.threads import Shared
-from cubicfish_cli.core.wording import either, quoted
+from cubicfish_cli.core.wording import either, listed, quoted
 from cubicfish_cli.corners.mosaic import evened
 
 Picture = npt.NDArray[np.integer[Any] | np.floating[Any]]
@@ -55,7 +55,6 @@ _PHONES = re.compile(rb"avi[fs]|he[iv][a-z]|mif1|msf1")
 _NAMES = ".png .jpg .jpeg .jpe .tif .tiff .bmp .dib .webp .pgm .ppm .pnm"
 SUFFIXES = frozenset(_NAMES.split())
 _MISSED_SUFFIXES = VIDEO_SUFFIXES | OTHER_SUFFIXES | RAW_SUFFIXES
-_FEW_NAMES = 4
 
 MAX_PIXELS = 200_000_000
 """More than any camera has; a small file that claims more is refused before it fills memory."""
@@ -93,6 +92,13 @@ class Photo:
 
         """
         return read_grey(self.path) if self.picture is None else grey(self.picture)
+
+    def grey_if_readable(self) -> Picture | None:
+        """Its brightness; None where it cannot be read."""
+        try:
+            return self.read_grey()
+        except PhotoError:
+            return None
 
 
 def is_photo_name(path: Path) -> bool:
@@ -165,15 +171,9 @@ def _missed(paths: Sequence[Path]) -> str:
     names = [shown(path.name) for path in dict.fromkeys(paths)]
     files = f"{len(names)} file{'s' * (len(names) > 1)}"
     return (
-        f"{files} left out ({_first(names)}): photos are {_READABLE} files with plain names; save "
-        "others so, in full size, and take frames from videos with 'cubicfish frames'"
+        f"{files} left out ({listed(names, 'files')}): photos are {_READABLE} files with plain "
+        "names; save others so, in full size, and take frames from videos with 'cubicfish frames'"
     )
-
-
-def _first(names: Sequence[str]) -> str:
-    """The first of some names, and how many more there are."""
-    more = f" and {len(names) - _FEW_NAMES} more" * (len(names) > _FEW_NAMES)
-    return ", ".join(names[:_FEW_NAMES]) + more
 
 
 def expanded(name: str | os.PathLike[str]) -> list[Path]:
@@ -222,7 +222,7 @@ def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
         below = [shown(path) for path in entries if path.is_dir() and path.name[:1] != "."]
         there = f", only {', '.join(others[:5])}" if others else ""
         if below and not others:
-            there = f", only folders ({_first(below)})"
+            there = f", only folders ({listed(below, 'folders')})"
         raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
     missed += [path for path in files if _may_be_missed(path)]
     return photos
@@ -242,15 +242,11 @@ def _names(paths: Sequence[Path]) -> list[str]:
     absolute = [os.path.abspath(path) for path in paths]
     try:
         common = os.path.commonpath([os.path.dirname(path) for path in absolute])
-    except ValueError:  # on different drives
-        common = ""
-    names = [Path(os.path.relpath(path, common or None)).as_posix() for path in absolute]
-    for index, name in enumerate(names):
-        if not common or name in names[:index]:
-            raise PhotoError(
-                f"{shown(paths[index])}: another photo has the same name: rename one of them"
-            )
-    return names
+    except ValueError as problem:  # on different drives
+        raise PhotoError(
+            f"{shown(paths[0])}: another photo has the same name: rename one of them"
+        ) from problem
+    return [Path(os.path.relpath(path, common)).as_posix() for path in absolute]
 
 
 def read_picture(path: Path | str) -> Picture:

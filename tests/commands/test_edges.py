@@ -129,7 +129,7 @@ def test_files_that_are_missed_among_photos_are_counted_and_named(run: Run, tmp_
         (photos / name).write_bytes(b"x")
     (photos / "corner_02.jpg").write_bytes(PHOTO.read_bytes()[:2000])
     said = run("detect", photos, "-t", TARGET, "-o", tmp_path / "c.csv")
-    assert "4 files left out (a.HEIC, b.heic, film.mp4, raw.dng): " in said.stderr
+    assert "4 files left out (a.HEIC, b.heic, film.mp4 and raw.dng): " in said.stderr
     assert "notes.txt" not in said.stderr
     (row,) = (line for line in said.stdout.splitlines() if line.startswith("corner_02"))
     assert row.endswith("cannot be read")
@@ -139,7 +139,7 @@ def test_a_folder_of_folders_names_them(run: Run, tmp_path: Path) -> None:
     for name in ("cam0", "cam1"):
         (tmp_path / "rig" / name).mkdir(parents=True)
     error = run("detect", tmp_path / "rig", "-t", TARGET, "-o", tmp_path / "c.csv", code=1).stderr
-    assert f"only folders ({tmp_path}/rig/cam0, {tmp_path}/rig/cam1)" in error
+    assert f"only folders ({tmp_path}/rig/cam0 and {tmp_path}/rig/cam1)" in error
 
 
 def test_several_photos_do_not_become_a_folder_with_a_files_name(

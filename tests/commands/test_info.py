@@ -161,6 +161,9 @@ def test_every_command_takes_a_folder_and_names_its_own_choice(
         assert "Camera: calibration/camera.yaml.\n" in run(*line).stderr
         assert "Camera:" not in run(*line, "-q", *over(line)).stderr
         assert "Camera:" not in run(*line, "-m", calibrated, *over(line)).stderr
+    refused = run("undistort", photo, "other.png", "--crf", "20", code=2).stderr
+    assert "--crf goes with videos" in refused
+    assert "Camera:" not in refused
     monkeypatch.setenv("CUBICFISH_MODEL", str(calibrated))
     assert f"Camera: {calibrated}/camera.yaml.\n" in run("info").stderr
     run("compare", calibrated, calibrated / "camera.yaml")

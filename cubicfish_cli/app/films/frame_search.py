@@ -25,10 +25,10 @@ from cubicfish_cli.app.films.measure import sharpness
 from cubicfish_cli.app.films.scan import still_px
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.look import GridCache, look_at
-from cubicfish_cli.app.photos import Photo, photo_size
+from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.app.sufficiency.worth import Worth
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.errors import DetectionError, FitError, PhotoError
+from cubicfish_cli.core.errors import DetectionError, FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
@@ -106,9 +106,8 @@ def found_in(
 
 
 def _glimpse(photo: Photo, *, marked: Target | None) -> Glimpse | None:
-    try:
-        grey = photo.read_grey()
-    except PhotoError:
+    grey = photo.grey_if_readable()
+    if grey is None:
         return None
     return glance_at_grids(grey) if marked is None else glance_at_markers(grey, marked)
 
@@ -294,16 +293,17 @@ def choose_photos(
         DetectionError: none shows the target.
 
     """
-    sizes = [_size_of(photo) for photo in photos]
-    known = Counter(size for size in sizes if size is not None)
+    measured = replace(run, executor=None).work("Measuring sharpness").done(_measured, photos)
+    known = Counter(one[0] for one in measured if one is not None)
     if not known:
         raise DetectionError("none of the photos can be read: check the files")
     size = known.most_common(1)[0][0]
-    usual = [photo for photo, own in zip(photos, sizes, strict=True) if own == size]
-    sharp = replace(run, executor=None).work("Measuring sharpness").done(_sharpness, usual)
+    pairs = zip(photos, measured, strict=True)
+    sharp = {photo: one[1] for photo, one in pairs if one is not None and one[0] == size}
+    usual = list(sharp)
     search = Search(
         photos=usual,
-        seen=[Seen(sharpness=one) for one in sharp],
+        seen=[Seen(sharpness=one) for one in sharp.values()],
         size=size,
         most=most,
         targets=targets,
@@ -321,16 +321,7 @@ def why_ended(choice: Choice, what: str) -> str:
     return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
 
 
-def _size_of(photo: Photo) -> tuple[int, int] | None:
-    """Its (width, height); None for a damaged one, which is left out with a word later."""
-    try:
-        return photo_size(photo.path)
-    except PhotoError:
-        return None
-
-
-def _sharpness(photo: Photo) -> float:
-    try:
-        return sharpness(photo.read_grey())
-    except PhotoError:
-        return 0.0
+def _measured(photo: Photo) -> tuple[tuple[int, int], float] | None:
+    """Its (width, height) and sharpness; None for a damaged one, which takes no part."""
+    grey = photo.grey_if_readable()
+    return None if grey is None else ((grey.shape[1], grey.shape[0]), sharpness(grey))

@@ -7,7 +7,6 @@ come as PyAV has them, so that what reads films reads these too.
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -21,11 +20,6 @@ import numpy.typing as npt
 from cubicfish_cli.app.photos import MAX_PIXELS, shown
 from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
-# What bytes that are not what they seem make Python raise.
-_OF_BYTES = (
-    *(OSError, EOFError, ValueError, KeyError, IndexError, OverflowError, MemoryError),
-    *(struct.error, RuntimeError),
-)
 Picture = npt.NDArray[Any]
 
 SUFFIXES = (".bag", ".mcap", ".db3")
@@ -97,12 +91,11 @@ class Recording:
         try:
             self._connections = self._of_topic(topic)
             first = next(self.frames(), None)
+            if first is None:
+                raise PhotoError(f"{shown(path)} holds no images")
         except BaseException:
             self.close()
             raise
-        if first is None:
-            self.close()
-            raise PhotoError(f"{shown(path)} holds no images")
         self.stream = SimpleNamespace(
             width=first.width,
             height=first.height,
@@ -126,11 +119,10 @@ class Recording:
         """
         import av
 
-        last: int | None = None
+        pts = -1
         for count, (stamp, message) in enumerate(self._messages(), start=1):
             # A clock that was set back would put frames on top of each other.
-            pts = stamp if last is None else max(stamp, last + 1)
-            last = pts
+            pts = max(stamp, pts + 1)
             picture = self._picture(message, count)
             if picture.shape[0] * picture.shape[1] > MAX_PIXELS:
                 raise PhotoError(f"{shown(self._path)}: image {count} is too large to be read")
@@ -148,7 +140,7 @@ class Recording:
                 stamp = message.header.stamp
                 count += 1
                 yield int(stamp.sec) * 10**9 + int(stamp.nanosec) or int(recorded), message
-        except _damage() as problem:
+        except Exception as problem:  # whatever rosbags makes of bytes that are not what they seem
             raise PhotoError(
                 f"{shown(self._path)} is damaged after image {count} ({problem}): copy it again, "
                 "or let `rosbag reindex` or `mcap recover` mend it"
@@ -184,7 +176,7 @@ class Recording:
         try:
             reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
             reader.open()
-        except _damage() as problem:
+        except Exception as problem:  # as above
             raise PhotoError(
                 f"{shown(self._path)} cannot be read as a recording ({problem}): copy it again"
             ) from problem
@@ -225,13 +217,3 @@ def _of_raw(message: Any, where: str) -> Picture:
     picture = rows.reshape((height, width, numbers) if numbers > 1 else (height, width))
     picture = np.ascontiguousarray(picture)
     return picture if conversion is None else np.asarray(cv2.cvtColor(picture, conversion))
-
-
-def _damage() -> tuple[type[Exception], ...]:
-    """What rosbags raises of files that are not what they seem."""
-    from rosbags.highlevel import AnyReaderError
-    from rosbags.rosbag1 import ReaderError as Of1
-    from rosbags.rosbag2 import ReaderError as Of2
-    from rosbags.serde import SerdeError
-
-    return AnyReaderError, Of1, Of2, SerdeError, *_OF_BYTES

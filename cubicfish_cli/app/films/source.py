@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from os.path import realpath
 from pathlib import Path
@@ -48,7 +49,8 @@ def library() -> Any:
     return av
 
 
-class opened:
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     """A film's container and its first stream of pictures, for a ``with`` block.
 
     Raises:
@@ -56,41 +58,32 @@ class opened:
         OutputError: the extra ``video`` is not installed.
 
     """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> tuple[Any, Any]:
-        if is_recording(self._path):
-            recording = Recording(self._path)
-            self._container: Any = recording
-            return recording, recording.stream
-        av = library()
-        # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
-        # lock to say something, while Python, which holds it, waits for them to end.
-        av.logging.set_level(None)
-        if not Path(self._path).is_file():
-            there = Path(self._path).exists()
-            raise PhotoError(f"{shown(self._path)} {'is no file' if there else MISSING}")
-        try:
-            # As ``options`` PyAV before 18 hands them to every stream that it finds later on, too,
-            # by a list that is as long as the streams known at first: MPEG files crash.
-            self._container = av.open(f"file:{self._path}", container_options=_ONLY)
-        except av.FFmpegError as problem:
-            raise PhotoError(
-                f"{shown(self._path)} cannot be read as a video ({problem.strerror}): "
-                "copy it again or convert it with ffmpeg"
-            ) from problem
-        if not self._container.streams.video:
-            self._container.close()
-            raise PhotoError(f"{shown(self._path)} holds no video")
-        stream = self._container.streams.video[0]
+    if is_recording(path):
+        with closing(Recording(path)) as recording:
+            yield recording, recording.stream
+        return
+    av = library()
+    # What matters comes back as an error. At any other level FFmpeg's threads wait for Python's
+    # lock to say something, while Python, which holds it, waits for them to end.
+    av.logging.set_level(None)
+    if not path.is_file():
+        raise PhotoError(f"{shown(path)} {'is no file' if path.exists() else MISSING}")
+    try:
+        # As ``options`` PyAV before 18 hands them to every stream that it finds later on, too,
+        # by a list that is as long as the streams known at first: MPEG files crash.
+        container = av.open(f"file:{path}", container_options=_ONLY)
+    except av.FFmpegError as problem:
+        raise PhotoError(
+            f"{shown(path)} cannot be read as a video ({problem.strerror}): "
+            "copy it again or convert it with ffmpeg"
+        ) from problem
+    with closing(container):
+        if not container.streams.video:
+            raise PhotoError(f"{shown(path)} holds no video")
+        stream = container.streams.video[0]
         stream.thread_type = "AUTO"
         stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
-        return self._container, stream
-
-    def __exit__(self, *_: object) -> None:
-        self._container.close()
+        yield container, stream
 
 
 def frame_count(container: Any, stream: Any) -> int:

@@ -42,6 +42,7 @@ _OPTIONS = "options"
 _CHANGES_NO_CAMERA = {
     "as_json", "folder", "jobs", "max_rms", "no_cache", "output", "overwrite", "report",
 }  # fmt: skip
+CAMERA_KEY = "cubicfish.camera"
 DEBUG_KEY = "cubicfish.debug"
 VERBOSITY_KEY = "cubicfish.verbosity"
 DEFAULT_MODEL = Path("calibration") / "camera.yaml"
@@ -467,7 +468,7 @@ def model_path(model: Path | None, calibration: Path | None = None) -> Path:
     """The camera file to read: the one that was given, else the default one if it is there.
 
     A folder stands for the camera.yaml in it. A camera that was not named on the command line is
-    named on stderr.
+    named on stderr when the work begins.
 
     Raises:
         UsageError: two were given.
@@ -486,9 +487,7 @@ def model_path(model: Path | None, calibration: Path | None = None) -> Path:
         )
     path = in_folder(path)
     if calibration is None and not is_given("model"):
-        from cubicfish_cli.app.terminal.terminal import say
-
-        say(f"Camera: {path}.")
+        click.get_current_context().meta[CAMERA_KEY] = path
     return path
 
 

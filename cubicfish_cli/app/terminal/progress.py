@@ -16,10 +16,12 @@ from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import command_line, option, record, verbosity
+from cubicfish_cli.app.terminal.options import CAMERA_KEY, command_line, option, record, verbosity
 from cubicfish_cli.app.terminal.terminal import (
     ERRORS,
     as_shown,
@@ -48,12 +50,13 @@ class _Shown(Listener):
     """Shows steps one after the other, and says what is told between them."""
 
     def __init__(self) -> None:
+        self._notes = click.get_current_context().meta
         self._step: str | None = None
         self._line: _Line | None = None
 
     def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
         if step != self._step:
-            self.end()
+            self.interrupt()
             self._step = step
             if can_redraw(sys.stderr) and verbosity() >= 0:
                 self._line = _Line(step)
@@ -61,18 +64,27 @@ class _Shown(Listener):
             self._line.show(done, total, now)
 
     def tell(self, event: Event, **figures: Any) -> None:
-        self.end()
+        self.interrupt()
         say(event.line(**figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
-        self.end()
+        self.interrupt()
         say_found(findings)
 
-    def end(self) -> None:
-        """Wipe the line away."""
+    def end(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the last step, by an error of a kind; a usage error is all that is said."""
+        if kind is not None and issubclass(kind, UsageError | click.UsageError):
+            self._notes.pop(CAMERA_KEY, None)
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """Wipe the line away; before anything else it is said which camera is taken."""
         if self._line is not None:
             self._line.close()
         self._step = self._line = None
+        camera = self._notes.pop(CAMERA_KEY, None)
+        if camera is not None:
+            say(f"Camera: {camera}.")
 
 
 class _Line:
@@ -158,7 +170,7 @@ class _Cluster:
         if self._there is None:
             from cubicfish_cli.app.executors.cluster import connect
 
-            self._listener.end()
+            self._listener.interrupt()
             self._there = there = self._stack.enter_context(connect(self._address))
             threads = plural(there.threads, "thread")
             say(f"Using {plural(there.workers, 'worker')} with {threads} at {self._address}.")
@@ -197,7 +209,7 @@ class How:
         keep_fonts(not self.no_cache)
         listener = _Shown()
         with ExitStack() as there:
-            there.callback(listener.end)
+            there.push(listener.end)
             executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
             yield Run(
                 jobs=self.jobs,

@@ -142,8 +142,9 @@ def _print(
     if columns is not None:
         lines = [wrapped(line, columns) for line in lines]
     shown = "\n".join(lines)
-    if mark is not None:
-        shown = shown.replace(mark[0], painted(*mark, stream), 1)
+    if mark is not None and has_colour(stream):
+        words, style = mark
+        shown = shown.replace(words, click.style(words, **_STYLES[style]), 1)
     echo(shown, stream)
 
 
@@ -213,13 +214,6 @@ def has_colour(stream: TextIO) -> bool:
     if os.environ.get("FORCE_COLOR"):
         return True
     return can_redraw(stream)
-
-
-def painted(text: str, style: Style | None, stream: TextIO) -> str:
-    """``text`` in a style, where the stream takes any."""
-    if style is None or not text or not has_colour(stream):
-        return text
-    return click.style(text, **_STYLES[style])
 
 
 def echo(text: str, stream: TextIO) -> None:

@@ -109,8 +109,7 @@ class Views:
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job, as :func:`write_many` asks for them."""
         picture = photos[""]
-        with MAKING:
-            maps = self.chosen(job.source, (picture.shape[1], picture.shape[0])).maps
+        maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
         return {
             part: remap_picture(picture, maps[part], self.interpolation) for part in job.outputs
         }

@@ -18,6 +18,7 @@ from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import DetectionError
 from cubicfish_cli.core.frame_names import frame_name
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.wording import listed
 
 # So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
 # so many.
@@ -28,7 +29,6 @@ _EVERY = 15
 # Frames are looked at in rounds of so many from all over the films, until more would hardly add
 # anything.
 _ROUND = 24
-_MOST_NAMED = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +119,7 @@ def chosen_of(
                 "a board in view, whole squares of it, sharp and not covered?"
             )
     except DetectionError as error:
-        raise DetectionError(f"no frame can be chosen of {listed(measured)}: {error}") from error
+        raise DetectionError(f"no frame can be chosen of {names_of(measured)}: {error}") from error
     gains = sorted(zip(search.choice.order, search.choice.gain, strict=True))
     return Chosen(
         measured=measured,
@@ -145,8 +145,6 @@ def _candidates(measured: Sequence[Measured]) -> list[Candidate]:
     return every
 
 
-def listed(films: Sequence[Measured]) -> str:
+def names_of(films: Sequence[Measured]) -> str:
     """The films' names, the first of many."""
-    names = [shown(one.film.path.name) for one in films]
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return ", ".join(names[:_MOST_NAMED]) + more
+    return listed([shown(one.film.path.name) for one in films], "films")

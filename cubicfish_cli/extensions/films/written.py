@@ -14,7 +14,7 @@ from cubicfish_cli.app.photos import data_uri, read_picture, thumbnail
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import whole_files, write_text
 from cubicfish_cli.core.frame_names import film_and_time
-from cubicfish_cli.extensions.films.frames import Chosen, listed
+from cubicfish_cli.extensions.films.frames import Chosen, names_of
 
 SHEET = "contact_sheet.html"
 _LONGEST, _QUALITY = 240, 80
@@ -75,7 +75,7 @@ def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
             f"{seen.corners} corners, sharpness {seen.sharpness:.2f}, motion {seen.motion:.1f} px, "
             f"gain {frame.gain:.2f}</figcaption></figure>"
         )
-    title = f"{plural(len(taken), 'frame')} of {listed(films)}"
+    title = f"{plural(len(taken), 'frame')} of {names_of(films)}"
     about = (
         f"Chosen of {sum(map(len, films)):,} frames; boards were looked for in "
         f"{chosen.looked_at:,}. Gain is what a frame added to those chosen before it."
