@@ -7,7 +7,6 @@ turn the film is not followed, since the lens does not turn with it.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -26,9 +25,8 @@ _ONLY = {
 }
 # A film lacks frames where it has less than this share of those that it announces.
 _WHOLE = 0.95
-# Times that go back further, or forward further, are of another film that was joined to this one,
-# seconds.
-_JOINED_BACK, _JOINED_AHEAD = 1.0, 3600.0
+# Times that go forward further are of another film that was joined to this one, seconds.
+_JOINED = 3600.0
 # Each frame of these stands by itself. Damage is passed over in silence unless it is an error.
 _SINGLE = frozenset(["mjpeg"])
 
@@ -240,7 +238,11 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
             yield frame
         return
     av = library()
-    times = Times(container, stream)
+    second, rate = 1 / stream.time_base, stream.average_rate
+    step, most = max(1, round(second / rate)) if rate else None, _JOINED * second
+    # What FFmpeg makes up there, where frames are drawn upon later ones, is out of order.
+    has_times = container.format.name != "avi" or not stream.codec_context.has_b_frames
+    last: int | None = None
     is_cut = False
     try:
         for packet in container.demux(stream, *container.streams.audio):
@@ -248,20 +250,18 @@ def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> 
                 if packet.dts is not None:  # the last packet is a mark without content
                     yield packet
                 continue
-            times.sent(packet)
             try:
                 made = packet.decode()
             except av.FFmpegError:
                 if whole:
                     raise
-                times.lost()
                 is_cut = True
                 continue
             if packet.size:  # the last one only asks for frames that are held back
                 is_cut = packet.is_corrupt
             for frame in made:
                 _refuse_another_size(source, frame, size, count)
-                times.set(frame)
+                frame.pts = last = time_after(last, frame.pts if has_times else None, step, most)
                 if whole or not frame.is_corrupt:
                     count += 1
                     yield frame
@@ -285,47 +285,18 @@ def _refuse_another_size(source: Path, frame: Any, size: tuple[int, int], count:
         )
 
 
-class Times:
-    """Times of frames, which grow from each to the next.
+def time_after(last: int | None, own: int | None, step: int | None, most: float) -> int | None:
+    """When a frame is, which is after the frame before; None where nothing says it.
 
-    AVI files have none, and what FFmpeg makes up for frames that are drawn upon later ones is out
-    of order: the order of their packets is what counts. Where films are joined, times begin anew.
+    Where films are joined, times begin anew.
+
+    Args:
+        last: when the frame before is; None for the first.
+        own: when the frame is by itself.
+        step: how long a frame lasts, where that is known.
+        most: what is longer than this after the frame before is of another film.
+
     """
-
-    def __init__(self, container: Any, stream: Any) -> None:
-        """Of a film as :class:`opened` gives it."""
-        second = 1 / stream.time_base
-        self._back, self._ahead = round(_JOINED_BACK * second), round(_JOINED_AHEAD * second)
-        rate = stream.average_rate
-        self._step = max(1, round(second / rate)) if rate else None
-        self._of_packets: deque[int] | None = deque() if container.format.name == "avi" else None
-        self._shift = 0
-        self._last: int | None = None
-
-    def sent(self, packet: Any) -> None:
-        """A packet is decoded, maybe in a while."""
-        if self._of_packets is not None and packet.size and packet.dts is not None:
-            self._of_packets.append(packet.dts)
-
-    def lost(self) -> None:
-        """A packet has no frame."""
-        if self._of_packets:
-            self._of_packets.popleft()
-
-    def set(self, frame: Any) -> None:
-        """Give a frame its time, where there is one."""
-        own, last = frame.pts, self._last
-        if self._of_packets is not None:
-            own = self._of_packets.popleft() if self._of_packets else None
-        if own is None:
-            if self._step is None:
-                return
-            pts = 0 if last is None else last + self._step
-        elif last is None or last < own <= last + self._ahead:
-            pts = own
-        else:
-            pts = own + self._shift
-            if not last - self._back <= pts <= last + self._ahead:
-                self._shift = last + (self._step or 1) - own
-            pts = max(own + self._shift, last + 1)
-        frame.pts = self._last = pts
+    if own is None:
+        return None if step is None else 0 if last is None else last + step
+    return own if last is None or last < own <= last + most else last + (step or 1)

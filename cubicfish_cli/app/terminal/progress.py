@@ -5,10 +5,8 @@ The line is on stderr, on a terminal only, and leaves nothing behind.
 
 from __future__ import annotations
 
-import atexit
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -206,14 +204,16 @@ class How:
     @contextmanager
     def run(self) -> Iterator[Run]:
         """How a function does the work; what it tells is shown meanwhile."""
-        keep_fonts(not self.no_cache)
-        listener = _Shown()
+        cache, listener = cache_folder(), _Shown()
+        if cache is not None:
+            # By itself matplotlib makes two folders of its own in the user's home.
+            os.environ.setdefault("MPLCONFIGDIR", str(cache / "matplotlib"))
         with ExitStack() as there:
             there.push(listener.end)
             executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
             yield Run(
                 jobs=self.jobs,
-                cache=cache_folder(),
+                cache=cache,
                 anew=self.no_cache,
                 overwrite=self.overwrite,
                 listener=listener,
@@ -241,23 +241,3 @@ def cache_folder() -> Path | None:
     except RuntimeError:  # newer versions; older ones leave the ~
         return None
     return None if folder.parts[0] == "~" else folder.absolute()
-
-
-def keep_fonts(keep: bool = True) -> None:
-    """Tell matplotlib, before it is loaded, where its list of this machine's fonts belongs.
-
-    By itself it makes two folders of its own in the user's home. The list takes up to seconds to
-    make, so it is kept with the rest.
-
-    Args:
-        keep: false where nothing may be kept: then the folder ends with this process.
-
-    """
-    if "MPLCONFIGDIR" in os.environ or "matplotlib" in sys.modules:
-        return
-    folder = cache_folder() if keep else None
-    if folder is None:
-        temporary = tempfile.TemporaryDirectory(prefix="cubicfish-", ignore_cleanup_errors=True)
-        atexit.register(temporary.cleanup)
-    # One that cannot be made or written to: matplotlib takes a temporary one instead.
-    os.environ["MPLCONFIGDIR"] = str(folder / "matplotlib") if folder else temporary.name
