@@ -60,6 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_finish() -> None:
     gc.freeze()
+    gc.set_threshold(100_000, 20, 20)  # tests leave little in rings: to search seldom is enough
     gc.enable()
 
 

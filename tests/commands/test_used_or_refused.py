@@ -158,7 +158,7 @@ def shows(run: Run, line: list[object], out: Path, option: str, monkeypatch: Any
     return contents(out) == before
 
 
-QUICK = {"png", "npz"}
+QUICK = {(undistort_line, "png"), (map_line, "npz")}
 CASES = [
     *((undistort_line, UNDISTORT, mode, option) for option in UNDISTORT
       for mode in sorted(VIEWED | PHOTO)),
@@ -175,7 +175,9 @@ CASES = [
             mode,
             option,
             id=f"{line.__name__.partition('_')[0]} {mode} {option}",
-            marks=pytest.mark.slow if mode in table[option][1] and mode not in QUICK else (),
+            marks=pytest.mark.slow
+            if mode in table[option][1] and (line, mode) not in QUICK
+            else (),
         )
         for line, table, mode, option in CASES
     ],

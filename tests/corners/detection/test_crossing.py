@@ -121,7 +121,7 @@ def test_a_corner_at_the_photo_s_border_is_refused_not_read_beyond_it():
 
 
 @pytest.mark.parametrize("dark_first", [True, False])
-@pytest.mark.parametrize("gap", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("gap", [1.0, pytest.param(2.0, marks=pytest.mark.slow), 4.0])
 def test_the_place_is_the_middle_of_the_gap_that_bleeding_leaves(gap, dark_first):
     _, place, fit = drawn_corners(60, blur=0.7, seed=3)
     image = np.full((41, 41 * len(place)), 255.0)

@@ -157,7 +157,10 @@ def test_a_shadow_across_a_board_does_not_split_it(box):
     assert recall(found, truth) > 0.93
 
 
-@pytest.mark.parametrize("turn", [0.3, 0.8, 1.2])
+@pytest.mark.parametrize(
+    "turn",
+    [0.3, pytest.param(0.8, marks=pytest.mark.slow), pytest.param(1.2, marks=pytest.mark.slow)],
+)
 def test_bars_of_shadow_across_all_of_a_board_do_not_hide_it(turn):
     """As of sunlight between laths: of every corner's light another share is gone."""
     picture, i, j = drawn_board()

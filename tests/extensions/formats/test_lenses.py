@@ -128,7 +128,13 @@ def test_start_is_near_the_radial_lens(lens):
 
 
 # A spline's fit is linear, and it has control points where no pixel is.
-@pytest.mark.parametrize("kind", sorted({*LENSES} - {SplinedLens}, key=lambda kind: kind.name))
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *sorted({*LENSES} - {SplinedLens, UnifiedLens}, key=lambda kind: kind.name),
+        pytest.param(UnifiedLens, marks=pytest.mark.slow),
+    ],
+)
 def test_a_lens_is_found_again_from_its_pixels(kind):
     """The one fit serves every model; numbers that no pixel tells apart may differ."""
     wanted = bent(kind)

@@ -47,8 +47,9 @@ def film_of(target, path, shutter, lens=LENS):
     return Film(target=target, lens=lens, image_size=SIZE, path=path, taken=shutter)
 
 
-@pytest.mark.parametrize("lens", [LENS, synthetic_lens("moving-pupil", SIZE)])
-@pytest.mark.parametrize("readout", [0.0, 0.02])
+@pytest.mark.parametrize(
+    ("lens", "readout"), [(LENS, 0.0), (synthetic_lens("moving-pupil", SIZE), 0.02)]
+)
 def test_corners_are_where_the_truth_says(lens, readout: float) -> None:
     target = flat_board()
     path, shutter = Slide(250.0, target), taken(2, 1000 * readout)
