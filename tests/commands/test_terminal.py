@@ -197,9 +197,9 @@ def test_a_table_of_photos_fits_any_terminal(show, columns: int) -> None:  # typ
 
 
 def test_a_pipe_has_every_column_and_row(show) -> None:  # type: ignore[no-untyped-def]
-    rows = [photo(f"{i:04d}_{'long' * 20}.jpg", 0.1 + i / 1e4) for i in range(1000)]
+    rows = [photo(f"{i:04d}_{'long' * 20}.jpg", 0.1 + i / 1e4) for i in range(200)]
     lines = show(rows, None).splitlines()
-    assert len(lines) == 1001
+    assert len(lines) == 201
     assert [line.split()[0] for line in lines[1:]] == [row.name for row in rows]
     assert len({len(line) for line in lines[1:]}) == 1
 
