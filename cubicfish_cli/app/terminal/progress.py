@@ -5,12 +5,14 @@ The line is on stderr, on a terminal only, and leaves nothing behind.
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -205,9 +207,10 @@ class How:
     def run(self) -> Iterator[Run]:
         """How a function does the work; what it tells is shown meanwhile."""
         cache, listener = cache_folder(), _Shown()
-        if cache is not None:
+        if "MPLCONFIGDIR" not in os.environ:
             # By itself matplotlib makes two folders of its own in the user's home.
-            os.environ.setdefault("MPLCONFIGDIR", str(cache / "matplotlib"))
+            fonts = None if cache is None or self.no_cache else cache / "matplotlib"
+            os.environ["MPLCONFIGDIR"] = str(fonts or _temporary_folder())
         with ExitStack() as there:
             there.push(listener.end)
             executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
@@ -226,6 +229,13 @@ class How:
         if self.as_json:
             print_json(made.as_record())
         return self.as_json
+
+
+def _temporary_folder() -> str:
+    """A new folder that ends with the process."""
+    folder = TemporaryDirectory(prefix="cubicfish-", ignore_cleanup_errors=True)
+    atexit.register(folder.cleanup)
+    return folder.name
 
 
 def cache_folder() -> Path | None:
