@@ -136,7 +136,7 @@ def find_photos(
             given by name cannot be used in a table.
 
     """
-    paths: dict[Path, Path] = {}
+    paths: dict[str, Path] = {}
     missed: list[Path] = []
     for argument in [os.fspath(one) for one in arguments]:
         for path in _expand(argument, missed):
@@ -145,7 +145,7 @@ def find_photos(
                     raise _not_plain(path.name, "file")
                 missed.append(path)
                 continue
-            paths.setdefault(_identity(path), path)
+            paths.setdefault(os.path.realpath(path), path)
     if not paths:
         raise _not_plain(missed[0].name, "file")
     if remarks is not None and missed:
@@ -226,13 +226,6 @@ def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
         raise PhotoError(f"{shown(folder)} holds no photos{there}: photos are {_READABLE} files")
     missed += [path for path in files if _may_be_missed(path)]
     return photos
-
-
-def _identity(path: Path) -> Path:
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError):  # a loop of links: reading it will say so
-        return path.absolute()
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

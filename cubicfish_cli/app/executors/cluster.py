@@ -71,8 +71,8 @@ class Cluster:
         self._asked = self._seen = time.monotonic()
         self.workers = self.threads = 0
 
-    def ask(self, so_far: str = "") -> None:
-        """Learn which workers there are; not to have one for too long is an error."""
+    def ask(self, so_far: str = "") -> int:
+        """Learn how many workers there are; not to have one for too long is an error."""
         try:
             threads = self._client.nthreads().values()
         except (OSError, RuntimeError, concurrent.futures.TimeoutError, *CANCELLED) as problem:
@@ -86,6 +86,7 @@ class Cluster:
                 f"{self._address} has had no worker for {self._wait_s:g} s{so_far}: start some "
                 f"with 'dask worker {self._address}' and run this again"
             )
+        return self.workers
 
     def each(
         self, work: Callable[[Item], Answer], items: Sequence[Item]
@@ -194,10 +195,8 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
             ) from problem
         stack.callback(_close, client)
         cluster = Cluster(client, shown(address), wait_s)
-        cluster.ask()
-        while not cluster.workers:
+        while not cluster.ask():
             time.sleep(min(_POLL_S, wait_s) / 5)
-            cluster.ask()
         yield cluster
 
 

@@ -221,18 +221,13 @@ def choose_shots(
     usable: list[int] = []
     quality = np.zeros((len(shots), len(sizes)))
     for index, shot in enumerate(pictures):
-        pairs = list(zip(shot, scales, strict=True))
-        is_spoilt = [scale.is_spoilt(one) for one, scale in pairs if one.corners]
-        if not is_spoilt:
-            continue
-        usable.append(index)
-        bad = all(is_spoilt)
-        if bad:
-            spoilt.append(index)
-        for camera, (one, scale) in enumerate(pairs):
-            if one.corners and (bad or not scale.is_spoilt(one)):
-                quality[index, camera] = scale.quality(one)
-    if not usable:
+        seen = [camera for camera, one in enumerate(shot) if one.corners]
+        good = [camera for camera in seen if not scales[camera].is_spoilt(shot[camera])]
+        if seen:
+            (usable if good else spoilt).append(index)
+        for camera in good or seen:
+            quality[index, camera] = scales[camera].quality(shot[camera])
+    if not usable and not spoilt:
         return Choice(order=(), gain=())
 
     def apart(one: int, other: int) -> float:
@@ -270,7 +265,7 @@ def _greedy(
 
     Args:
         usable: those that show something.
-        spoilt: those of them that are worse than the others.
+        spoilt: those that do so too, and are worse than the others.
         gains: what they add.
         apart: how far apart two views are, as a share of the picture's diagonal.
         copy: views that are less apart are never taken both.
@@ -279,11 +274,10 @@ def _greedy(
     """
     order: list[int] = []
     gain: list[float] = []
-    good = [index for index in usable if index not in spoilt]
-    nearest = dict.fromkeys(usable, np.inf)
+    nearest = dict.fromkeys([*usable, *spoilt], np.inf)
     ended: Ended = "all"
     few = min(FEWEST, most)
-    passes = ((good, most, _SAME_VIEW), (good, most, copy), (spoilt, few, copy))
+    passes = ((usable, most, _SAME_VIEW), (usable, most, copy), (spoilt, few, copy))
     for pool, enough, least in passes:
         left = [one for one in pool if one not in order and nearest[one] >= least]
         while left and len(order) < enough:

@@ -136,9 +136,8 @@ def _of_corners(corners: Observations) -> Found:
             for board in np.unique(corners.board[here])
             for own in (here & (corners.board == board),)
         )
-    target = corners.target
     pairs = corners if len(corners.pixel) else None
-    return Found(patches=patches, pairs=pairs, target=target)
+    return Found(patches=patches, pairs=pairs, target=corners.target)
 
 
 @dataclass(kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from cubicfish_cli.app.films.measure import Grey, motion, sharpness, small_pictu
 from cubicfish_cli.app.films.source import Film, frames, missing_frames, opened
 from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import shown
-from cubicfish_cli.core.errors import OutputError, PhotoError
+from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.core.files import whole_file
 
 # One frame is kept of so many, or where they come more slowly than the film says, of those in so
@@ -186,9 +186,7 @@ def write_frame(path: Path, frame: Any) -> None:
     """
     grey = frame.format.name.startswith("gray")
     picture = frame.to_ndarray(format="gray" if grey else "bgr24")
-    done, data = cv2.imencode(".png", picture, _FAST)
-    if not done:
-        raise OutputError(f"{path} cannot be written: a frame is no picture")
+    data = cv2.imencode(".png", picture, _FAST)[1]
     with whole_file(path, overwrite=True) as temporary:
         temporary.write_bytes(data.tobytes())
 

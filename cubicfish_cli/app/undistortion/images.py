@@ -25,6 +25,7 @@ from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import (
+    OUTSIDE,
     UndistortMap,
     build_map,
     camera_for_photos,
@@ -85,19 +86,24 @@ def remap_picture(
             f"{undistort_map.image_size[0]}x{undistort_map.image_size[1]}: "
             "use photos of that size, neither scaled nor cropped nor turned"
         )
+    return remap(picture, undistort_map.map_x, undistort_map.map_y, interpolation)
+
+
+def remap(
+    values: Picture,
+    map_x: npt.NDArray[np.float32],
+    map_y: npt.NDArray[np.float32],
+    interpolation: str,
+    empty: float = 0,
+) -> Picture:
+    """Values (H, W[, C]) at the places of a map (h, w), and ``empty`` where it has none."""
+    # Wider kernels reach over the photo's edge: mirror the photo there, rather than blend it.
     wide = interpolation in ("cubic", "lanczos")
-    out = cv2.remap(
-        picture,
-        undistort_map.map_x,
-        undistort_map.map_y,
-        CV2_FLAGS[interpolation],
-        # Wider kernels reach over the photo's edge: mirror the photo there, rather than
-        # blend it with black.
-        borderMode=cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT,
-    )
-    out = np.asarray(out)
+    border = cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT
+    flags = CV2_FLAGS[interpolation]
+    out = np.asarray(cv2.remap(values, map_x, map_y, flags, None, border, (empty,) * 4))
     if wide:
-        out[undistort_map.empty] = 0
+        out[map_x == OUTSIDE] = empty
     return out
 
 

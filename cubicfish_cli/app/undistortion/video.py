@@ -11,13 +11,12 @@ import errno
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -30,8 +29,8 @@ from cubicfish_cli.app.films.source import (
     opened,
 )
 from cubicfish_cli.app.photos import shown
-from cubicfish_cli.app.undistortion.images import CV2_FLAGS, naming
-from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, ViewError
+from cubicfish_cli.app.undistortion.images import naming, remap
+from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 
@@ -133,13 +132,6 @@ def _pipeline(
     progress: Callable[[int, int], None],
 ) -> VideoResult:
     total = frame_count(container, stream)
-    turned = 0
-
-    def decoded() -> Iterator[Any]:
-        nonlocal turned
-        for item in decode(source, container, stream):
-            turned = turned or int(getattr(item, "rotation", 0) or 0)
-            yield item
 
     def remapped(items: Iterator[Any]) -> Iterator[Any]:
         for item in items:
@@ -147,7 +139,8 @@ def _pipeline(
 
     begin, end, frames = int(stream.start_time or 0), 0.0, 0
     progress(0, total)
-    with closing(_ahead(decoded())) as ready, closing(_ahead(remapped(ready))) as flat:
+    decoded = decode(source, container, stream)
+    with closing(_ahead(decoded)) as ready, closing(_ahead(remapped(ready))) as flat:
         for item in flat:
             writer.write(item)
             if is_frame(item):
@@ -158,7 +151,7 @@ def _pipeline(
             raise PhotoError(f"{shown(source)} holds no frames: copy it again")
         writer.finish()
     missing = missing_frames(stream, frames, end)
-    return VideoResult(frames=frames, missing=missing, turned_deg=turned)
+    return VideoResult(frames=frames, missing=missing, turned_deg=remapper.turned_deg)
 
 
 def _ahead(items: Iterator[Any]) -> Generator[Any]:
@@ -249,18 +242,14 @@ class _Writer:
 
     def close(self) -> None:
         """Let the file go."""
-        try:
+        with suppress(self._av.FFmpegError):  # an unfinished file that is thrown away
             self._container.close()
-        except self._av.FFmpegError:  # an unfinished file that is thrown away
-            return
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
         """Turn what the video library raises into one line."""
         try:
             yield
-        except CubicfishError:
-            raise
         except (self._av.FFmpegError, ValueError) as problem:
             path, what = self._destination, getattr(problem, "strerror", None) or problem
             if getattr(problem, "errno", None) in _NO_ROOM:
@@ -286,13 +275,13 @@ class _PlaneRemapper:
         self._format, self._size = pixel_format, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
         self._bits = bits
-        self._interpolation = CV2_FLAGS[interpolation]
-        self._wide = interpolation in ("cubic", "lanczos")
+        self._interpolation = interpolation
         self._maps = [(undistort_map.map_x, undistort_map.map_y)]
         if across:
             chroma = _chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
             self._maps += [chroma, chroma]
         self._values: tuple[int, ...] | None = None
+        self.turned_deg = 0
 
     def __call__(self, frame: av.VideoFrame) -> av.VideoFrame:
         """A frame of the source -> the same of the view."""
@@ -301,19 +290,11 @@ class _PlaneRemapper:
         made = pyav.VideoFrame(*self._size, self._format)
         if self._values is None:
             self._values = _black(self._bits, frame)
+        self.turned_deg = self.turned_deg or int(getattr(frame, "rotation", 0) or 0)
         for plane, out, (map_x, map_y), value in zip(
             given.planes, made.planes, self._maps, self._values, strict=False
         ):
-            flat = cv2.remap(
-                self._pixels(plane),
-                map_x,
-                map_y,
-                self._interpolation,
-                borderMode=cv2.BORDER_REFLECT_101 if self._wide else cv2.BORDER_CONSTANT,
-                borderValue=float(value),
-            )
-            if self._wide:
-                flat[map_x < 0] = value
+            flat = remap(self._pixels(plane), map_x, map_y, self._interpolation, value)
             self._pixels(out)[...] = flat
         made.pts, made.time_base = frame.pts, frame.time_base
         return made
