@@ -23,7 +23,7 @@ from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
 
 # These are not read.
-NOT_READ = {"nvidia", "anipose", "anipose-pinhole"}
+NOT_READ = {"anipose", "anipose-pinhole"}
 WRITTEN = written_formats()
 LENS_FORMATS = sorted({*WRITTEN} - NOT_READ)
 

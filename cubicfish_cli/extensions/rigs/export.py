@@ -26,7 +26,6 @@ kalibr-...  one camchain.yaml (metres)
 colmap...   rig_config.json
 mrcal       a folder: a .cameramodel a camera (metres)
 nerfstudio  one transforms.json
-nvidia      one rig.json, f-theta (metres)
 anipose...  one calibration.toml (metres)
 
 Each lens is fitted to its camera as 'cubicfish export' does it, which has more to say of that.

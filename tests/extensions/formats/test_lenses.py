@@ -11,13 +11,11 @@ from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens
-from cubicfish_cli.extensions.formats.nvidia_json import FThetaLens
 from cubicfish_cli.extensions.formats.ocamcalib import ScaramuzzaLens
 from cubicfish_cli.extensions.formats.opencv_cameras import SkewedFisheye
 
 LENSES = (
     DoubleSphereLens,
-    FThetaLens,
     PinholeLens,
     RadTanThinPrismLens,
     ScaramuzzaLens,

@@ -229,37 +229,6 @@ def test_nerfstudio_has_a_lens_and_a_pose_a_photo(run: Run, pair: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_nvidia_sees_every_pixel_where_it_is(run: Run, three: Path, tmp_path: Path) -> None:
-    record = exported(run, three, tmp_path / "rig.json", "nvidia")
-    sensors = json.loads((tmp_path / "rig.json").read_text())["rig"]["sensors"]
-    rig = load_rig(three)
-    flu = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float)
-    for number, sensor in enumerate(sensors):
-        assert sensor["name"] == f"camera:{NAMES[number]}"
-        held, place = sensor["properties"], sensor["nominalSensor2Rig_FLU"]
-        points, true = seen(rig, number)
-        turn = Rotation.from_euler("xyz", place["roll-pitch-yaw"], degrees=True).as_matrix()
-        own = ((points / 1000 @ flu.T) - place["t"]) @ turn @ flu
-        # From the pixel to the ray, as readers of this kind of polynomial go.
-        c, d, e = (float(held[f"linear-{key}"]) for key in "cde")
-        offset = true - [float(held["cx"]), float(held["cy"])]
-        offset = offset @ np.linalg.inv([[c, d], [e, 1]]).T
-        r = np.hypot(*offset.T)
-        coefficients = [float(value) for value in held["polynomial"].split()]
-        assert held["polynomial-type"] == "pixeldistance-to-angle"
-        theta = np.polynomial.polynomial.polyval(r, coefficients)
-        ray = np.column_stack([np.sin(theta)[:, None] * offset / r[:, None], np.cos(theta)])
-        own /= np.linalg.norm(own, axis=1, keepdims=True)
-        slope = np.polynomial.polynomial.polyval(r, np.polynomial.polynomial.polyder(coefficients))
-        off_px = np.linalg.norm(ray - own, axis=1) / slope
-        assert off_px.max() <= 1.1 * stated_px(record)
-    one = tmp_path / "one.json"
-    run("export", three.parent / "left", "--to", "nvidia", "-o", one, "--max-error", 3)
-    alone = json.loads(one.read_text())["rig"]["sensors"][0]
-    assert alone["properties"] == sensors[0]["properties"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("to", "ahead"), [("anipose", 0.1), ("anipose-pinhole", 0.75)])
 def test_anipose_sees_every_pixel_where_it_is(
     run: Run, three: Path, tmp_path: Path, to: str, ahead: float
