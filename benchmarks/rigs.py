@@ -4,10 +4,14 @@
     python benchmarks/rigs.py --only six --seeds 1
     python benchmarks/rigs.py --growth           # 3, 6, 11 cameras x 50, 200, 850 shots
     python benchmarks/rigs.py --growth --cameras 11 --shots 850 --field 90
+    python benchmarks/rigs.py --halves 30 --of free       # or triggered, or free with --times
+    python benchmarks/rigs.py --halves 30 --of FOLDER     # its cam_*.csv, target.yaml and, with
+                                                          # --times, timestamps.csv
 
 Lenses are of no family that is fitted (equisolid of 190 to 220 degrees, with a bump and a turned
 rear group); noise is 0.1 px on each coordinate. A pose's error is that of the rays of a camera's
-pixels on the body: what the lens turns, its place turns back.
+pixels on the body: what the lens turns, its place turns back. Halves of one rig's shots, drawn at
+random, make two rigs, which should be as far apart as both say: a ratio of about 1.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
+from hand_held import hand_held
 from simulated import CornerErrors
 from simulated_rig import RigTruth, combined, simulated_rig
 from synthetic_lenses import SyntheticLens, synthetic_lens
@@ -29,10 +34,14 @@ from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import CubicfishError
+from cubicfish_cli.core.fit.subset import select_photos
+from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.target import Target, load_target
 from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
+from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
+from cubicfish_cli.extensions.rigs.fit.shots import Times, load_times
 from cubicfish_cli.extensions.rigs.rig import Rig
 
 NOISE = CornerErrors(noise=0.1, shared=0.0, spread=0.0)
@@ -245,6 +254,61 @@ def measure_growth(cameras: list[int], shots: list[int], field_deg: float) -> No
             )
 
 
+def halved(of: str, timed: bool) -> tuple[dict[str, Observations], Target, Times | None]:
+    """Corners of a rig's cameras by name, their target, and when photos were taken."""
+    if of == "triggered":
+        setup = replace(SETUPS["stereo"], shots=40)
+        pairs = simulated(setup, 0)[0]
+        return {f"camera{n}": one for n, one in enumerate(pairs)}, setup.target, None
+    if of == "free":
+        made = hand_held(2, moments=80)
+        names = [f"camera{n}" for n in range(len(made.corners))]
+        times = dict(zip(names, made.times, strict=True)) if timed else None
+        return dict(zip(names, made.corners, strict=True)), made.target, times
+    folder = Path(of)
+    target = load_target(folder / "target.yaml")
+    cameras = {one.stem: load_corners(one, target) for one in sorted(folder.glob("cam_*.csv"))}
+    return cameras, target, load_times(folder / "timestamps.csv", [*cameras]) if timed else None
+
+
+def measure_halves(of: str, timed: bool, seeds: range) -> None:
+    """How far rigs from halves of the shots are apart, over what both state."""
+    cameras, target, times = halved(of, timed)
+    shots = sorted({image for one in cameras.values() for image in one.images})
+    ratios, failed = [], 0
+    for seed in seeds:
+        mixed = np.random.default_rng(seed).permutation(shots)
+        rigs = []
+        try:
+            for half in (mixed[::2], mixed[1::2]):
+                own = {
+                    name: select_photos(one, np.flatnonzero(np.isin(one.images, half)))
+                    for name, one in cameras.items()
+                }
+                rigs.append(calibrate_rig(own, target, times=times))
+            found = compare_rigs(*rigs)[1:]
+        except CubicfishError as error:
+            print(f"  {seed}: {error}")
+            failed += 1
+            continue
+        ratios.append([one.sigmas for one in found])
+        print(
+            f"  {seed}: "
+            + "; ".join(
+                f"{one.name} {one.turn_deg:.3f} ± {one.turn_sigma_deg:.3f}°, "
+                f"{np.linalg.norm(one.shift):.3f} ± {one.shift_sigma:.3f}, {one.sigmas:.2f}"
+                for one in found
+            ),
+            flush=True,
+        )
+    ratio = np.array(ratios)
+    print(
+        f"{of}: {len(ratios)}/{len(seeds)} halvings; distance/sigma, median "
+        f"{np.median(ratio):.2f} (of each camera {np.round(np.median(ratio, axis=0), 2)}), root "
+        f"of the mean square {np.sqrt(np.mean(ratio**2)):.2f}, below 2 {np.mean(ratio < 2):.0%}"
+    )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=SETUPS, action="append")
@@ -254,7 +318,13 @@ def main() -> int:
     parser.add_argument("--cameras", type=int, nargs="+", default=[3, 6, 11])
     parser.add_argument("--shots", type=int, nargs="+", default=[50, 200, 850])
     parser.add_argument("--field", type=float, default=190.0, help="degrees")
+    parser.add_argument("--halves", type=int, default=0, metavar="COUNT")
+    parser.add_argument("--of", default="triggered", help="triggered, free, or a folder of tables")
+    parser.add_argument("--times", action="store_true", help="say when the photos were taken")
     given = parser.parse_args()
+    if given.halves:
+        measure_halves(given.of, given.times, range(given.first, given.first + given.halves))
+        return 0
     if given.growth:
         measure_growth(given.cameras, given.shots, given.field)
         return 0
