@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ from cubicfish_cli.core.assess.verdict import photo_verdicts
 from cubicfish_cli.core.finding import joined
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.coverage import FieldCells, field_cells
-from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
+from cubicfish_cli.core.fit.poses import rotation_from_vector
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.io.camera_yaml import CameraRecord, load_any_camera
@@ -165,7 +165,11 @@ def gather(
     pixels: tuple[tuple[str, FloatArray], ...] = ()
     if pairs is not None:
         if target is not None and fit.renamed_images:
-            pairs = best_named(pairs, target, partial(_squared, camera, fit))
+            pairs = best_named(
+                pairs,
+                target,
+                lambda one: np.square(_residuals(camera, fit, one)[1]).sum(axis=1),
+            )
         errors, lack = _errors(camera, fit, pairs)
         pixels = tuple(
             (pairs.images[pairs.image[index]], pairs.pixel[index])
@@ -192,46 +196,40 @@ def gather(
     )
 
 
-def _squared(camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations) -> FloatArray:
-    """(N,) squared errors of corners in photos whose poses are on record, else NaN."""
-    squared = np.full(len(pairs.image), np.nan)
-    for name, (vector, shift) in fit.poses.items():
-        if name in pairs.images:
-            rows = np.flatnonzero(pairs.image == pairs.images.index(name))
-            points = pairs.world[rows] @ rotation_from_vector(vector[None])[0].T + shift
-            squared[rows] = np.sum(
-                np.square(camera.project(points, near=True) - pairs.pixel[rows]), axis=1
-            )
-    return squared
+def _residuals(
+    camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
+) -> tuple[FloatArray, FloatArray]:
+    """(N, 3) corners in the camera's frame, and (N, 2) projection less pixel.
+
+    NaN in photos whose place is not on record.
+    """
+    points, poses = np.full(pairs.world.shape, np.nan), fit.poses
+    if isinstance(camera, PointCamera) and camera.frame == "world":
+        poses = {photo.image: (np.zeros(3), np.zeros(3)) for photo in fit.per_image}
+    for photo, name in enumerate(pairs.images):
+        if name in poses:
+            own, (vector, shift) = pairs.image == photo, poses[name]
+            points[own] = pairs.world[own] @ rotation_from_vector([vector])[0].T + shift
+    return points, camera.project(points, near=True) - pairs.pixel
 
 
 def _errors(
     camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
 ) -> tuple[ErrorFacts | None, str | None]:
     """Every used corner's error, or why there is none."""
-    in_world = isinstance(camera, PointCamera) and camera.frame == "world"
-    placed = {photo.image for photo in fit.per_image} if in_world else fit.poses.keys()
-    known = np.array([name in placed for name in pairs.images], bool)[pairs.image]
-    known &= ~_among(pairs, fit)
-    # A corner that may be another one than it is named as had a point of its own in the fit.
-    apart = fit.refine_target == "points"
-    used, _ = select(pairs, known & pairs.certain if apart else known)
-    if not len(used.pixel):
-        return None, "no corner at hand is of a photo of this fit"
-    points = used.world
-    if not in_world:
-        vectors, shifts = zip(*(fit.poses[name] for name in used.images), strict=True)
-        poses = Poses(rotation=rotation_from_vector(vectors), translation=np.array(shifts))
-        points = poses.apply(used.image, used.world)
-    residual = camera.project(points, near=True) - used.pixel
-    length = np.where(np.isfinite(residual[:, 0]), np.hypot(*residual.T), np.inf)
-    kept = np.isfinite(length)
+    points, residual = _residuals(camera, fit, pairs)
+    length = np.hypot(*residual.T)
+    kept = np.isfinite(length) & ~_among(pairs, fit)
+    if fit.refine_target == "points":
+        # A corner that may be another one than it is named as had a point of its own in the fit.
+        kept &= pairs.certain
     if isinstance(camera, PointCamera) and 0 < fit.corners < kept.sum():
         # Which corners this fit dropped is not on record: they were the worst.
-        kept[np.argsort(length, kind="stable")[fit.corners :]] = False
+        order = np.argsort(np.where(kept, length, np.inf), kind="stable")
+        kept[order[fit.corners :]] = False
     if not kept.any():
-        return None, "no corner at hand lies where this camera may be trusted"
-    used, _ = select(used, kept)
+        return None, "no corner at hand is of a photo of this fit, where the camera may be trusted"
+    used, _ = select(pairs, kept)
     residual, points = residual[kept], points[kept]
     before, now = fit.rms_px, rms_px(residual)
     if abs(now - before) > max(_SAME_RMS * before, _SAME_RMS_PX):

@@ -90,7 +90,6 @@ class Viewpoint:
         pose: camera_from_world.
         seen: the corners of the whole target.
         whole: how many boards are seen whole, with squares large enough to be found.
-        distance: from the camera to the middle of the visible corners, in the target's units.
         front: (3,) unit vector, camera frame: where the visible boards look, each as much as it
             has visible corners.
 
@@ -99,7 +98,6 @@ class Viewpoint:
     pose: Pose
     seen: TrueCorners
     whole: int
-    distance: float
     front: FloatArray
 
     @property
@@ -166,7 +164,6 @@ def view_from(
         pose=pose,
         seen=seen,
         whole=_whole_boards(target, seen),
-        distance=float(np.linalg.norm(middle)),
         front=front / length if length > 0 else -middle / np.linalg.norm(middle),
     )
 
@@ -390,8 +387,9 @@ def _with_a_board_inside(
 
 def _traits(view: Viewpoint) -> FloatArray:
     """What tells views apart: the side that is seen (3,), and the distance, of order 1."""
-    way = rotation_matrix(view.pose[0]).T @ (view.middle / np.linalg.norm(view.middle))
-    return np.append(way, 0.7 * np.log(view.distance))
+    distance = np.linalg.norm(view.middle)
+    way = rotation_matrix(view.pose[0]).T @ (view.middle / distance)
+    return np.append(way, 0.7 * np.log(distance))
 
 
 def _turns(forward: FloatArray, ray: FloatArray, roll: FloatArray) -> FloatArray:

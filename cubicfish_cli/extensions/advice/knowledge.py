@@ -35,10 +35,6 @@ _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
 _HELD_BEYOND_DEG = 5.0
 _OFFSET_SHARE = 1e-4
-_BEYOND_DEG = 5.0
-_OFFSET_SHARE = 1e-4
-GRID = (80, 60)
-"""Columns and rows over the photo of the uncertainty that the picture shows."""
 _BEYOND_DEG = 10.0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,19 +45,14 @@ _ARROW_SHARE = 0.04
 
 def all_figures(facts: Facts) -> dict[str, Drawn]:
     """Every figure that these facts allow, by its name."""
-    makers: list[Callable[[], Drawn | None]] = []
+    drawn: list[Drawn | None] = []
     errors, camera = facts.errors, facts.camera
-    if errors is not None:
-        makers += [
-            lambda: coverage_figure(facts, errors),
-            lambda: vectors_figure(facts, errors),
-            lambda: places_figure(facts, errors),
-            lambda: angle_figure(errors),
-        ]
-    if isinstance(camera, CubicCamera):
-        makers += [lambda: profile_figure(camera), lambda: uncertainty_figure(facts, camera)]
     with drawing(STYLE):
-        drawn = [make() for make in makers]
+        if errors is not None:
+            drawn += [coverage_figure(facts, errors), vectors_figure(facts, errors)]
+            drawn += [places_figure(facts, errors), angle_figure(errors)]
+        if isinstance(camera, CubicCamera):
+            drawn += [profile_figure(camera), uncertainty_figure(facts, camera)]
     return {figure.name: figure for figure in drawn if figure is not None}
 
 
@@ -73,7 +67,6 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
         reach = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
         shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
         axes.imshow(shade, extent=reach, interpolation="nearest", zorder=0.5)
-        _show_photo(axes, facts)
         keys.append(Key(kind="area", colour=RED, text="no corner here"))
     shown = some(len(pixel), MOST_DOTS)
     boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ("corner",)
@@ -279,14 +272,10 @@ def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
     """Axes of a photo's shape, y down, with the trusted field's outline."""
     figure = new_figure(3.9)
     axes = figure.add_subplot()
-    _show_photo(axes, facts)
+    width, height = facts.camera.image_size
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
     axes.spines[:].set_visible(True)
     axes.locator_params(nbins=5)
     if len(facts.outline) > 2:
         axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9, zorder=3)
     return figure, axes
-
-
-def _show_photo(axes: Axes, facts: Facts) -> None:
-    width, height = facts.camera.image_size
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
