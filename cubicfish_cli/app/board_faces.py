@@ -1,7 +1,5 @@
 """What is printed on a board: cells of black and white in the board's own plane."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

@@ -1,7 +1,5 @@
 """Two cameras of one size, pixel by pixel: how far apart they see the same ray."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

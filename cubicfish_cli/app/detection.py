@@ -1,7 +1,5 @@
 """Pictures, in memory or in files -> named corners, with what became of each; and their files."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Colour maps of magnitudes."""
 
-from __future__ import annotations
-
 import math
 
 import cv2

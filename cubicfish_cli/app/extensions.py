@@ -5,8 +5,6 @@ distribution with an entry point of the group ``cubicfish.extensions``. Nothing 
 before it is asked.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

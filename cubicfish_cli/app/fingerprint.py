@@ -1,7 +1,5 @@
 """What files held when they were read: their hashes."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,8 +5,6 @@ again. An entry is named by the SHA-256 of the photo's bytes and by what searche
 the package and of its finder's source. What the photo shows does not depend on its name or place.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A drawing of the calibration target, and of its boards as something sees them."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Corners -> camera, and what a camera is worth."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from functools import partial

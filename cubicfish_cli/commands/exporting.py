@@ -1,7 +1,5 @@
 """A camera as another tool's lens, and how near that is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

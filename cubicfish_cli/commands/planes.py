@@ -1,7 +1,5 @@
 """A board's plane in each photo, squarely from its front: ``undistort --view plane:BOARD``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ differently; so it does for exp and powers. Since the same work must give the sa
 are taken out of their array before such functions see them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

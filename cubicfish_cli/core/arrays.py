@@ -1,7 +1,5 @@
 """Checks of shape and numbers for arrays that callers hand over."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

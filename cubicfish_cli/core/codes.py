@@ -1,7 +1,5 @@
 """Codes, severities and remedies of findings."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from functools import cache
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Writing files so that they appear whole or not at all, and never over another unasked."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

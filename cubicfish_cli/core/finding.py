@@ -1,7 +1,5 @@
 """Finding: the record of anything told, by detection, identification, fit, verdict or advice."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

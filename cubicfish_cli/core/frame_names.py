@@ -1,7 +1,5 @@
 """File names of film frames: they carry the film's name and the time."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable

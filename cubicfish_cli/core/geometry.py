@@ -1,7 +1,5 @@
 """Maths that several parts share: similarities, rotations, polygons, the Kannala–Brandt profile."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -13,8 +13,6 @@ is the same target. The others are slides along something that shows no end.
 Turns of a target after which it looks the same, and what its corners are called then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

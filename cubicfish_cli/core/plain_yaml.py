@@ -6,8 +6,6 @@ Scalars follow YAML 1.2's core schema (``no`` is text, ``010`` is ten, ``1e-3`` 
 where PyYAML's default is YAML 1.1.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path

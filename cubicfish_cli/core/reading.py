@@ -23,8 +23,6 @@ expected, and refused elsewhere. Only videos are handed to a library (FFmpeg) un
 to open no other file and no frame of more than 200 million pixels.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import select

@@ -1,7 +1,5 @@
 """Comma-separated tables with a header: read into columns, with errors that name the line."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Threads that libraries take by themselves, where they gain nothing by it."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Units of length that people write in target.yaml."""
 
-from __future__ import annotations
-
 import math
 import re
 

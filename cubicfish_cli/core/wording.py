@@ -1,7 +1,5 @@
 """Pieces of error messages: quoting a user's words safely, and suggesting the nearest known one."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass

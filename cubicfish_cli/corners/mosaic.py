@@ -1,7 +1,5 @@
 """Raw pictures of colour sensors, saved as grey ones before their mosaic was made into colours."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ A right set-up costs a pass over its corners. Whatever costs more is tried only 
 worse than the corners' own noise explains, or where photos or boards do not fit it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

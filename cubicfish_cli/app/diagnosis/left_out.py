@@ -3,8 +3,6 @@
 And photos that fit no lens together: whether they do without some of them, which have their own.
 """
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace

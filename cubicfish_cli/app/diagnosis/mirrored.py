@@ -4,8 +4,6 @@ No lens turns a picture inside out: on every photo of a printed face the row gro
 the direction in which the column grows, or corners are in another order, or the photo is mirrored.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ each other. Everything is judged on the target as
 drawn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -10,8 +10,6 @@ photos mirrored, or the drawing wrong in one of the ways in which drawings are. 
 nearly all is told.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

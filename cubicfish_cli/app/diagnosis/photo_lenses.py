@@ -6,8 +6,6 @@ it is linear where the fit stopped, so it costs one pass over the corners. Singl
 unlike the others were taken through another lens, or while something moved.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Photos from one place say no more than one of them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cubicfish_cli.core.codes import Code, Severity

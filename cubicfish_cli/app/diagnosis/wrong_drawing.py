@@ -6,8 +6,6 @@ from that. Where two boards are in one photo, their poses give one's place in th
 and that it is the same in all photos gives the ratio of their squares.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ The work travels once to each process, a photo's path with each task, and what c
 small: photos and pictures themselves stay on a file system that all machines share.
 """
 
-from __future__ import annotations
-
 import asyncio
 import concurrent.futures
 import logging

@@ -1,7 +1,5 @@
 """Process pool over photos, with results in order whatever the number of processes."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

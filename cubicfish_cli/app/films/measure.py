@@ -3,8 +3,6 @@
 Both are ratios of grey-level differences, so that neither brightness nor contrast counts.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -4,8 +4,6 @@ The library rosbags reads them, the extra ``ros``; neither ROS nor its messages 
 come as PyAV has them, so that what reads films reads these too.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from fractions import Fraction

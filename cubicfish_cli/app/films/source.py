@@ -4,8 +4,6 @@ PyAV does it, the extra ``video``. Frames are as the sensor made them: a note th
 turn the film is not followed, since the lens does not turn with it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager

@@ -1,7 +1,5 @@
 """Other tools' camera files: of which format one is, and the lens in it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ marked by :data:`HELD` are carried along and never fitted. It has a ``name``, a 
 derivatives too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property

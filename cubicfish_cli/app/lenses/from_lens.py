@@ -1,7 +1,5 @@
 """A lens of another tool as a cubic camera: P fitted to it over all that it sees in the photo."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

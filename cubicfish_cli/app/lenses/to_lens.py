@@ -1,7 +1,5 @@
 """A cubic camera as the nearest lens of another model, and how near that is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures of pages: their style, and where cameras stand in space."""
 
-from __future__ import annotations
-
 import io
 from base64 import b64encode
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The template that pages are filled into."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path

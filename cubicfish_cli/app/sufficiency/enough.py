@@ -3,8 +3,6 @@
 Photos are enough where the verdict asks for none: advice, report and commands all go by it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

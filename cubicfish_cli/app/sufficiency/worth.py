@@ -6,8 +6,6 @@ its own pose eliminated, take some of that away, and photos' information adds up
 all photos together explains does not count, since no photo can tell it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

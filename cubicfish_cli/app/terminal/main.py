@@ -4,8 +4,6 @@ Command modules are imported when they are named, and they import the libraries 
 work inside their bodies: help and usage errors answer at once.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 import traceback

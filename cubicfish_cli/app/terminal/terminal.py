@@ -7,8 +7,6 @@ https://force-color.org) and ``TERM=dumb`` are kept to.
 Tables on stdout: where a terminal is narrow, names go on below. Pipes and files get a line a row.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -6,8 +6,6 @@ The EXIF record (orientation, time, place, lens) and the colour profile go along
 the thumbnail in it, which would show the old picture.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -6,8 +6,6 @@ nowhere is negative, or beyond the frame where a format has no negative numbers.
 The virtual camera of a view as a file in plain YAML.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

@@ -5,8 +5,6 @@ The target's boards are plates that rays hit: who is in front, and what is seen 
 Where the camera is: ``camera_from_world`` as a rotation vector and a shift, and their table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The sentences of ``catalogue.toml``, and those of extensions, read once."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from functools import cache

@@ -1,7 +1,5 @@
 """Plurals, lists and shares in sentences."""
 
-from __future__ import annotations
-
 from string import Formatter
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Key facts of a camera in one line, for every command that names one."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

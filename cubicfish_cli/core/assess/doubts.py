@@ -1,7 +1,5 @@
 """By how much a refined target departs from its drawing, and what of that nothing explains."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Its fields are the keys of ``fit`` in camera.yaml, in their order. A figure that
 NaN, a count 0, and null or nothing in the file.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields

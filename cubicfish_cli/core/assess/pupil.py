@@ -1,7 +1,5 @@
 """What it matters that the entrance pupil wanders: how far off a near point is seen."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The reader takes what may hold anything: what is of another kind than its field 
 which is NaN for a figure, the field's default for anything else. The writer writes null for NaN.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import MISSING, fields, is_dataclass

@@ -3,8 +3,6 @@
 The field is where the camera may be trusted, as far as the photo shows it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass
 

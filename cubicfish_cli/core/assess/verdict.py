@@ -5,8 +5,6 @@ one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; 
 pixels are smaller, may be off by proportionally more of them.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The families of markers that boards carry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 # Number of markers in each family, as cv2.aruco.getPredefinedDictionary has them.

@@ -1,7 +1,5 @@
 """One mapping of a target file: its values by key, each checked as it is asked for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn

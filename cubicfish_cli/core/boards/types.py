@@ -9,8 +9,6 @@ corner an X-corner. Kalibr's board has its origin at the bottom left corner and 
 and row r (from the bottom) is corner (c, rows - 1 - r) here.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, ClassVar, Self, get_args
 

@@ -1,7 +1,5 @@
 """The rotation between the frames of two lenses that are nearly the same."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """2D-3D pairs -> camera: the whole fit, with what it left out and how good it is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a fit hands over: the fitted camera, or what is known of why there is none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

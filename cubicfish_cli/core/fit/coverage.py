@@ -4,8 +4,6 @@ Squares of the picture say whether its parts hold corners. At the rim, where a l
 few corners are, that is too coarse: there each direction from the axis is looked at by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How well a known camera explains pairs: poses refitted, the lens fixed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any

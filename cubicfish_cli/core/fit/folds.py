@@ -3,8 +3,6 @@
 Photos from the same place count as one, so that none is judged by a camera that saw its repeat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

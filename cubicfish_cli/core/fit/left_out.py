@@ -5,8 +5,6 @@ step are those of the whole fit less what these photos put in. So every photo ca
 the price of a small linear system, where a fit anew costs tens of iterations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any

@@ -5,8 +5,6 @@ each pair by its unknown denominator P3Φ, which biases the plain solution. Divi
 round's denominator (Sanathanan & Koerner 1963) removes that. Then in pixels.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -10,8 +10,6 @@ likelihood of a choice, with lens, shapes and places left open, grows with the s
 sum of all pulls, in the metric of their covariance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

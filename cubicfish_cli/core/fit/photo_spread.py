@@ -13,8 +13,6 @@ camera sees itself, P and the lens that it is held to are two guesses: they are 
 differ by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

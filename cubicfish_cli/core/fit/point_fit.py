@@ -4,8 +4,6 @@ One photo: in the world frame, without any pose. Several: in the camera frame, w
 that the radial reference found.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

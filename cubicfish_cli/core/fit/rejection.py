@@ -1,7 +1,5 @@
 """Outliers: corners that are grossly off or depart from their neighbours, and noisy photos."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Poses of all photos without any guess, whatever the lens or under a known one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

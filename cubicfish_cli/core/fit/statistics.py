@@ -5,8 +5,6 @@ Photos differ in sharpness and light, and a sheet bends in some. What in corners
 from each corner to the next is their own noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Choosing some of the pairs, and scaling the world so that lengths are of order 1."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

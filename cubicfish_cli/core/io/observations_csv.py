@@ -1,7 +1,5 @@
 """corners.csv (named corners) and correspondences.csv (2D-3D pairs): read and written."""
 
-from __future__ import annotations
-
 import re
 from itertools import chain
 from pathlib import Path

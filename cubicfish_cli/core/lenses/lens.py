@@ -1,7 +1,5 @@
 """What a fit asks of a lens model that has parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self

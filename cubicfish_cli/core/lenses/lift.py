@@ -4,8 +4,6 @@ The order of the monomials is the paper's and that of every file; it is written 
 nowhere else.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import combinations_with_replacement, permutations, product
 

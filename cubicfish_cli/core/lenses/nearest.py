@@ -1,7 +1,5 @@
 """The lens of a model that is nearest to given pixels of rays: one fit for all models."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, Self, TypeVar

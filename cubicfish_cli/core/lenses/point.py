@@ -7,8 +7,6 @@ vanishes on these planes may be added to a row of P without changing any corner'
 says nothing of points off the planes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -8,8 +8,6 @@ needs no iteration). Of boards at arm's length these millimetres are pixels; of 
 far away they are nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from cubicfish_cli.core.types import FloatArray

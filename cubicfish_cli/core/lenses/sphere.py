@@ -1,7 +1,5 @@
 """Numerical inverse of any lens, and the end of its field."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -6,8 +6,6 @@ lost. That region is connected, so the border of the picture tells: inside it ev
 is empty; nowhere, nothing is lost.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -6,8 +6,6 @@ of x alone and of y alone. The rotation of the view is put into P beforehand: Φ
 Whatever factor the three rows of P share cancels in the pixel's ratios.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 

@@ -6,8 +6,6 @@ A pixel's centre is at its whole coordinates, so a photo scaled by s has pixel (
 where the original has x. Leaving the half out shifts a half-size picture by a quarter pixel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace

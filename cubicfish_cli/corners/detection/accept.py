@@ -1,7 +1,5 @@
 """Acceptance of grids: the image of a checkerboard, or an accident of texture."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

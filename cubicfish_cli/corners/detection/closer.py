@@ -1,7 +1,5 @@
 """Boards of small squares of which only a part was found: searched again where they lie."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The ring test asks whether the brightness around a point alternates dark, bright, dark, bright.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

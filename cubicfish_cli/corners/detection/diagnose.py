@@ -1,7 +1,5 @@
 """Why a photo shows no grid."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import numpy.typing as npt

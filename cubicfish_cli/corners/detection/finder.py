@@ -1,7 +1,5 @@
 """Photo -> grids of sub-pixel checkerboard corners."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 

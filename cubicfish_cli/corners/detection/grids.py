@@ -3,8 +3,6 @@
 Also as they would be in a photo's mirror image, or in its negative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self

@@ -3,8 +3,6 @@
 What is there is judged by the brightness of the four squares, seen through the grid's local shape.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

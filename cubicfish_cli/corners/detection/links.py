@@ -1,7 +1,5 @@
 """Links between corners along the edges of squares, and the pieces that they make: grids' seeds."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

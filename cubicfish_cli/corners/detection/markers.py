@@ -5,8 +5,6 @@ markers cannot be read, as in the rim of a fisheye photo. A name must be support
 that agree with each other about where the board is; what they contradict is left nameless.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ Unlike :mod:`.lattice`, cells have names from the start, columns and rows may st
 distances (tags and the gaps between them), and markers come close to the corners.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """What markers say of how their boards are printed: rows, sides, distances, and their own kind."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

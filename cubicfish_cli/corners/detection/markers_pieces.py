@@ -4,8 +4,6 @@ A piece begins with the corners around markers that agree, takes in grids that s
 it and grows along the board. Its markers are read again through its corners.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -8,8 +8,6 @@ which marker lies in which of its squares: the right place shows in all of them 
 of other markers in none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

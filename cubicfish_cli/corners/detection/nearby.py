@@ -1,7 +1,5 @@
 """Nearest neighbours among points in the plane."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

@@ -1,7 +1,5 @@
 """Grey photo -> float image pyramid with an estimate of its noise, and sampling from it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -3,8 +3,6 @@
 That is whether it is whole, sharp, and like its neighbours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

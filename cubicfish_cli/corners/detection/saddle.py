@@ -1,7 +1,5 @@
 """Sub-pixel position of saddle points: a weighted quadratic fitted to the pixels themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """From the labelings of one photo that could be to names that may be relied on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

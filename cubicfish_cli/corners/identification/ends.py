@@ -13,8 +13,6 @@ one that may be part of a larger board. A line that need not go may be a stray a
 that is cut on its other side.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import product
 

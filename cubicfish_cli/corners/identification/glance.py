@@ -5,8 +5,6 @@ and those that only growth finds are missing, as are boards with small squares. 
 photos or target that do not fit: a closer look tells that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -8,8 +8,6 @@ blur it. Each named grid says where its board is in front of the camera, so the 
 say how the boards lie to each other, and names that fit this target agree from photo to photo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -4,8 +4,6 @@ The camera predicts where every corner of the target is in every photo. Where th
 corner there, by the same tests as in the first pass, it is added.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

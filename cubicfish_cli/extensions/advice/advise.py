@@ -1,7 +1,5 @@
 """What photos so far leave open, what is to be photographed next, and whether that is needed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

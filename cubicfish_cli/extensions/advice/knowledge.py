@@ -3,8 +3,6 @@
 And the field over which uncertainty is told, with the lens as far as a target may be seen.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

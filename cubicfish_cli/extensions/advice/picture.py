@@ -1,7 +1,5 @@
 """The advice as a picture: uncertainty over the photo, and where to place the target."""
 
-from __future__ import annotations
-
 import io
 import textwrap
 from typing import Any

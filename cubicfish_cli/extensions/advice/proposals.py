@@ -6,8 +6,6 @@ out again. The best is taken, then the best after it, and so on: three good phot
 the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

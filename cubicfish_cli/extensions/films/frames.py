@@ -1,7 +1,5 @@
 """Films -> the few frames that are worth calibrating from, of those that a scan kept."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 The sheet is no picture, since a folder's pictures are the photos to calibrate from.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from html import escape

@@ -6,8 +6,6 @@ rig's frame, which is the first camera's, to the camera's. Pixel (0, 0) is the m
 pixel. Tables are read in the order of their names.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ the model's number (int32), width and height (uint64) and the parameters (float6
 Its pixel (0, 0) is the top-left CORNER of the first pixel: centres are half a pixel more than here.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterator, Sequence

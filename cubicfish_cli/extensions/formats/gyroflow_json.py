@@ -1,7 +1,5 @@
 """Gyroflow's lens profile: OpenCV's fisheye lens as JSON; pixel centres are at whole numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cubicfish_cli.app.lenses.file_contents import (

@@ -1,7 +1,5 @@
 """Another tool's camera file -> the cubic camera nearest to its lens; other detectors' corners."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

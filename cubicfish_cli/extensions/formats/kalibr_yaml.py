@@ -5,8 +5,6 @@ Of several cameras, ``T_cn_cnm1`` takes points of the camera before to each one'
 intrinsics in Kalibr's order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

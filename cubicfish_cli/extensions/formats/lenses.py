@@ -7,8 +7,6 @@
 - ``double_sphere`` (Usenko, Demmel & Cremers 2018), which descends from it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path

@@ -11,8 +11,6 @@ points row by row with Δx and Δy of each together. LENSMODEL_STEREOGRAPHIC is 
 zeros, LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 as OpenCV's lens.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -10,8 +10,6 @@ length; beyond them the last patch goes on (mrcal's documentation, "lens models"
 models"; compared with mrcal itself in the tests).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Self

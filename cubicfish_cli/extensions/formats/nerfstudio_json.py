@@ -5,8 +5,6 @@ A frame's ``transform_matrix`` is world_from_camera with x to the right, y UP an
 cameras look through ``image_coords``, a grid that starts there (nerfstudio's issue 3048).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

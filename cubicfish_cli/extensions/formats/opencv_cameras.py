@@ -14,8 +14,6 @@ A matrix is a mapping with ``rows``, ``cols``, ``dt`` and ``data`` in all three;
 one (``!!opencv-matrix``, ``type_id``) is left out.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

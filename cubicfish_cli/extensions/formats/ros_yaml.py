@@ -8,8 +8,6 @@ Of a rig there are a CameraInfo for each camera and, for tf2, where each stands:
 geometry_msgs/TransformStamped in YAML, and as fixed joints in URDF. Lengths are metres.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Mapping, Sequence

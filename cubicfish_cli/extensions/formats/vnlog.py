@@ -20,8 +20,6 @@ numbers from the top left as the photo shows it, in each photo anew: a board tha
 target may be turned from photo to photo. A calibration names a board that is seen from behind.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

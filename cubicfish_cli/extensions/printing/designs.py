@@ -1,7 +1,5 @@
 """Boards of each type, as they are made for a size of paper."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import floor
 from typing import Any

@@ -3,8 +3,6 @@
 Nothing beside the board is a dark area with corners, so that no detector takes it for a pattern.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from pathlib import Path

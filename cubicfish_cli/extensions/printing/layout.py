@@ -1,7 +1,5 @@
 """Where a board's print lies on its page of paper."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Sizes of paper in millimetres."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

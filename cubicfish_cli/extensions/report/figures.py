@@ -1,7 +1,5 @@
 """The figures of a page: where the corners are, how far off they are, and what the lens is like."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

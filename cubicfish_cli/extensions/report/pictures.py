@@ -1,7 +1,5 @@
 """Small copies of the photos for the page, with what was found in them."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor

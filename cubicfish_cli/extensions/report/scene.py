@@ -1,7 +1,5 @@
 """Where photos were taken from, or where a rig's cameras stand, in space."""
 
-from __future__ import annotations
-
 import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

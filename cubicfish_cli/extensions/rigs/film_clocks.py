@@ -4,8 +4,6 @@ A body moves with all of its cameras, so films are still and lively at the same 
 their clocks apart to about a frame; the fit does the rest (``fitting/rig/clocks.py``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Films of a rig's cameras: the moments to calibrate from, their frames, and how these move."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """``cubicfish rig``: the commands of several cameras on one body."""
 
-from __future__ import annotations
-
 import click
 
 from cubicfish_cli.app.terminal.main import LazyGroup

@@ -1,7 +1,5 @@
 """What the cameras of a rig are called by their files, and what is read of each."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A rig's cameras as another tool's lenses, with their places: what formats write."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

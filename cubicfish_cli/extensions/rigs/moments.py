@@ -4,8 +4,6 @@ Films are read twice: every frame is measured (``scan.py``), then the frames of 
 taken out, each with its neighbours, by which it is told how what it shows moves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,8 +5,6 @@ or at a given distance. Where several see a pixel they are blended by how far it
 is from the edge of each one's field, so that no camera begins or ends with a step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Options that several commands of rigs share."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from cubicfish_cli.app.terminal.options import FILE, Parsed, argument, option

@@ -1,7 +1,5 @@
 """The page about a rig, and its figures: where cameras stand, what they see, how shots fit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The shots of a rig, and what a run renders of each: a picture of all that its cameras see."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

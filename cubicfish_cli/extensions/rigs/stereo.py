@@ -6,8 +6,6 @@ sphere about that line, as the epipolar kinds of :mod:`~cubicfish_cli.core.views
 all around it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

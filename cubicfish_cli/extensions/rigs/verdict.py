@@ -1,7 +1,5 @@
 """Verdict on a rig, from what its fit said."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise

@@ -4,8 +4,6 @@ Each camera is calibrated alone first, without any guess. What the shots that tw
 say of their places is a start; one adjustment then has lenses, places, shots and target at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Two rigs of the same cameras: how far apart these stand, and how far apart their lenses are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is likely wrong with a rig's shots: a camera that moved, photos of other shots, too few."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

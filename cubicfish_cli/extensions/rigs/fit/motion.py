@@ -1,7 +1,5 @@
 """How a target moves about the shots of a rig: smoothly, as the shots beside each other say."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation

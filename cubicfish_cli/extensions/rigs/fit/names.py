@@ -4,8 +4,6 @@ Each camera names such a target's corners by what it sees, so a camera that is m
 up names them the other way round. In one shot they see one thing: that tells.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

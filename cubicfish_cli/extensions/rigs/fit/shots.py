@@ -1,7 +1,5 @@
 """Which photos of several cameras are of one shot: taken at the same moment."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -5,8 +5,6 @@ camera's pixels go on the body. So the turn that is judged is that of the place 
 together, beside that of the first camera, whose frame is the rig's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ the camera with which the others agree best.
 Photos that were taken with another camera of the rig than they are said to be are refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
