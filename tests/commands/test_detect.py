@@ -154,10 +154,10 @@ def test_a_camera_is_calibrated_from_one_photo_of_several_boards(run: Run, tmp_p
     [
         (["detect", "-t", TARGET], 2, "Missing argument"),
         (["detect", *PHOTOS], 2, "name the target that the photos show with --target target.yaml"),
-        (["detect", "black.png", "-t", TARGET], 1, "expose it longer"),
+        (["detect", "black.png", "-t", TARGET], 1, "use a longer exposure"),
         (["detect", "text.png", "-t", TARGET], 1, "text.png"),
         (["detect", "empty", "-t", TARGET], 1, "empty"),
-        (["calibrate", "black.png", "-t", TARGET], 1, "expose it longer"),
+        (["calibrate", "black.png", "-t", TARGET], 1, "use a longer exposure"),
     ],
 )
 def test_photos_without_corners_say_why_and_leave_nothing(

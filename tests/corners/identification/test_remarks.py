@@ -89,7 +89,7 @@ def test_what_is_about_no_grid():
         Finding(code=Code.TOO_DARK, images=("c.jpg",)),
     ]
     assert remark_lines(remarks) == [
-        "2 photos (a.jpg and c.jpg): no checkerboard found: too dark; expose it longer",
+        "2 photos (a.jpg and c.jpg): no checkerboard found: too dark; use a longer exposure",
         "b.jpg is empty",
     ]
 
