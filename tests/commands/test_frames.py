@@ -82,9 +82,12 @@ def test_no_more_frames_are_chosen_than_asked_for(
 @pytest.mark.parametrize(
     ("board", "says"),
     [
-        ("7x4", "photos show 7x5 inner corners of the board (the target says 7x4)"),
+        (
+            "7x4",
+            "photos show grids of 7x5 (in 24) and 5x3 (in 9) inner corners, but",
+        ),
         ("8x6", "found 7x5 inner corners in "),
-        ("5x3", "photos show 7x5 inner corners, the target says 5x3"),
+        ("5x3", "photos show grids of 7x5 (in 24) inner corners, but the target has one board of"),
     ],
 )
 @pytest.mark.parametrize("command", ["frames", "calibrate"])

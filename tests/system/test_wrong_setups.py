@@ -175,7 +175,7 @@ def test_the_target_of_another_object(
     changed |= {"[0, 37.5, 187.5]": "[-90, 0, 250]", "[187.5, 0, 137.5]": "[300, 120, 300]"}
     two = {name: photos[name] for name in sorted(photos)[:2]}
     said, _ = from_photos(run, tmp_path, two, 1, **changed)
-    assert said.startswith("Error: 2 photos show grids of up to ")
+    assert said.startswith("Error: 2 photos show grids of 9x6 (in 2) and 7x5 (in 2) inner corners")
     assert "boards of another size (floor 12x9, left 13x10, right 12x11): give the target" in said
 
 

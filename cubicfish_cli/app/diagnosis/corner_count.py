@@ -350,16 +350,17 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
         boards=tuple(board.name for board in boards),
         figures={
             "photos": sum(bool(own) for own in identified.grids),
-            "seen": _describe_sizes(identified),
+            "seen": _describe_sizes(identified, target),
             "says": says + more,
         },
     )
 
 
-def _describe_sizes(identified: Identified) -> str:
-    """The sizes of grids that photos show whole again and again, or of the largest one."""
+def _describe_sizes(identified: Identified, target: Target) -> str:
+    """The sizes of grids that photos show whole and the target has not, or of the largest one."""
+    drawn = {_sort_sides((board.columns, board.rows)) for board in grid_boards(target)}
     whole = _count_whole_grids(identified).most_common(_MOST_SIZES)
-    common = [(size, photos) for size, photos in whole if photos >= _FEWEST_PHOTOS]
+    common = [one for one in whole if one[1] >= _FEWEST_PHOTOS and one[0] not in drawn]
     if common:
         return listed([f"{long}x{short} (in {photos})" for (long, short), photos in common], "")
     columns, rows = _find_largest(identified)
@@ -399,7 +400,7 @@ def many_lost(evidence: PhotoEvidence) -> list[Finding]:
         return []
     figures = {**own[0].figures, "left_out": len(own), "photos": evidence.with_boards}
     if isinstance(evidence, GridEvidence):
-        figures["seen"] = _describe_sizes(evidence.identified)
+        figures["seen"] = _describe_sizes(evidence.identified, evidence.target)
     return [
         Finding(
             code=own[0].code,

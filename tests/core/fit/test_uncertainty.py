@@ -143,7 +143,7 @@ def test_what_is_held_takes_few_degrees_of_freedom():
         )
         reference = fit_radial(pairs.with_world(pairs.world / world_scale(pairs)))
         fit = fit_cubic(reference, PriorChoice(spread=0.0, weight=30.0))
-        found.append(corner_noise_px(fit.fit) ** 2)
+        found.append(corner_noise_px(fit) ** 2)
     assert np.sqrt(np.mean(found)) == pytest.approx(NOISE, rel=0.06)
 
 

@@ -106,14 +106,16 @@ def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
     """The camera that each photo, folder or table is of.
 
     They belong to the camera that their folder is called after, or their own name begins with;
-    where nothing is called after a camera, they are in the cameras' order.
+    where each is called after the camera whose turn it is, or after none, they are in the cameras'
+    order.
 
     Raises:
         UsageError: it is not known which camera one is of.
 
     """
     owners = [_owner(path.absolute(), cameras) for path in paths]
-    if not any(owners) and len(paths) == len(cameras):
+    in_order = zip(owners, cameras, strict=False)
+    if len(paths) == len(cameras) and all(owner in ("", camera) for owner, camera in in_order):
         return list(cameras)
     for path, owner in zip(paths, owners, strict=True):
         if not owner:
