@@ -380,7 +380,7 @@ def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacki
 def test_more_than_a_good_camera_may_be_asked_for():
     now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
     assert why_not_enough(good, now, 0.2) == []
-    assert "certain only to 0.100 px, and 0.05 px" in why_not_enough(good, now, 0.05)[0].line
+    assert "certain only to 0.100 px, where 0.05 px" in why_not_enough(good, now, 0.05)[0].line
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 
