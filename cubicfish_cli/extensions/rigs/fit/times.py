@@ -29,8 +29,9 @@ _NEAR = 2.5
 # Photos get times where the rig's corners are off by so many times more than each photo's alone:
 # where only shots beside tell of motion, and where times or films do.
 _STRAINED, _TOLD = 1.5, 1.05
-# and where this takes away so much of what is more: of ten simulated shots that moved each by
-# itself up to two thirds went by chance, before hands that were simulated all but a thirtieth.
+# And they keep these times where times explain this share of the squared error above the photos'
+# own. By chance they explain up to two thirds of it, in ten simulated shots of unrelated motion; of
+# simulated hand-held motion they explain all but a thirtieth.
 _EXPLAINED = 0.8
 # The scatter at first: of the step between shots, or seconds of films.
 _FIRST_SHARE, _FIRST_S = 0.3, 0.03
