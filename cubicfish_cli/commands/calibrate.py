@@ -420,11 +420,6 @@ def _say_findings(fit: FitRecord) -> None:
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in fit.findings:
         say(f"{mark_of(finding)}: {finding.line}")
-    for note in fit.notes:
-        say(f"note: {note}")
-    for departure in fit.departures:
-        for doubt in departure.doubts:
-            say(f"warning: board {departure.board} seems {doubt}")
 
 
 def _print_calibration(made: CalibratedFiles) -> None:

@@ -66,7 +66,6 @@ class Code(StrEnum):
     UNCERTAIN = "uncertain"
     MANY_OUTLIERS = "many_outliers"
     MANY_UNFIT = "many_unfit"
-    BOARD_DOUBTED = "board_doubted"
     A_FEW_FAR_OFF = "a_few_far_off"
     WORSE_THAN_BEFORE = "worse_than_before"
     # Of a board as fitted: more than paper or plate explains.

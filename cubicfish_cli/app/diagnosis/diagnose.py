@@ -80,6 +80,12 @@ def _counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
     return _named(evidence, found) and all(one.code is not Code.CORNER_COUNT for one in found)
 
 
+def _as_drawn(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
+    """What is put down to one board, or to the lens, is not doubted of every board."""
+    faults = (*_LENSES, Code.BOARD_PLACE, Code.BOARD_SQUARE)
+    return all(one.code not in faults for one in found)
+
+
 def _counted_rightly(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
     return _only_notes(evidence, found) and not evidence.counts
 
@@ -106,6 +112,8 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, left_out.left_out, _named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _counted),
     Hypothesis(FitEvidence, repeats.repeats),
+    Hypothesis(FitEvidence, left_out.dropped_boards),
+    Hypothesis(FitEvidence, wrong_drawing.doubted_boards, _as_drawn),
     # Of corners that do not fit: the first that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
     Hypothesis(FailedFit, wrong_drawing.of_failure, _unexplained),

@@ -3,7 +3,7 @@
 And photos that fit no lens together: whether they do without some of them, which have their own.
 """
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,7 +19,6 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import Adjustment
 from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
-from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import noise_px, rms_px
@@ -36,6 +35,8 @@ _STEPS = sorted(
 )
 FEWEST_CORNERS = 8
 """A board of fewer corners in a photo is not judged."""
+# So many corners of a board, and so much of them, are no single slips in a photo.
+_FEWEST_LOST, _LOST_SHARE = 4, 0.5
 # A corner under its right name is within this many standard deviations.
 _NEAR = 6.0
 # A board that moved is as sharp as the others: this many times as noisy, photos are blurred.
@@ -205,7 +206,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     """Why photos, or boards in photos, do not fit the lens of the others."""
     pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.nominal
     mirrored = {name for one in handed(evidence) for name in one.images}
-    names = _find_left_out(pairs, fit, evidence.dropped) - mirrored
+    names = _find_left_out(evidence) - mirrored
     photos = np.flatnonzero([name in names for name in pairs.images])
     camera, noise = fit.reference.camera, noise_px(fit.reference.residual)
     scaled = pairs.with_world(pairs.world / nominal.scale)
@@ -234,21 +235,42 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     return findings + board_findings([fault for fault in faults if fault is not None], is_usual)
 
 
-def _find_left_out(
-    pairs: Observations, fit: CameraFit, dropped: Sequence[tuple[str, str | None]]
-) -> set[str]:
+def _find_left_out(evidence: FitEvidence) -> set[str]:
     """Photos that were left out, and those of which a board lost half of its corners."""
-    unfit = fit.reference.unfit.items()
+    unfit = evidence.fit.reference.unfit.items()
     names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
-    for (image, board), lost in Counter(dropped).items():
-        if board is None:
-            continue
-        own = (pairs.image == pairs.images.index(image)) & (
-            pairs.board == pairs.boards.index(board)
-        )
-        if 2 * lost >= own.sum() > _FEWEST_PHOTOS:
-            names.add(image)
-    return names
+    return names.union(*_find_lost(evidence).values())
+
+
+def _find_lost(evidence: FitEvidence) -> dict[str, dict[str, tuple[list[float], int]]]:
+    """By board and photo that lost most of its corners: how far these are off, and of how many."""
+    pairs, errors = evidence.pairs, defaultdict[tuple[str, str], list[float]](list)
+    for corner in evidence.dropped:
+        if corner.board is not None:
+            errors[corner.board, corner.image].append(corner.error_px)
+    lost = defaultdict[str, dict[str, tuple[list[float], int]]](dict)
+    for (board, photo), own in errors.items():
+        seen = pairs.image[pairs.board == pairs.boards.index(board)]
+        corners = int((seen == pairs.images.index(photo)).sum())
+        if len(own) >= max(_FEWEST_LOST, _LOST_SHARE * corners):
+            lost[board][photo] = own, corners
+    return lost
+
+
+def dropped_boards(evidence: FitEvidence) -> list[Finding]:
+    """Boards of which photos lost most corners: no single slips but one cause."""
+    found = []
+    for board, photos in _find_lost(evidence).items():
+        typical = [float(np.median(errors)) for errors, _ in photos.values()]
+        figures = {
+            "dropped": sum(len(errors) for errors, _ in photos.values()),
+            "corners": sum(corners for _, corners in photos.values()),
+            "low_px": min(typical),
+            "high_px": max(typical),
+        }
+        code = Code.BOARD_DROPPED
+        found.append(Finding(code=code, images=tuple(photos), boards=(board,), figures=figures))
+    return found
 
 
 def left_out_lens(

@@ -7,11 +7,13 @@ and that it is the same in all photos gives the ratio of their squares.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from cubicfish_cli.app.diagnosis.mirrored import in_mirror
 from cubicfish_cli.app.diagnosis.object_faults import Fault, object_fault
+from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
@@ -42,6 +44,13 @@ _NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
 _WORTH_MEASURING = 1.2
 # Photos agree with a lens when their noise is within this many times the best ones'.
 _AGREES = 6.0
+# Beyond these a deformation is no property of paper, plate or wall but a mistake in the drawing
+# or in the names of the corners. Shares are of the board's half diagonal.
+_MOST_BEND_SHARE = 0.03
+_MOST_STRETCH = 0.015
+_MOST_SHIFT_SHARE = 0.03
+_MOST_TURN_DEG = 2.0
+_MOST_OFFSET_SHARE = 0.02
 
 
 def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray]:
@@ -171,6 +180,37 @@ def _stands_out(fault: Fault) -> bool:
     return bool(
         fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
     )
+
+
+def doubted_boards(evidence: FitEvidence) -> list[Finding]:
+    """Boards that were fitted to be otherwise than paper, plate or wall explains."""
+    target, found = evidence.target, list[Finding]()
+    if target is None:
+        return found
+    care = partial(Finding, severity=Severity.CARE)
+    for one in evidence.departures:
+        board = target.boards[target.board_names.index(one.board)]
+        size = _half_diagonal(board)
+        deepest, stretch = max(map(abs, (*one.bend, one.twist))), max(one.stretch, key=abs)
+        moved = one.shift > _MOST_SHIFT_SHARE * size or one.turn_deg > _MOST_TURN_DEG
+        off = one.offset_rms > _MOST_OFFSET_SHARE * (board.square or size)
+        found += [
+            care(code=code, boards=(one.board,), figures={**figures, "units": target.units})
+            for code, is_odd, figures in (
+                (Code.BENT, deepest > _MOST_BEND_SHARE * size, {"size": deepest}),
+                (Code.STRETCHED, abs(stretch) > _MOST_STRETCH, {"percent": 100 * stretch}),
+                (Code.MOVED, moved, {"size": one.shift, "turn_deg": one.turn_deg}),
+                (Code.CORNERS_OFF, off, {"size": one.offset_rms}),
+            )
+            if is_odd
+        ]
+    return found
+
+
+def _half_diagonal(board: Board) -> float:
+    if board.points is not None:
+        return float(np.linalg.norm(np.ptp(board.points, axis=0))) / 2
+    return float(np.hypot(*board.normalised(np.zeros(2))[1]))
 
 
 def of_failure(evidence: FailedFit) -> list[Finding]:

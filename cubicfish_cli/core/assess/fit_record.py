@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cubicfish_cli.core.assess.departure import Departure
 from cubicfish_cli.core.assess.pupil import PupilEffect
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
@@ -89,32 +90,6 @@ class DroppedCorner:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Departure:
-    """By how much one board as fitted departs from its drawing, in the target's units.
-
-    Attributes:
-        board: its name.
-        bend, twist, stretch: as :class:`~cubicfish_cli.core.boards.shape.BoardShape` has them.
-        shift: how far the board's middle moved.
-        turn_deg: how far the board turned.
-        offset_rms: root mean square length of its corners' own offsets.
-        doubts: what of this is more than a target like this explains, and what to do, in words.
-        doubted: the same as findings.
-
-    """
-
-    board: str = ""
-    bend: tuple[float, ...] = ()
-    twist: float = NAN
-    stretch: tuple[float, ...] = ()
-    shift: float = NAN
-    turn_deg: float = NAN
-    offset_rms: float = NAN
-    doubts: tuple[str, ...] = ()
-    doubted: tuple[Finding, ...] = field(default=(), metadata=LEFT_OUT_IF_EMPTY)
-
-
-@dataclass(frozen=True, kw_only=True)
 class CoverageExtent:
     """What corners say of the field's rim; pixels are NaN where too few corners tell.
 
@@ -162,7 +137,7 @@ class FitRecord(ErrorStatistics):
         flat: whether all corners lie nearly in one plane.
         prior_weight, prior_spread: how P was held to the reference.
         coverage: share of the valid field that corners cover, 0 to 1.
-        notes: what a person should know beyond the figures.
+        notes: nothing any more: what a person should know is among the findings.
         findings: what is likely wrong with the set-up, with its evidence.
         uncertainty: how far the pixels of distant points may be off, on a grid over the photo.
         dropped: how many corners were left out because they were grossly off.

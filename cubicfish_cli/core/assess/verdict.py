@@ -122,7 +122,7 @@ def verdict(
     """
     scale = max(1.0, max(image_size) / _SIDE)
     causes, asides = _of_findings(fit)
-    reasons = [*asides, *_of_figures(fit, image_size, outline, scale), *_of_object(fit)]
+    reasons = [*asides, *_of_figures(fit, image_size, outline, scale)]
     reasons.sort(key=_is_mild)
     reasons = [*sorted(causes, key=_is_mild), *reasons]
     return Verdict(level=level_of(reasons), figures=_figures(fit), reasons=tuple(reasons))
@@ -276,13 +276,6 @@ def _of_figures(
         seen = _area(outline) / (image_size[0] * image_size[1])
     yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
     yield from _reason(_care(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
-
-
-def _of_object(fit: FitRecord) -> Iterator[Finding]:
-    for one in fit.departures:
-        doubts = ", and ".join(doubt.what for doubt in one.doubted)
-        level = _care(bool(doubts))
-        yield from _reason(level, Code.BOARD_DOUBTED, board=one.board, doubted=doubts)
 
 
 def _figures(of: FitRecord) -> str:

@@ -28,8 +28,8 @@ by which held-out photos gain. Before corners are fitted one by one, `orientatio
 way round photos show a target that looks the same after a turn (`placement.py`), and a rig's
 cameras are made to agree (`fit/names.py`). `uncertainty.py` carries the corners' noise through
 the normal equations to pixels, `photo_spread.py` adds what photos' shared errors do,
-`coverage.py` says where corners are, and `assess/doubts.py` measures by how much a fitted target
-departs from its drawing, and doubts what no print or wall explains.
+`coverage.py` says where corners are, and `assess/departure.py` measures by how much a fitted target
+departs from its drawing.
 
 The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
 there is none; `calibration.py`) to a function that its caller gives it, and takes findings back.

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.doubts import departures
+from cubicfish_cli.core.assess.departure import departures
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord
 from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
@@ -43,7 +43,6 @@ from cubicfish_cli.core.fit.refinement import (
 )
 from cubicfish_cli.core.fit.rejection import (
     dropped_corners,
-    dropped_groups,
     strays,
     without_gross,
     without_noisy,
@@ -179,6 +178,7 @@ def _assess(
     reference = fit.reference
     used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
     refined = nominal.refined(fit.world)
+    departed = departures(target, refined)
     camera = CubicCamera(
         image_size=pairs.image_size,
         P=fit.lens.P,
@@ -207,12 +207,12 @@ def _assess(
             nominal_fit=nominal_fit,
             fit=fit,
             nominal=nominal,
-            dropped=[(corner.image, corner.board) for corner in dropped],
+            dropped=dropped,
+            departures=departed,
             uncertainty=uncertainty,
         )
         findings = diagnose(evidence)
     left_out = held_out.get(fit.level)
-    notes = tuple(dropped_groups(pairs, dropped))
     rays = fit.poses.apply(reference.pairs.image, reference.pairs.world)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     record = FitRecord(
@@ -225,7 +225,7 @@ def _assess(
         refine_target=fit.level,
         held_out_by_level={level: error.rms_px for level, error in held_out.items() if error},
         renamed_images=tuple(nominal.renamed),
-        departures=departures(target, refined, findings) if target and refined else (),
+        departures=departed,
         rank=int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays)))),
         covered_deg=covered_deg,
         reach=rim,
@@ -234,7 +234,6 @@ def _assess(
         prior_weight=fit.prior.weight,
         prior_spread=fit.prior.spread,
         coverage=field_cells(camera, used.pixel).coverage,
-        notes=tuple(note.line for note in notes),
         findings=tuple(findings),
         uncertainty=uncertainty,
         dropped=len(dropped),
@@ -253,7 +252,6 @@ def _assess(
         unfit=reference.unfit,
         target=refined,
         renamed=nominal.renamed,
-        notes=notes,
     )
 
 

@@ -6,6 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
+from cubicfish_cli.core.assess.departure import Departure
+from cubicfish_cli.core.assess.fit_record import DroppedCorner
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice
@@ -40,7 +42,6 @@ class Calibration(Calibrated):
             that came without one.
         renamed: photos that show the target the other way round than they said, as its print
             says, and the motion of the target that their corners were named anew by.
-        notes: what a person should know beyond the figures.
 
     """
 
@@ -56,7 +57,6 @@ class Calibration(Calibrated):
     unfit: dict[str, Finding]
     target: Target | None
     renamed: Mapping[str, Symmetry]
-    notes: tuple[Finding, ...]
 
     @property
     def refined(self) -> Level:
@@ -70,10 +70,8 @@ class Calibration(Calibrated):
 
     @property
     def remarks(self) -> tuple[Finding, ...]:
-        """What is told beside the findings: notes, photos that were left out, doubts."""
-        unfit = (replace(why, images=(photo,)) for photo, why in self.unfit.items())
-        doubts = (doubt for one in self.fit.departures for doubt in one.doubted)
-        return (*self.notes, *unfit, *doubts)
+        """What is told beside the findings: photos that were left out."""
+        return tuple(replace(why, images=(photo,)) for photo, why in self.unfit.items())
 
     def named(self, corners: Observations) -> Observations:
         """Corners of the photos by the names that the fit gave them, of the target as fitted."""
@@ -133,7 +131,8 @@ class FitEvidence(CornerEvidence):
         nominal_fit: the fit to the target as drawn.
         fit: the final fit.
         nominal: the target as drawn.
-        dropped: photo and board of each corner that was left out as grossly wrong.
+        dropped: each corner that was left out as grossly wrong.
+        departures: by how much boards depart from the drawing, where it was fitted too.
         uncertainty: what is stated of the camera.
 
     """
@@ -141,7 +140,8 @@ class FitEvidence(CornerEvidence):
     nominal_fit: CameraFit
     fit: CameraFit
     nominal: NominalTarget
-    dropped: Sequence[tuple[str, str | None]]
+    dropped: Sequence[DroppedCorner]
+    departures: Sequence[Departure]
     uncertainty: UncertaintyGrid
 
 

@@ -1,6 +1,5 @@
 """Outliers: corners that are grossly off or depart from their neighbours, and noisy photos."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,8 +26,6 @@ _FEW_PHOTOS = 3
 # A photo this many times noisier than the median photo does more harm than good.
 _NOISY = 4.0
 _NOISY_PX = 0.5
-_GROUP_SHARE = 0.5
-_GROUP_SIZE = 4
 
 
 def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedCorner, ...]:
@@ -135,38 +132,3 @@ def without(fit: CameraFit, wrong: BoolArray) -> CameraFit:
     reference = refit_radial(fit.reference, pairs, fit.reference.poses)
     residual = fit.residual[rows]
     return replace(fit, reference=reference, residual=residual, world=world, pairs=pairs)
-
-
-def dropped_groups(before: Observations, dropped: Sequence[DroppedCorner]) -> list[Finding]:
-    """Boards of which a photo lost most corners: no single slips but one cause.
-
-    Args:
-        before: the pairs before any was dropped.
-        dropped: these.
-
-    """
-    errors: dict[str, dict[str, list[float]]] = {}
-    for corner in dropped:
-        if corner.board is not None:
-            of_photos = errors.setdefault(corner.board, {})
-            of_photos.setdefault(corner.image, []).append(corner.error_px)
-    found = []
-    for board, of_photos in errors.items():
-        seen = before.image[before.board == before.boards.index(board)]
-        corners = {image: int((seen == before.images.index(image)).sum()) for image in of_photos}
-        lost = {
-            image: own
-            for image, own in of_photos.items()
-            if len(own) >= max(_GROUP_SIZE, _GROUP_SHARE * corners[image])
-        }
-        typical = [float(np.median(own)) for own in lost.values()]
-        figures = {
-            "dropped": sum(len(own) for own in lost.values()),
-            "corners": sum(corners[image] for image in lost),
-            "low_px": min(typical, default=0.0),
-            "high_px": max(typical, default=0.0),
-        }
-        code = Code.BOARD_DROPPED
-        if lost:
-            found.append(Finding(code=code, images=tuple(lost), boards=(board,), figures=figures))
-    return found

@@ -115,8 +115,7 @@ def _boards(facts: Facts) -> dict[str, str]:
 
 def _notes(fit: FitRecord) -> list[str]:
     """What speaks not against the camera and should be known all the same."""
-    notes = [one for one in fit.findings if one.severity is Severity.NOTE]
-    return [*(f"{one.what} ({one.evidence}); {one.do}" for one in notes), *fit.notes]
+    return [one.line for one in fit.findings if one.severity is Severity.NOTE]
 
 
 def _least_off(corner: DroppedCorner) -> float:

@@ -25,7 +25,7 @@ SAYINGS = catalogue().sayings
 # Figures that are names; all others are numbers.
 NAMES = {
     "other": "wall", "worst": "b.png", "units": "mm", "real": "25 mm for 24", "scale": "0.50",
-    "first_square": "light", "board": "wall", "doubted": "bent by 3 mm",
+    "first_square": "light", "board": "wall",
     "says": "floor 9x6", "problem": "c.png is empty", "first": "c.png is empty", "what": "it is",
     "both": ["floor", "wall"], "repeats": ["a.png = b.png"], "light": True, "in_order": True,
     "counts": [{"form": "one", "board": "wall", "columns": 9, "rows": 6, "drawn_columns": 10,

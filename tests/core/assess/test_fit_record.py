@@ -28,7 +28,7 @@ FIT = FitRecord(
     images=2,
     refine_target="shape",
     held_out_by_level={"off": 0.3, "shape": 0.2},
-    departures=(Departure(board="left", bend=(0.1, 0.2), stretch=(0.0, 0.1), doubted=(ZOOM,)),),
+    departures=(Departure(board="left", bend=(0.1, 0.2), stretch=(0.0, 0.1)),),
     pupil=PupilEffect(travel=0.1, distance=200.0, units="mm", rim_px=0.02),
     findings=(ZOOM,),
     dropped=1,

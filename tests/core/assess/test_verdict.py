@@ -30,7 +30,9 @@ GOOD: dict[str, Any] = {
     "uncertainty": {"median_px": 0.02, "max_px": 0.2},
     "departures": [{"board": "floor", "doubts": []}],
 }
-STRETCHED = Finding(code=Code.STRETCHED, severity=Severity.CARE, figures={"percent": 4.0})
+STRETCHED = Finding(
+    code=Code.STRETCHED, severity=Severity.CARE, boards=("left",), figures={"percent": 4.0}
+)
 FAR = {"companion_held_out_rms_px": 5.0}
 
 
@@ -116,10 +118,10 @@ def test_a_good_fit_is_good() -> None:
         ({"dropped": 900}, "bad", "900 of 2900 corners", "which boards"),
         ({"images": 1, "unfit_images": {"a": "", "b": ""}}, "bad", "2 of 3 photos", "again"),
         (
-            {"departures": [{"board": "left", "doubted": [STRETCHED.as_record()]}]},
+            {"findings": [STRETCHED.as_record()]},
             "care",
             "board left seems stretched by 4.0 %, more than paper",
-            "measure the target",
+            "measure ten",
         ),
     ],
 )

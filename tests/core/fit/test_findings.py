@@ -8,12 +8,13 @@ import pytest
 import synthetic
 from lenses import random_rays
 
+from cubicfish_cli.app.diagnosis.diagnose import find_faults
+from cubicfish_cli.app.diagnosis.left_out import dropped_boards
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.assess.fit_record import DroppedCorner
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.fit.calibrate import calibrate as fit
 from cubicfish_cli.core.fit.coverage import blind_angle, field_cells
-from cubicfish_cli.core.fit.rejection import dropped_groups
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.lenses.radial import RadialCamera
 
@@ -49,7 +50,7 @@ def swapped(pairs, photo):
 @pytest.mark.slow
 def test_swapped_boards_are_named(pairs):
     result = calibrate(swapped(pairs, 4), target=TARGET, hold_out=False)
-    said = " ".join(map(str, result.notes)) + " ".join(result.unfit)
+    said = " ".join(map(str, result.findings)) + " ".join(result.unfit)
     assert "04.png" in said
     assert result.errors.rms_px < 0.2
     lost = {corner.image for corner in result.fit.dropped_corners} | set(result.unfit)
@@ -61,9 +62,10 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     own = (pairs.image == 2) & (pairs.board == 1)
     world = pairs.world.copy()
     world[own] += [0, 0, 12.0]
-    result = fit(pairs.with_world(world), target=TARGET, hold_out=False)
-    (note,) = [one for one in result.notes if "02.png" in one.images]
-    assert (note.code, note.boards) == (Code.BOARD_DROPPED, ("left",))
+    moved = pairs.with_world(world)
+    result = fit(moved, target=TARGET, hold_out=False, diagnose=find_faults)
+    (note,) = [one for one in result.findings if one.code is Code.BOARD_DROPPED]
+    assert (note.images, note.boards) == (("02.png",), ("left",))
     assert note.figures["corners"] == own.sum()
     assert result.errors.rms_px < 0.16
 
@@ -78,8 +80,8 @@ def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
         for photo in (0, 2)
     )
     few, _ = select(pairs, (pairs.column < 4) & (pairs.row < 4))
-    assert dropped_groups(pairs, [one]) == []
-    (told,) = dropped_groups(few, dropped)
+    assert dropped_boards(SimpleNamespace(pairs=pairs, dropped=[one])) == []
+    (told,) = dropped_boards(SimpleNamespace(pairs=few, dropped=dropped))
     assert (told.images, told.boards) == (("00.png", "02.png"), ("left",))
     assert told.figures["corners"] < seen
     assert told.line.startswith(
@@ -129,7 +131,7 @@ def test_photos_that_are_all_noisy_are_kept(pairs):
 
 @pytest.mark.slow
 def test_a_good_set_is_not_talked_about(pairs):
-    assert not calibrate(pairs, hold_out=False).notes
+    assert not calibrate(pairs, hold_out=False).findings
 
 
 @pytest.mark.slow
@@ -149,7 +151,6 @@ def test_a_wrong_drawing_is_blamed_on_its_board_alone(pairs, change, cause):
     (finding,) = result.findings
     assert finding.code == cause
     assert finding.boards == (boards[2 if change == "square" else 1].name,)
-    assert not any(part.doubts for part in result.fit.departures)
 
 
 def test_coverage_counts_the_valid_field():

@@ -193,7 +193,7 @@ def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
     fitted: Calibration, pairs: Observations
 ) -> None:
     note = {"level": "note", "what": "a note", "evidence": "12 px", "do": "sleep on it"}
-    fit = {"findings": [{**note, "level": "bad", "what": "a fault"}, note], "notes": ["a remark"]}
+    fit = {"findings": [{**note, "level": "bad", "what": "a fault"}, note]}
     facts = facts_of(fitted, replace(pairs, pixel=pairs.pixel + 1.0), fit=fit)
     assert facts.errors is None
     assert "they are not those of the fit" in facts.absent[0]
@@ -209,13 +209,12 @@ def test_what_is_wrong_comes_first_and_corners_of_another_fit_are_not_drawn(
     ]
     told += [
         "a note (12 px); sleep on it",
-        "a remark",
         facts.known.verdict.figures[1:],
         "RMS error",
     ]
     places = [text.index(words) for words in told]
     assert places == sorted(places)
-    assert text.count("a remark") == text.count("a note (12 px)") == 1
+    assert text.count("a note (12 px)") == 1
     # What to do is told in the words of the terminal, which has reasons in this order too.
     assert all(reason.do in text for reason in facts.known.verdict.reasons)
 
@@ -346,9 +345,9 @@ def test_names_are_text_and_nothing_else(fitted: Calibration, pairs: Observation
     boards = tuple(replace(board, name=HOSTILE[i]) for i, board in enumerate(TARGET.boards))
     fit = {
         "per_image": per_image,
-        "notes": HOSTILE,
+        "findings": [{"level": "care", "what": name, "boards": [name]} for name in HOSTILE],
         "unfit_images": {name: name for name in HOSTILE},
-        "departures": [{"board": name, "doubts": [name]} for name in HOSTILE],
+        "departures": [{"board": name} for name in HOSTILE],
         "dropped_corners": [{"image": name, "board": name} for name in HOSTILE],
         "dropped": 12,
     }

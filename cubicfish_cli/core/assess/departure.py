@@ -1,0 +1,64 @@
+"""By how much a target as fitted departs from its drawing."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cubicfish_cli.core.boards.board import Board
+from cubicfish_cli.core.boards.shape import BoardShape
+from cubicfish_cli.core.target import Target
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure:
+    """By how much one board as fitted departs from its drawing, in the target's units.
+
+    Attributes:
+        board: its name.
+        bend, twist, stretch: as :class:`~cubicfish_cli.core.boards.shape.BoardShape` has them.
+        shift: how far the board's middle moved.
+        turn_deg: how far the board turned.
+        offset_rms: root mean square length of its corners' own offsets.
+        doubts: nothing any more: what is doubted of boards is among the findings.
+
+    """
+
+    board: str = ""
+    bend: tuple[float, ...] = ()
+    twist: float = math.nan
+    stretch: tuple[float, ...] = ()
+    shift: float = math.nan
+    turn_deg: float = math.nan
+    offset_rms: float = math.nan
+    doubts: tuple[str, ...] = ()
+
+
+def departures(drawn: Target | None, refined: Target | None) -> tuple[Departure, ...]:
+    """By how much each board departs from its drawing; none of boards that are as drawn."""
+    if drawn is None or refined is None:
+        return ()
+    both = zip(drawn.boards, refined.boards, strict=True)
+    return tuple(_departure(before, after) for before, after in both if after is not before)
+
+
+def _departure(drawn: Board, refined: Board) -> Departure:
+    shape = refined.shape or BoardShape.none(refined.columns, refined.rows)
+    turn = 0.0
+    if drawn.points is not None and refined.points is not None:
+        middle, moved = drawn.points.mean(axis=0), refined.points.mean(axis=0)
+    else:
+        half = drawn.normalised(np.zeros(2))[1]
+        middle, moved = (board.origin + half @ board.axes[:2] for board in (drawn, refined))
+        cosine = (np.trace(refined.axes @ drawn.axes.T) - 1) / 2
+        turn = float(np.rad2deg(np.arccos(np.clip(cosine, -1, 1))))
+    length = np.linalg.norm(shape.offsets, axis=2)
+    return Departure(
+        board=drawn.name,
+        bend=(float(shape.bend[0]), float(shape.bend[1])),
+        twist=float(shape.twist),
+        stretch=(float(shape.stretch[0]), float(shape.stretch[1])),
+        shift=float(np.linalg.norm(moved - middle)),
+        turn_deg=turn,
+        offset_rms=float(np.sqrt(np.mean(length[length > 0] ** 2))) if length.any() else 0.0,
+    )
