@@ -30,13 +30,8 @@ from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one  # n
 from cubicfish_cli.app.undistortion.images import remap_picture  # noqa: E402
 from cubicfish_cli.core.io.camera_yaml import load_camera  # noqa: E402
 from cubicfish_cli.core.lenses.cubic import CubicCamera  # noqa: E402
-from cubicfish_cli.core.views.choose import WIDEST  # noqa: E402
-from cubicfish_cli.core.views.maps import (  # noqa: E402
-    UndistortMap,
-    build_map,
-    camera_for_photos,
-)
-from cubicfish_cli.core.views.view import CentralView  # noqa: E402
+from cubicfish_cli.core.views.maps import UndistortMap, build_map, camera_for_photos  # noqa: E402
+from cubicfish_cli.core.views.view import PROJECTIONS, CentralView  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 SAMPLE = HERE.parent / "sample_data"
@@ -104,16 +99,16 @@ def measure_map(camera: CubicCamera) -> None:
                 )
             )
         }
-        for kind, make in WIDEST.items():
+        for kind in PROJECTIONS:
             field = 110 if kind == "perspective" else 170
-            other = make.with_field(field, size)
+            other = CentralView.with_field(kind, field, size)
             parts[kind] = lambda own=own, other=other: build_map(own, other)
         seconds = turn_by_turn(parts, 9 if size[0] < 2000 else 5)
         say(
             f"map {size[0]}x{size[1]}: cv2.fisheye.initUndistortRectifyMap, ms",
             1e3 * seconds["cv2"],
         )
-        for kind in WIDEST:
+        for kind in PROJECTIONS:
             wanted = f"(<= {limit})" if kind == "perspective" else ""
             say(f"  {kind}, times that", seconds[kind] / seconds["cv2"], wanted)
 

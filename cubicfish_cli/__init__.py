@@ -83,10 +83,11 @@ _PLACES = {
     "corners.identification.identified": ("Detection",),
     "app.photos": ("read_picture",),
     "core.target": ("Target",),
-    "core.views.choose": ("build_view",),
-    "core.views.options": ("PlaneOptions", "ViewOptions"),
+    "app.undistortion.choose": ("build_view",),
+    "app.undistortion.options": ("PlaneOptions", "ViewOptions"),
     "core.views.plane": ("build_plane",),
-    "core.views.maps": ("UndistortMap", "build_map", "save_map"),
+    "core.views.maps": ("UndistortMap", "build_map"),
+    "app.undistortion.map_formats": ("save_map",),
     "core.views.view": ("View",),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}

@@ -7,7 +7,11 @@ from cubicfish_cli.app.detection import detect as detect
 from cubicfish_cli.app.listener import Event as Event
 from cubicfish_cli.app.listener import Listener as Listener
 from cubicfish_cli.app.photos import read_picture as read_picture
+from cubicfish_cli.app.undistortion.choose import build_view as build_view
 from cubicfish_cli.app.undistortion.images import undistort as undistort
+from cubicfish_cli.app.undistortion.map_formats import save_map as save_map
+from cubicfish_cli.app.undistortion.options import PlaneOptions as PlaneOptions
+from cubicfish_cli.app.undistortion.options import ViewOptions as ViewOptions
 from cubicfish_cli.commands.calibrate import CalibrateOptions as CalibrateOptions
 from cubicfish_cli.commands.calibrate import calibrate_files as calibrate_files
 from cubicfish_cli.commands.calibration import calibrate as calibrate
@@ -45,12 +49,8 @@ from cubicfish_cli.core.io.observations_csv import save_corners as save_corners
 from cubicfish_cli.core.lenses.cubic import CubicCamera as CubicCamera
 from cubicfish_cli.core.observations import Observations as Observations
 from cubicfish_cli.core.target import Target as Target
-from cubicfish_cli.core.views.choose import build_view as build_view
 from cubicfish_cli.core.views.maps import UndistortMap as UndistortMap
 from cubicfish_cli.core.views.maps import build_map as build_map
-from cubicfish_cli.core.views.maps import save_map as save_map
-from cubicfish_cli.core.views.options import PlaneOptions as PlaneOptions
-from cubicfish_cli.core.views.options import ViewOptions as ViewOptions
 from cubicfish_cli.core.views.plane import build_plane as build_plane
 from cubicfish_cli.core.views.view import View as View
 from cubicfish_cli.corners.identification.identified import Detection as Detection

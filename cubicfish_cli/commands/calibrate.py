@@ -340,8 +340,9 @@ def _contents(
 
 def _map(camera: CubicCamera) -> Content | None:
     from cubicfish_cli.app.photos import MAX_PIXELS
-    from cubicfish_cli.core.views.choose import build_view
-    from cubicfish_cli.core.views.maps import build_map, write_npz
+    from cubicfish_cli.app.undistortion.choose import build_view
+    from cubicfish_cli.app.undistortion.map_formats import write_npz
+    from cubicfish_cli.core.views.maps import build_map
 
     if math.prod(camera.image_size) > MAX_PIXELS:
         return None

@@ -115,10 +115,11 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """
+    from cubicfish_cli.app.undistortion.choose import build_view
+    from cubicfish_cli.app.undistortion.map_formats import save_map
     from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, without_matrix
     from cubicfish_cli.core.io.camera_yaml import load_camera
-    from cubicfish_cli.core.views.choose import build_view
-    from cubicfish_cli.core.views.maps import build_map, save_map
+    from cubicfish_cli.core.views.maps import build_map
 
     to, path = asked.to, in_folder(Path(asked.camera))
     for name, given in (("--max-error", asked.max_error), ("--max-angle", asked.max_angle_deg)):

@@ -12,13 +12,13 @@ from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.view_options import say_what_is_unseen, view_options
 from cubicfish_cli.core.files import refuse_existing, write_files
-from cubicfish_cli.core.views.options import ViewOptions
 
 if TYPE_CHECKING:
+    from cubicfish_cli.app.undistortion.choose import ChosenView
     from cubicfish_cli.core.files import Content
-    from cubicfish_cli.core.views.choose import ChosenView
     from cubicfish_cli.core.views.maps import UndistortMap
     from cubicfish_cli.core.views.view import View
 
@@ -112,9 +112,9 @@ def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
             not be replaced.
 
     """
+    from cubicfish_cli.app.undistortion.choose import chosen_view
     from cubicfish_cli.app.undistortion.map_formats import build_redistort_map, map_paths
     from cubicfish_cli.core.io.camera_yaml import load_camera
-    from cubicfish_cli.core.views.choose import chosen_view
     from cubicfish_cli.core.views.maps import camera_for_photos
 
     goal, view = Path(asked.output), asked.view

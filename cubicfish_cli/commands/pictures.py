@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.asked import Run, path_or_none
 from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, photo_size, shown
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
+from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.app.undistortion.images import check_suffix, part_name
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.views.choose import ChosenView
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions

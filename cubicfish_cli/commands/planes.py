@@ -11,14 +11,14 @@ from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.app.undistortion.batch import Size, Views
+from cubicfish_cli.app.undistortion.choose import ChosenView
+from cubicfish_cli.app.undistortion.options import PlaneOptions
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.io.camera_yaml import Calibrated, PointCameraFile
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.views.choose import ChosenView
 from cubicfish_cli.core.views.maps import camera_for_photos
-from cubicfish_cli.core.views.options import PlaneOptions
 from cubicfish_cli.core.views.plane import board_with_plane, build_plane
 from cubicfish_cli.core.views.view import PointProjector, matrix_of_rotation
 

@@ -17,6 +17,12 @@ from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say, tell
+from cubicfish_cli.app.undistortion.options import (
+    INTERPOLATIONS,
+    Interpolation,
+    PlaneOptions,
+    ViewOptions,
+)
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.view_options import (
     say_what_is_unseen,
@@ -24,12 +30,6 @@ from cubicfish_cli.commands.view_options import (
     view_or_plane_options,
 )
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
-from cubicfish_cli.core.views.options import (
-    INTERPOLATIONS,
-    Interpolation,
-    PlaneOptions,
-    ViewOptions,
-)
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.batch import Job, Views

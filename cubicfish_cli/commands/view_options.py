@@ -17,15 +17,14 @@ from cubicfish_cli.app.terminal.options import (
     target_path,
 )
 from cubicfish_cli.app.terminal.terminal import say
+from cubicfish_cli.app.undistortion.options import KINDS, PlaneOptions, ViewOptions
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.views.options import KINDS, PlaneOptions, ViewOptions
 from cubicfish_cli.core.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.views.choose import ChosenView
+    from cubicfish_cli.app.undistortion.choose import ChosenView
 
 _PLANE = "plane:"
-_MUCH = 0.1  # of what a photo shows
 
 
 def _numbers(text: str, between: str) -> tuple[float | str, ...]:
@@ -154,29 +153,5 @@ view_or_plane_options: Any = view_bundle(planes=True)
 
 def say_what_is_unseen(view: ChosenView) -> None:
     """Tell the user where the camera's field ends before the view's does, and what is lost."""
-    if view.at_limit:
-        say(
-            f"the camera sees more than a {view.first.kind} picture can show: its field ends at "
-            "the view's own limit, and --view stereographic or equidistant shows all"
-        )
-    seen = view.seen
-    if seen is None:
-        return
-    if seen.describe():
-        say(f"the camera sees {seen.describe()}: the rest is empty")
-    if seen.whole and seen.uncalibrated:
-        say(
-            f"{100 * seen.uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
-            "not calibrated: --mask FILE marks what may be trusted"
-        )
-    elif seen.uncalibrated > _MUCH:
-        say(
-            f"{100 * seen.uncalibrated:.0f} % of the photo is left out, where the camera is not "
-            "calibrated: calibrate again with photos in which the target reaches the photo's "
-            "edges, or have it extrapolated by --fit whole"
-        )
-    if seen.cut_off > _MUCH and not view.at_limit:
-        say(
-            f"{100 * seen.cut_off:.0f} % of the photo lies beyond the picture's edges: "
-            "--fit outer or --view equidistant shows more of it"
-        )
+    for remark in view.remarks():
+        say(remark)

@@ -119,7 +119,7 @@ def test_when_one_output_fails_none_is_written(
     def fail(*_: object, **__: object) -> None:
         raise OutputError("the disk is full")
 
-    monkeypatch.setattr("cubicfish_cli.core.views.maps.write_npz", fail)
+    monkeypatch.setattr("cubicfish_cli.app.undistortion.map_formats.write_npz", fail)
     run("calibrate", CORNERS, "-t", TARGET, "--no-hold-out", "-o", tmp_path / "c", code=1)
     assert list((tmp_path / "c").iterdir()) == []
 

@@ -15,13 +15,14 @@ from running import SAMPLE, Run
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import save_camera
+from cubicfish_cli.app.undistortion.choose import build_view, chosen_view
+from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.info import CameraInfo
 from cubicfish_cli.core.assess.camera_facts import field_seen
 from cubicfish_cli.core.assess.fit_record import fit_record
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.views.choose import chosen_view
-from cubicfish_cli.core.views.options import ViewOptions
+from cubicfish_cli.core.views.fields import lost_shares
 
 TRUTH = synthetic_lens("equisolid")
 
@@ -72,20 +73,17 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
     assert seen.horizontal > seen.vertical > 60
     save_camera(tmp_path / "camera.yaml", middle)
     assert "calibrated to 20° from the axis" in run("info", tmp_path).stdout
-    lost = chosen_view(middle, None).seen
-    assert lost is not None
+    uncalibrated, cut_off = lost_shares(middle, build_view(middle))
     # The cone is a circle of 89 pixels in the photo.
-    assert lost.uncalibrated == pytest.approx(1 - np.pi * 89**2 / (400 * 300), abs=0.03)
-    assert lost.cut_off < 0.05
+    assert uncalibrated == pytest.approx(1 - np.pi * 89**2 / (400 * 300), abs=0.03)
+    assert cut_off < 0.05
     cv2.imwrite(str(tmp_path / "p.png"), np.full((300, 400), 200, np.uint8))
     line = ("undistort", tmp_path / "p.png", tmp_path / "f.png", "-m", tmp_path)
     assert "% of the photo is left out" in run(*line).stderr
     turned = ViewOptions(rotate_deg=(5, 0, 0))
-    for given, cut in ((ViewOptions(), 0.1), (ViewOptions(hfov_deg=30), 0), (turned, 0)):
-        whole = chosen_view(camera, given).seen
-        assert whole is not None
-        assert whole.cut_off >= cut
-        assert bool(whole.cut_off) == bool(cut)
+    for given, told in ((ViewOptions(), True), (ViewOptions(hfov_deg=30), False), (turned, False)):
+        remarks = " ".join(chosen_view(camera, given).remarks())
+        assert ("lies beyond the picture's edges" in remarks) == told
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from running import SAMPLE, Run
 from saved_maps import read_map
 
 from cubicfish_cli.core.io.camera_yaml import load_camera
-from cubicfish_cli.core.views.options import WIDEST
 
 PHOTO = SAMPLE / "photos" / "corner_01.jpg"
 
@@ -154,10 +153,6 @@ def test_what_cannot_be_done_is_said_and_leaves_nothing(
     assert message in result.stderr
     assert result.stdout == ""
     assert list(tmp_path.iterdir()) == []
-
-
-def test_every_view_has_a_limit() -> None:
-    assert tuple(WIDEST) == tuple(WIDEST)
 
 
 def test_a_photo_of_another_size_is_refused(run: Run, model: Path, tmp_path: Path) -> None:

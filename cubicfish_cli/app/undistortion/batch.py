@@ -13,17 +13,17 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
+from cubicfish_cli.app.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.app.undistortion.images import (
     encode_picture,
     naming,
     remap_picture,
 )
+from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.core.errors import ClusterError, CubicfishError
 from cubicfish_cli.core.files import remove_orphans, write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.views.choose import ChosenView, chosen_view
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
-from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.core.views.view import View
 
 if TYPE_CHECKING:

@@ -18,17 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.photos import Picture, jpeg_segments, quiet_stderr, refuse_no_picture, shown
+from cubicfish_cli.app.undistortion.choose import build_view
+from cubicfish_cli.app.undistortion.options import INTERPOLATIONS, Interpolation
 from cubicfish_cli.core.errors import CubicfishError, OutputError, ViewError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.views.choose import build_view
-from cubicfish_cli.core.views.maps import (
-    OUTSIDE,
-    UndistortMap,
-    build_map,
-    camera_for_photos,
-)
-from cubicfish_cli.core.views.options import INTERPOLATIONS, Interpolation
+from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, build_map, camera_for_photos
 from cubicfish_cli.core.views.view import View
 from cubicfish_cli.core.wording import did_you_mean, quoted
 

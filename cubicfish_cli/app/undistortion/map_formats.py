@@ -6,6 +6,7 @@ nowhere is negative, or beyond the frame where a format has no negative numbers.
 The virtual camera of a view as a file in plain YAML.
 """
 
+import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -17,9 +18,9 @@ import numpy.typing as npt
 
 from cubicfish_cli.app.undistortion.images import encode_picture, part_name
 from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
-from cubicfish_cli.core.files import Content
+from cubicfish_cli.core.files import Content, whole_file
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap, write_npz
+from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, View
 
 Floats = npt.NDArray[np.float32]
@@ -68,6 +69,32 @@ def stmap(pixel_map: UndistortMap) -> tuple[Floats, Floats]:
     v = 1 - (pixel_map.map_y.astype(float) + 0.5) / height
     u[pixel_map.empty] = v[pixel_map.empty] = OUTSIDE
     return u.astype(np.float32), v.astype(np.float32)
+
+
+def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
+    """Write ``undistort_map.npz``: maps (H, W) of pixels, valid, view as JSON, format, image_size.
+
+    Raises:
+        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
+
+    """
+    with whole_file(Path(path), overwrite=overwrite) as temporary:
+        write_npz(temporary, undistort_map)
+
+
+def write_npz(path: Path, made: UndistortMap) -> None:
+    """The same, of a map of either way: ``format`` says which; an existing file is replaced."""
+    way = "redistort_map" if made.redistorts else "undistort_map"
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            map_x=made.map_x,
+            map_y=made.map_y,
+            valid=made.valid,
+            view=np.array(json.dumps(made.view.as_record())),
+            format=np.array(f"cubicfish {way} 1"),
+            image_size=np.array(made.image_size),
+        )
 
 
 def write_exr(path: Path, made: UndistortMap) -> None:

@@ -1,4 +1,4 @@
-"""View and camera -> the map that ``cv2.remap`` takes, and its file.
+"""View and camera -> the map that ``cv2.remap`` takes.
 
 A camera for photos that are an exact rescale of the calibrated ones.
 
@@ -10,14 +10,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
@@ -26,8 +24,6 @@ from cubicfish_cli.core.views.cubic_grid import grid_of
 from cubicfish_cli.core.views.view import MAX_SIDE, PlaneView, PointProjector, View
 from cubicfish_cli.core.wording import Brief
 
-FORMAT = "cubicfish undistort_map 1"
-REDISTORT_FORMAT = "cubicfish redistort_map 1"
 OUTSIDE = -1.0
 # A block's arrays stay in the processor's cache; fewer pixels than these are not worth a thread.
 _PIXELS_PER_BLOCK = 65_536
@@ -66,7 +62,7 @@ class UndistortMap(Brief):
         return np.asarray(self.map_x == OUTSIDE)
 
 
-def build_map(camera: PointProjector, view: View, rows: range | None = None) -> UndistortMap:
+def build_map(camera: PointProjector, view: View) -> UndistortMap:
     """The map (H, W), pixels of the camera's photos, that renders ``view`` from them.
 
     Rows are done in blocks, on two threads when there are many, so the memory needed beyond
@@ -75,8 +71,6 @@ def build_map(camera: PointProjector, view: View, rows: range | None = None) -> 
     Args:
         camera: whose photos they are.
         view: what is rendered.
-        rows: those of the view that are wanted, from a multiple of :func:`rows_per_block` on; None
-            for all.
 
     Raises:
         ViewError: the camera's photos are larger than ``cv2.remap`` can take.
@@ -88,18 +82,16 @@ def build_map(camera: PointProjector, view: View, rows: range | None = None) -> 
             f"photos of {photo_width}x{photo_height} cannot be undistorted: "
             f"a side may have {MAX_SIDE} pixels at most"
         )
-    width = view.size[0]
-    rows = range(view.size[1]) if rows is None else rows
-    map_x, map_y = np.empty((2, len(rows), width), np.float32)
-    valid = np.empty((len(rows), width), bool)
+    width, height = view.size
+    map_x, map_y = np.empty((2, height, width), np.float32)
+    valid = np.empty((height, width), bool)
     grid = grid_of(camera, view) if isinstance(camera, CubicCamera) else None
     project = seen_near(camera) if isinstance(view, PlaneView) else camera.project
-    step = rows_per_block(view)
+    step = max(1, _PIXELS_PER_BLOCK // width)
 
     def fill(top: int) -> None:
-        block = slice(top, min(rows.stop, top + step))
-        own = slice(block.start - rows.start, block.stop - rows.start)
-        x, y = map_x[own], map_y[own]
+        block = slice(top, min(height, top + step))
+        x, y = map_x[block], map_y[block]
         if grid is not None:
             grid.fill(block, x, y)
         else:
@@ -110,21 +102,21 @@ def build_map(camera: PointProjector, view: View, rows: range | None = None) -> 
         if (
             x.min() >= 0 and x.max() <= photo_width - 1 and y.min() >= 0
         ) and y.max() <= photo_height - 1:
-            valid[own] = True
+            valid[block] = True
             return
         inside = (x >= 0) & (x <= photo_width - 1) & (y >= 0) & (y <= photo_height - 1)
-        valid[own] = inside
+        valid[block] = inside
         np.logical_not(inside, out=inside)
         np.copyto(x, OUTSIDE, where=inside)
         np.copyto(y, OUTSIDE, where=inside)
 
     with ThreadPoolExecutor(_THREADS if valid.size >= _PIXELS_FOR_THREADS else 1) as threads:
-        list(threads.map(fill, range(rows.start, rows.stop, step)))
+        list(threads.map(fill, range(0, height, step)))
     made = UndistortMap(
         map_x=map_x, map_y=map_y, valid=valid, view=view, image_size=camera.image_size
     )
     if isinstance(camera, WholePhoto):
-        own = build_map(camera.camera, view, rows)
+        own = build_map(camera.camera, view)
         np.copyto(map_x, own.map_x, where=own.valid)
         np.copyto(map_y, own.map_y, where=own.valid)
         return replace(made, valid=own.valid)
@@ -134,11 +126,6 @@ def build_map(camera: PointProjector, view: View, rows: range | None = None) -> 
 def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
     """What takes points to pixels where how near they are counts."""
     return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
-
-
-def rows_per_block(view: View) -> int:
-    """How many rows of a view are worked out at a time."""
-    return max(1, _PIXELS_PER_BLOCK // view.size[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,31 +167,6 @@ class WholePhoto:
             beyond[angle_from_axis(rays) > np.deg2rad(self.max_angle_deg)] = np.nan
         own = self.camera.project(rays)
         return np.where(np.isfinite(own), own, beyond)
-
-
-def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool = False) -> None:
-    """Write ``undistort_map.npz``: maps (H, W) of pixels, valid, view as JSON, format, image_size.
-
-    Raises:
-        OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
-
-    """
-    with whole_file(Path(path), overwrite=overwrite) as temporary:
-        write_npz(temporary, undistort_map)
-
-
-def write_npz(path: Path, made: UndistortMap) -> None:
-    """The same, of a map of either way: ``format`` says which; an existing file is replaced."""
-    with path.open("wb") as file:
-        np.savez(
-            file,
-            map_x=made.map_x,
-            map_y=made.map_y,
-            valid=made.valid,
-            view=np.array(made.view.to_json()),
-            format=np.array(REDISTORT_FORMAT if made.redistorts else FORMAT),
-            image_size=np.array(made.image_size),
-        )
 
 
 def camera_for_photos(camera: CubicCamera, size: tuple[int, int]) -> CubicCamera:

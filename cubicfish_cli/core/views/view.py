@@ -20,7 +20,6 @@ The six faces of a cube about the camera are six perspective views.
 
 from __future__ import annotations
 
-import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -34,10 +33,11 @@ import numpy.typing as npt
 from cubicfish_cli.core.angles import columns, unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.options import FACES, WIDEST
 
 Rotation = tuple[float, float, float]
 Vector = tuple[float, float, float]
+Field = tuple[float, bool]
+"""How wide a field may be, degrees, and whether it may be just as wide or must stay below."""
 
 MAX_SIDE = 32_766
 """cv2.remap counts pixels in 16 bits."""
@@ -108,18 +108,14 @@ class View(ABC):
         NaN where the view does not show the direction.
         """
 
-    @abstractmethod
-    def describe(self, unit: str = "unit") -> str:
-        """The view in a few words, after its size; ``unit`` is what lengths are in."""
-
     def parameters(self) -> dict[str, Any]:
         """What a kind of view adds to the record, as plain data."""
         values = {one.name: getattr(self, one.name) for one in fields(self)[2:]}
         return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
 
-    def to_json(self) -> str:
-        """The view as JSON text: its kind, its size and :meth:`parameters`."""
-        return json.dumps({"kind": self.kind, "size": list(self.size)} | self.parameters())
+    def as_record(self) -> dict[str, Any]:
+        """The view as plain data: its kind, its size and :meth:`parameters`."""
+        return {"kind": self.kind, "size": list(self.size)} | self.parameters()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,12 +126,14 @@ class Projection:
         rays: offsets in focal lengths (..., 2) -> rays of the view (..., 3); NaN off the view.
         offsets: the inverse; NaN where the view does not show the ray.
         most: the largest offsets along x and y that such a view sensibly shows.
+        widest: the fields across and down that it can show.
 
     """
 
     rays: Callable[[FloatArray], FloatArray]
     offsets: Callable[[FloatArray], FloatArray]
     most: tuple[float, float]
+    widest: tuple[Field, Field]
 
     @property
     def on_its_side(self) -> Projection:
@@ -144,6 +142,7 @@ class Projection:
             rays=lambda flat: self.rays(flat[..., ::-1])[..., [1, 0, 2]],
             offsets=lambda rays: self.offsets(rays[..., [1, 0, 2]])[..., ::-1],
             most=self.most[::-1],
+            widest=self.widest[::-1],
         )
 
 
@@ -210,24 +209,39 @@ def _within(angle: FloatArray, limit: float) -> FloatArray:
 
 
 _CYLINDRICAL = Projection(
-    rays=_cylindrical_rays, offsets=_cylindrical_offsets, most=(math.pi, _FLAT)
+    rays=_cylindrical_rays,
+    offsets=_cylindrical_offsets,
+    most=(math.pi, _FLAT),
+    widest=((360, True), (180, False)),
 )
 _EQUIRECTANGULAR = Projection(
-    rays=_equirectangular_rays, offsets=_equirectangular_offsets, most=(math.pi, math.pi / 2)
+    rays=_equirectangular_rays,
+    offsets=_equirectangular_offsets,
+    most=(math.pi, math.pi / 2),
+    widest=((360, True), (180, True)),
 )
 PROJECTIONS: Mapping[str, Projection] = {
     "perspective": Projection(
-        rays=_perspective_rays, offsets=_perspective_offsets, most=(_FLAT, _FLAT)
+        rays=_perspective_rays,
+        offsets=_perspective_offsets,
+        most=(_FLAT, _FLAT),
+        widest=((180, False), (180, False)),
     ),
     "cylindrical": _CYLINDRICAL,
     "equirectangular": _EQUIRECTANGULAR,
     "epipolar-cylindrical": _CYLINDRICAL.on_its_side,
     "epipolar-equirectangular": _EQUIRECTANGULAR.on_its_side,
     "stereographic": Projection(
-        rays=_stereographic_rays, offsets=_stereographic_offsets, most=(_PLANET, _PLANET)
+        rays=_stereographic_rays,
+        offsets=_stereographic_offsets,
+        most=(_PLANET, _PLANET),
+        widest=((360, False), (360, False)),
     ),
     "equidistant": Projection(
-        rays=_equidistant_rays, offsets=_equidistant_offsets, most=(math.pi, math.pi)
+        rays=_equidistant_rays,
+        offsets=_equidistant_offsets,
+        most=(math.pi, math.pi),
+        widest=((360, True), (360, True)),
     ),
 }
 
@@ -260,7 +274,7 @@ class CentralView(View):
     ) -> CentralView:
         """The view whose width (or height) spans ``field_deg`` degrees from edge to edge.
 
-        The field is one that this kind of view can show, as :data:`~.options.WIDEST` has them.
+        The field is one that this kind of view can show: :attr:`Projection.widest`.
 
         Raises:
             ViewError: the size is not usable.
@@ -289,7 +303,7 @@ class CentralView(View):
         flat[axis] = offset
         ray = PROJECTIONS[self.kind].rays(flat)
         angle = math.atan2(ray[axis], ray[2])
-        return math.radians(WIDEST[self.kind][axis][0]) / 2 if math.isnan(angle) else angle
+        return PROJECTIONS[self.kind].most[axis] if math.isnan(angle) else angle
 
     @property
     def hfov_deg(self) -> float:
@@ -326,11 +340,6 @@ class CentralView(View):
         """Camera-frame rays (..., 3) -> pixels of the view (..., 2); NaN where it shows none."""
         own = np.asarray(rays, float) @ self.camera_from_view
         return PROJECTIONS[self.kind].offsets(own) * self.focal + self.middle
-
-    def describe(self, unit: str = "unit") -> str:
-        """Kind, field and focal length."""
-        kind = "" if self.kind == "perspective" else f"{self.kind}, "
-        return f"{kind}{self.hfov_deg:.1f}° across, focal length {self.focal:.2f} px"
 
 
 _ENDLESS = ("perspective", "stereographic")
@@ -373,10 +382,6 @@ class PlaneView(View):
             pixel = homogeneous[..., :2] / homogeneous[..., 2:]
             return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)
 
-    def describe(self, unit: str = "unit") -> str:
-        """The scale."""
-        return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
-
 
 def rotation_from_angles(
     yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
@@ -400,6 +405,17 @@ def rotation_vector(matrix: FloatArray) -> Rotation:
     """Rotation matrix (3, 3) -> rotation vector."""
     x, y, z = cv2.Rodrigues(matrix)[0].ravel().tolist()
     return x, y, z
+
+
+FACES: Mapping[str, tuple[float, float]] = {
+    "front": (0, 0),
+    "right": (90, 0),
+    "back": (180, 0),
+    "left": (-90, 0),
+    "up": (0, 90),
+    "down": (0, -90),
+}
+"""Where each face of a cube looks: yaw, pitch."""
 
 
 def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, CentralView]:

@@ -17,11 +17,11 @@ from cubicfish_cli.app.photos import (
     read_file,
     thumbnail,
 )
+from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.errors import PhotoError, ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map
 
 Small = npt.NDArray[np.uint8]

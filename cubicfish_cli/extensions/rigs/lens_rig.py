@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.app.lenses.file_contents import FlatPair, LensRig, PlacedLens
+from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.commands.exporting import Exported
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.sphere import cone_rays
-from cubicfish_cli.core.views.choose import build_view, sees
+from cubicfish_cli.core.views.fields import sees
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
 from cubicfish_cli.extensions.rigs.stereo import rectify
 

@@ -11,11 +11,11 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import as_command, record
 from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
 from cubicfish_cli.core.files import refuse_existing
-from cubicfish_cli.core.views.options import ViewOptions
 from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
 
@@ -93,9 +93,10 @@ def map_rig_files(asked: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     """
     import numpy as np
 
+    from cubicfish_cli.app.undistortion.choose import ChosenView, chosen_view
     from cubicfish_cli.app.undistortion.map_formats import map_paths
     from cubicfish_cli.core.plain_yaml import plain_yaml_text
-    from cubicfish_cli.core.views.choose import ChosenView, chosen_view, sees
+    from cubicfish_cli.core.views.fields import sees
     from cubicfish_cli.core.views.maps import build_map, camera_for_photos
     from cubicfish_cli.core.views.view import CentralView
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file

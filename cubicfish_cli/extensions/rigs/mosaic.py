@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.photos import Picture
+from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.angles import unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.choose import build_view, sees
+from cubicfish_cli.core.views.fields import sees
 from cubicfish_cli.core.views.maps import UndistortMap, build_map
 from cubicfish_cli.core.views.view import (
     CentralView,

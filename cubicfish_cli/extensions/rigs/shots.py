@@ -9,8 +9,8 @@ from cubicfish_cli.app.asked import named_photos
 from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.app.photos import Picture, natural_key, photo_size
 from cubicfish_cli.app.undistortion.batch import MAKING, Job, Size, Views
+from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.views.choose import ChosenView
 from cubicfish_cli.core.views.maps import UndistortMap, camera_for_photos
 from cubicfish_cli.extensions.rigs.fit.shots import owners_of, shots_by_name
 from cubicfish_cli.extensions.rigs.mosaic import Body, Mosaic, mosaic_of

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.views.choose import seen_field_deg, sees
+from cubicfish_cli.core.views.fields import seen_field_deg, sees
 from cubicfish_cli.core.views.view import Camera, CentralView, rotation_vector
 from cubicfish_cli.extensions.rigs.rig import Rig
 

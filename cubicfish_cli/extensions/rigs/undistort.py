@@ -11,9 +11,9 @@ from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.app.undistortion.options import KINDS, ViewOptions
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import say_what_is_unseen, view_bundle
-from cubicfish_cli.core.views.options import WIDEST, ViewOptions
 from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import rig_option
 
@@ -54,7 +54,7 @@ class RigUndistortOptions(PictureOptions):
     )
     rig: StrPath = rig_option
     view: View | ViewOptions | None = view_bundle(
-        kinds=either([*WIDEST]),
+        kinds=either([kind for kind in KINDS if kind != "cube"]),
         kind_default="equirectangular, all around",
         size_default="equirectangular is as large as all that the cameras see at the photos' "
         "scale; others have the largest photo's",
@@ -84,8 +84,8 @@ def undistort_rig_files(asked: RigUndistortOptions, *, run: Run = RUN) -> Undist
         CubicfishError: the rig or the executor cannot be used.
 
     """
+    from cubicfish_cli.app.undistortion.choose import chosen_view
     from cubicfish_cli.commands.pictures import plan_jobs, write_pictures
-    from cubicfish_cli.core.views.choose import chosen_view
     from cubicfish_cli.extensions.rigs.mosaic import Body
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of

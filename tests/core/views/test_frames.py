@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from lenses import cubic_camera, random_rays
 
+from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 
 CAMERA = cubic_camera(100.0)  # 960x720

@@ -14,8 +14,9 @@ from cubicfish_cli.app.undistortion.images import (
     with_segments,
     write_picture,
 )
+from cubicfish_cli.app.undistortion.map_formats import save_map
 from cubicfish_cli.core.errors import OutputError, ViewError
-from cubicfish_cli.core.views.maps import build_map, save_map
+from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.view import CentralView
 
 LENS = lens_of_size(0.125)

@@ -6,13 +6,14 @@ import pytest
 from saved_maps import read_map
 from synthetic import TRUE_LENS, lens_of_size
 
+from cubicfish_cli.app.undistortion.choose import build_view
+from cubicfish_cli.app.undistortion.map_formats import save_map
 from cubicfish_cli.core.errors import OutputError, ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import lift
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.views import maps
-from cubicfish_cli.core.views.choose import build_view
-from cubicfish_cli.core.views.maps import build_map, save_map
+from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
 LENS = lens_of_size(0.25)

@@ -12,11 +12,18 @@ from hypothesis import strategies as st
 from lenses import cubic_camera
 from saved_maps import every_pixel
 
+from cubicfish_cli.app.undistortion.options import KINDS, ViewOptions
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import build_map
-from cubicfish_cli.core.views.options import FACES, WIDEST, ViewOptions
-from cubicfish_cli.core.views.view import CentralView, PlaneView, face_views, rotation_from_angles
+from cubicfish_cli.core.views.view import (
+    FACES,
+    PROJECTIONS,
+    CentralView,
+    PlaneView,
+    face_views,
+    rotation_from_angles,
+)
 
 S = math.sqrt(0.5)
 TURNED = rotation_from_angles(yaw_deg=50, pitch_deg=-20, roll_deg=70)
@@ -50,7 +57,7 @@ def test_directions_lie_where_the_formula_says(kind, ray, offset):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", list(WIDEST))
+@pytest.mark.parametrize("kind", list(PROJECTIONS))
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.tuples(*[st.floats(-3, 3)] * 3))
 def test_rays_and_pixels_are_inverse(kind, x, y, rotation):
     view = CentralView(kind=kind, size=(64, 48), focal=20.0, rotation=rotation)
@@ -58,7 +65,7 @@ def test_rays_and_pixels_are_inverse(kind, x, y, rotation):
     np.testing.assert_allclose(view.pixels(5 * view.rays(pixel)), pixel, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", list(WIDEST))
+@pytest.mark.parametrize("kind", list(PROJECTIONS))
 @pytest.mark.parametrize("field", [30, 90, 150])
 @pytest.mark.parametrize("vertical", [False, True])
 def test_a_field_is_from_edge_to_edge(kind, field, vertical):
@@ -114,9 +121,9 @@ def test_nothing_behind_is_shown():
 
 
 def views():
-    for kind in WIDEST:
+    for kind in PROJECTIONS:
         for field in (40, 110, 170, 220, 300, 359.9):
-            if field < WIDEST[kind][0][0]:
+            if field < PROJECTIONS[kind].widest[0][0]:
                 for rotation in ((0.0, 0.0, 0.0), TURNED):
                     view = partial(CentralView.with_field, kind, field, (101, 75), rotation)
                     yield pytest.param(view, id=f"{kind}-{field}-{rotation != (0, 0, 0)}")
@@ -173,19 +180,23 @@ def test_the_fast_map_is_the_plain_one(make):
 @pytest.mark.parametrize("make", list(views()))
 def test_a_record_has_all_that_the_view_is_made_of(make):
     view = make()
-    record = json.loads(view.to_json())
+    record = json.loads(json.dumps(view.as_record()))
     assert (record.pop("kind"), record.pop("size")) == (view.kind, list(view.size))
     own = {key: tuple(one) if isinstance(one, list) else one for key, one in record.items()}
     assert type(view)(kind=view.kind, size=view.size, **own) == view
 
 
-@pytest.mark.parametrize("kind", list(WIDEST))
+@pytest.mark.parametrize("kind", list(PROJECTIONS))
 def test_no_kind_is_evaluated_ray_by_ray(monkeypatch, kind):
     def slow(*_):
         raise AssertionError("projected ray by ray")
 
     monkeypatch.setattr(CubicCamera, "project", slow)
     assert build_map(CAMERA, CentralView.with_field(kind, 60, (40, 30))).valid.all()
+
+
+def test_options_name_every_kind_that_there_is():
+    assert (*PROJECTIONS, "cube") == KINDS
 
 
 def test_the_faces_of_a_cube_meet_at_their_edges():

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import TRUE_LENS
 
+from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.core.errors import ViewError
-from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
 
@@ -100,7 +100,7 @@ def test_default_view_needs_a_sound_axis():
 )
 def test_json_has_all_of_the_view(size, focal, rotation):
     view = CentralView(kind="perspective", size=size, focal=focal, rotation=rotation)
-    text = view.to_json()
+    text = json.dumps(view.as_record())
     assert json.loads(text) == {
         "kind": "perspective",
         "size": list(size),

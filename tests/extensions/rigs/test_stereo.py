@@ -12,11 +12,11 @@ from synthetic import TRUE_LENS
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli import calibrate_rig, rectify
+from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.app.viewpoints.truth import Pose, rotation_matrix
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.geometry import camera_centre
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.core.views.choose import build_view
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.view import CentralView
 from cubicfish_cli.extensions.rigs.rig import Rig

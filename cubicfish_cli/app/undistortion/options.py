@@ -28,29 +28,7 @@ Kind = Literal[
 ]
 Share = float | Literal["inner", "outer", "whole"]
 
-WIDEST: Mapping[str, tuple[tuple[float, bool], tuple[float, bool]]] = {
-    "perspective": ((180, False), (180, False)),
-    "cylindrical": ((360, True), (180, False)),
-    "equirectangular": ((360, True), (180, True)),
-    "epipolar-cylindrical": ((180, False), (360, True)),
-    "epipolar-equirectangular": ((180, True), (360, True)),
-    "stereographic": ((360, False), (360, False)),
-    "equidistant": ((360, True), (360, True)),
-}
-"""Kind -> how wide a field it can show across and down: degrees, and whether a field may be as wide
-or must stay below."""
-
-KINDS = (*WIDEST, "cube")
-
-FACES: Mapping[str, tuple[float, float]] = {
-    "front": (0, 0),
-    "right": (90, 0),
-    "back": (180, 0),
-    "left": (-90, 0),
-    "up": (0, 90),
-    "down": (0, -90),
-}
-"""Where each face of a cube looks: yaw, pitch."""
+KINDS = (*get_args(Kind), "cube")
 
 Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
 INTERPOLATIONS = get_args(Interpolation)
@@ -122,8 +100,8 @@ class ViewOptions:
                 "--hfov 90x60 sets how high the picture is: leave out --size, or the second angle"
             )
         for axis, angle in enumerate((self.hfov_deg, self.vfov_deg)):
-            if angle is not None and not _shows(kind, axis, angle):
-                raise UsageError(_too_wide(kind, axis, angle))
+            if angle is not None:
+                _refuse_too_wide(kind, axis, angle)
 
     def _number(self, name: str) -> Any:
         """One number, or a tuple of several, of any kind, as Python has them."""
@@ -150,6 +128,8 @@ class ViewOptions:
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
+        from cubicfish_cli.core.views.view import FACES
+
         return tuple(FACES) if self.kind == "cube" else ("",)
 
 
@@ -169,21 +149,27 @@ class PlaneOptions:
     pixels_per_unit: float | None = None
 
 
-def _shows(kind: str, axis: int, angle_deg: float) -> bool:
-    limit, closed = WIDEST[kind][axis]
-    return angle_deg < limit or (closed and angle_deg == limit)
+def _refuse_too_wide(kind: str, axis: int, angle_deg: float) -> None:
+    """Raise :class:`UsageError` where a kind of view cannot show a field across or down."""
+    from cubicfish_cli.core.views.view import PROJECTIONS  # loads numpy, which help does without
 
+    def shows(name: str) -> bool:
+        limit, closed = PROJECTIONS[name].widest[axis]
+        return angle_deg < limit or (closed and angle_deg == limit)
 
-def _too_wide(kind: str, axis: int, angle_deg: float) -> str:
-    limit, closed = WIDEST[kind][axis]
+    if shows(kind):
+        return
+    limit, closed = PROJECTIONS[kind].widest[axis]
     most = f"{limit:g}° at most" if closed else f"less than {limit:g}°"
     flat = "about 120 or less, or " * (kind == "perspective")
     view = f"{'an' if kind.startswith('e') else 'a'} {kind} view"
     given, way = (("", "across"), ("...x", "down"))[axis]
     others = [
         name
-        for name in WIDEST
-        if _shows(name, axis, angle_deg) and kind.startswith("epi") >= name.startswith("epi")
+        for name in PROJECTIONS
+        if shows(name) and kind.startswith("epi") >= name.startswith("epi")
     ]
     choose = f"{flat}--view {either(others)}" if others else "less"
-    return f"--hfov {given}{angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
+    raise UsageError(
+        f"--hfov {given}{angle_deg:g} is too wide: {view} shows {most} {way}: choose {choose}"
+    )

@@ -1,0 +1,238 @@
+"""The view that options ask for of a camera's photos, and what people are told of it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+from cubicfish_cli.app.undistortion.options import KINDS, WHOLE, Kind, Share, ViewOptions
+from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.views.fields import (
+    axis_focal,
+    cropped,
+    fit_view,
+    lost_shares,
+    seen_field_deg,
+)
+from cubicfish_cli.core.views.maps import UndistortMap, WholePhoto, build_map
+from cubicfish_cli.core.views.view import (
+    Camera,
+    CentralView,
+    PlaneView,
+    PointProjector,
+    View,
+    face_views,
+    rotation_from_angles,
+)
+
+MAX_DEFAULT_FIELD_DEG = 120.0
+"""A flat picture of a wider field spends nearly all its pixels on the rim."""
+
+_LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much
+_MUCH = 0.1  # of what a photo shows
+
+
+def build_view(
+    camera: Camera,
+    kind: Kind = "perspective",
+    *,
+    size: Sequence[int] | None = None,
+    hfov_deg: float | None = None,
+    vfov_deg: float | None = None,
+    focal: float | None = None,
+    fit: Share | None = None,
+    rotate_deg: Sequence[float] = (0.0, 0.0, 0.0),
+) -> CentralView:
+    """A picture to render from the camera's photos: what each of its pixels looks along.
+
+    Its field comes from one of ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit``. Without any, a
+    flat view keeps the photo's scale on its axis, up to 120° along the longer side, and the others
+    show all that the camera sees; an ``equirectangular`` view of no given size is just as large as
+    that at the photo's scale, and along the axis of a lens beyond 180° as its middle row shows.
+
+    Args:
+        camera: whose photos are rendered.
+        kind: in a ``perspective`` view straight lines are straight, in a ``cylindrical`` one
+            verticals are; ``equirectangular`` and ``equidistant`` views show angles evenly, and
+            ``stereographic`` ones keep shapes.
+        size: (width, height), pixels; by default the photo's.
+        hfov_deg: field across the width, degrees; with ``vfov_deg`` it sets the height.
+        vfov_deg: field down the height, degrees.
+        focal: scale in the middle, pixels per radian.
+        fit: ``inner`` for the widest field without an empty pixel, ``outer`` for the narrowest
+            that loses nothing, or a share from 0 (inner) to 1 (outer).
+        rotate_deg: (yaw, pitch, roll): look right, then up, then turn clockwise, degrees.
+
+    Raises:
+        UsageError: something is asked twice, or is nothing that such a view has.
+        ViewError: the camera shows no such view.
+
+    """
+    if kind == "cube":
+        raise UsageError("a cube is several views: ask for it by ViewOptions(kind='cube')")
+    if fit == WHOLE:
+        raise UsageError("fit 'whole' is what files are asked for: ViewOptions(fit='whole')")
+    numbers: dict[str, Any] = {"size": size, "rotate_deg": rotate_deg}  # of any kind
+    asked = ViewOptions(
+        kind=kind, hfov_deg=hfov_deg, vfov_deg=vfov_deg, focal=focal, fit=fit, **numbers
+    )
+    return _central(camera, asked)[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenView:
+    """What is rendered.
+
+    Attributes:
+        views: name of the part -> view; one part named "" unless it is a cube.
+        camera: whose photos are rendered; None for those of several.
+        at_limit: whether the camera sees more than the fitted view can show.
+        unit: of length, of a plane's picture.
+        asked_field: whether its field is what somebody asked for.
+
+    """
+
+    views: Mapping[str, View]
+    camera: PointProjector | None = None
+    at_limit: bool = False
+    unit: str = "unit"
+    asked_field: bool = True
+
+    @property
+    def first(self) -> View:
+        """The view, or a cube's front."""
+        return next(iter(self.views.values()))
+
+    @cached_property
+    def maps(self) -> dict[str, UndistortMap]:
+        """Part of the view -> its map for the camera's photos."""
+        assert self.camera is not None
+        return {part: build_map(self.camera, one) for part, one in self.views.items()}
+
+    def describe(self) -> str:
+        """The view in a few words."""
+        view = self.first
+        words = f"{view.size[0]}x{view.size[1]} pixels"
+        if len(self.views) > 1:
+            return f"the six faces of a cube, {words} each"
+        if isinstance(view, PlaneView):
+            words += f", the plane at {view.pixels_per_unit:.4g} pixels per {self.unit}"
+        if isinstance(view, CentralView):
+            words += f", {view.kind}" * (view.kind != KINDS[0])
+            words += f", {view.hfov_deg:.1f}° across, focal length {view.focal:.2f} px"
+        return words
+
+    def remarks(self) -> list[str]:
+        """Where the camera's field ends before the view's does, and what photos show is lost."""
+        view, camera, said = self.first, self.camera, []
+        if self.at_limit:
+            said.append(
+                f"the camera sees more than a {view.kind} picture can show: its field ends at "
+                "the view's own limit, and --view stereographic or equidistant shows all"
+            )
+        if camera is None or len(self.views) > 1 or not isinstance(view, CentralView):
+            return said
+        across, down = seen_field_deg(camera, view)
+        ways = ((across, view.hfov_deg, "across"), (down, view.vfov_deg, "down"))
+        if any(field - seen >= _LEAST_UNSEEN_DEG for seen, field, _ in ways):
+            words = [
+                f"all {field:.1f}° {way}"
+                if field - seen < _LEAST_UNSEEN_DEG
+                else f"{seen:.1f}° of {field:.1f}° {way}"
+                for seen, field, way in ways
+            ]
+            said.append(f"the camera sees {', '.join(words)}: the rest is empty")
+        own = camera.camera if isinstance(camera, WholePhoto) else camera
+        if self.asked_field or not isinstance(own, CubicCamera):
+            return said
+        uncalibrated, cut_off = lost_shares(own, view)
+        if own is not camera and uncalibrated:
+            said.append(
+                f"{100 * uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
+                "not calibrated: --mask FILE marks what may be trusted"
+            )
+        elif uncalibrated > _MUCH:
+            said.append(
+                f"{100 * uncalibrated:.0f} % of the photo is left out, where the camera is not "
+                "calibrated: calibrate again with photos in which the target reaches the photo's "
+                "edges, or have it extrapolated by --fit whole"
+            )
+        if cut_off > _MUCH and not self.at_limit:
+            said.append(
+                f"{100 * cut_off:.0f} % of the photo lies beyond the picture's edges: "
+                "--fit outer or --view equidistant shows more of it"
+            )
+        return said
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain data for JSON; of a cube the first face, and all their names."""
+        first = self.first
+        record = {**first.as_record(), "words": self.describe(), "cut": self.at_limit}
+        if len(self.views) > 1:
+            return {**record, "parts": list(self.views)}
+        if isinstance(first, CentralView):
+            return {**record, "hfov_deg": first.hfov_deg, "vfov_deg": first.vfov_deg}
+        return record
+
+
+def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
+    """What is rendered of a camera's photos: a view as it is given, or what is asked of it.
+
+    Raises:
+        UsageError: the whole of what several cameras' photos show is asked for.
+        ViewError: the view is not one that can be rendered.
+
+    """
+    if isinstance(asked, View):
+        return ChosenView(views={"": asked}, camera=camera)
+    asked = asked or ViewOptions()
+    if asked.kind == "cube":
+        side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
+        side = asked.size[0] if asked.size else side
+        faces = face_views(side, rotation_from_angles(*asked.rotate_deg))
+        return ChosenView(views=faces, camera=camera)
+    if asked.fit == WHOLE:
+        if not isinstance(camera, CubicCamera):
+            raise UsageError("--fit whole is for photos of one camera: take --fit outer")
+        camera = WholePhoto(camera=camera)
+    view, at_limit = _central(camera, asked)
+    numbers = (asked.hfov_deg, asked.vfov_deg, asked.focal, *filter(None, asked.rotate_deg))
+    asked_field = any(number is not None for number in numbers)
+    return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, asked_field=asked_field)
+
+
+def _central(camera: Camera, asked: ViewOptions) -> tuple[CentralView, bool]:
+    """The view, and whether the camera sees more than it can show."""
+    size = asked.size or camera.image_size
+    view = CentralView(
+        kind=asked.kind or KINDS[0],
+        size=size,
+        focal=asked.focal or 1.0,
+        rotation=rotation_from_angles(*asked.rotate_deg),
+    )
+    scale = size[0] / camera.image_size[0]
+    field = partial(CentralView.with_field, view.kind, rotation=view.rotation)
+    if view.kind.endswith("equirectangular") and asked.leaves_field_open:
+        return cropped(camera, replace(view, focal=axis_focal(camera))), False
+    if asked.hfov_deg is not None:
+        view = field(asked.hfov_deg, size)
+        if asked.vfov_deg is None:
+            return view, False
+        one = field(asked.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
+        return replace(view, size=(size[0], max(1, round(view.focal / one.focal)))), False
+    if asked.vfov_deg is not None:
+        return field(asked.vfov_deg, size, vertical=True), False
+    if asked.focal is not None:
+        return view, False
+    if asked.fit is None and view.kind == "perspective":
+        widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
+        least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
+        return replace(view, focal=max(axis_focal(camera), least) * scale), False
+    share = 1.0 if asked.fit in (None, WHOLE) else float(asked.fit)
+    view, at_limit = fit_view(camera, view, share)
+    if asked.fit is None and view.kind.endswith("cylindrical") and at_limit:
+        # All round, for the sake of what is nearly overhead, is not what anyone means.
+        return replace(view, focal=max(view.focal, axis_focal(camera) * scale)), False
+    return view, at_limit
