@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
-from cubicfish_cli.app.undistortion.options import KINDS, WHOLE, Kind, Share, ViewOptions
+from cubicfish_cli.app.undistortion.options import KINDS, WHOLE, Kind, ViewOptions
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.fields import (
+    Fit,
     axis_focal,
     cropped,
     fit_view,
@@ -42,7 +43,7 @@ def build_view(
     hfov_deg: float | None = None,
     vfov_deg: float | None = None,
     focal: float | None = None,
-    fit: Share | None = None,
+    fit: Fit | None = None,
     rotate_deg: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> CentralView:
     """A picture to render from the camera's photos: what each of its pixels looks along.

@@ -16,6 +16,7 @@ from cubicfish_cli.core.wording import did_you_mean, either, quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
+    from cubicfish_cli.core.views.fields import Fit
 
 Kind = Literal[
     "perspective",
@@ -26,8 +27,6 @@ Kind = Literal[
     "stereographic",
     "equidistant",
 ]
-Share = float | Literal["inner", "outer", "whole"]
-
 KINDS = (*get_args(Kind), "cube")
 
 Interpolation = Literal["nearest", "linear", "cubic", "lanczos"]
@@ -72,7 +71,7 @@ class ViewOptions:
     hfov_deg: float | None = None
     vfov_deg: float | None = None
     focal: float | None = None
-    fit: Share | None = None
+    fit: Fit | None = None
     rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:

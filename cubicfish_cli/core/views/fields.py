@@ -9,6 +9,7 @@ is empty; nowhere, nothing is lost.
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.core.views.view import PROJECTIONS, Camera, CentralView, PointProjector, View
+
+Fit = float | Literal["inner", "outer", "whole"]
+"""How a field suits a camera: ``inner``, ``outer``, a share from 0 (inner) to 1 (outer), or
+``whole``, which is outer for all that photos show: :class:`~.maps.WholePhoto`."""
 
 _MOST_FOCAL_SIDES = 60.0  # a field of one degree
 _BISECTIONS = 40
