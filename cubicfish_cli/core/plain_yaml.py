@@ -7,7 +7,7 @@ where PyYAML's default is YAML 1.1.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -21,26 +21,17 @@ MAX_DEPTH = 12
 MAX_VALUES = 500_000
 _MAX_DIRECTIVES = 10  # the parser compares each with all before it
 
-_Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-class _PlainLoader(_Base):  # libyaml's parser where PyYAML was built with it: 10 times faster
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
-
-
-_SCALARS = (
-    ("null", r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
-    ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF")),
-    ("int", r"^[-+]?[0-9]+$", list("-+0123456789")),
-    (
-        "float",
-        r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
-        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
-        list("-+0123456789."),
-    ),
-)
-for _tag, _pattern, _first in _SCALARS:
-    _PlainLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
+_SCALARS = {
+    "null": r"~|null|Null|NULL|",
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9]+",
+    "float": r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+}
+_SCALAR = re.compile("|".join(f"(?P<{kind}>{pattern})" for kind, pattern in _SCALARS.items()))
+# libyaml where PyYAML was built with it: 10 times faster
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 def load_plain_yaml(
@@ -74,9 +65,10 @@ def parse_plain_yaml(
     if_empty: str = "is it the right file?",
 ) -> Any:
     """Read the text of a file as :func:`load_plain_yaml` does; ``path`` is for messages."""
-    events = _Events(path, text, error)
+    if text.startswith("%") + text.count("\n%") + text.count("\r%") > _MAX_DIRECTIVES:
+        raise error(f"{path}: directives (%) are not allowed: plain data only")
     try:
-        return events.document(if_empty)
+        documents = _read_documents(path, text, error)
     except yaml.MarkedYAMLError as problem:
         mark = problem.problem_mark or problem.context_mark
         line = f", line {mark.line + 1}" if mark else ""
@@ -84,82 +76,72 @@ def parse_plain_yaml(
         raise error(f"{path}{line}: not valid YAML: {what}") from problem
     except yaml.YAMLError as problem:  # characters that YAML does not allow
         raise error(f"{path}: not valid YAML: it holds characters that are not text") from problem
+    if not documents:
+        raise error(f"{path} is empty: {if_empty}")
+    return documents[0]
 
 
-class _Events:
-    """What the parser finds in a text, thing by thing, made into plain data."""
+def _read_documents(path: Path, text: str, error: type[CubicfishError]) -> list[Any]:
+    """The one document that a text holds, if it holds any, made of what the parser meets."""
+    documents: list[Any] = []
+    around: list[Any] = [documents]  # the lists and mappings that are open, the innermost last
+    key = None  # of the innermost mapping, while its value is awaited
+    events: Iterator[Any] = yaml.parse(text, _Loader)
 
-    def __init__(self, path: Path, text: str, error: type[CubicfishError]) -> None:
-        if text.startswith("%") + text.count("\n%") + text.count("\r%") > _MAX_DIRECTIVES:
-            raise error(f"{path}: directives (%) are not allowed: plain data only")
-        self.path, self.error, self.count = path, error, 0
-        self.loader = _PlainLoader(text)
+    def refuse(what: str) -> NoReturn:
+        raise error(f"{path}, line {event.start_mark.line + 1}: {what}")
 
-    def refuse(self, event: Any, what: str) -> NoReturn:
-        raise self.error(f"{self.path}, line {event.start_mark.line + 1}: {what}")
-
-    def following(self) -> Any:
-        """The next event, if it is one of plain data."""
-        event = self.loader.get_event()
-        self.count += 1
-        if self.count > MAX_VALUES:
-            raise self.error(
-                f"{self.path} holds more than {MAX_VALUES:,} values: is it the right file?"
-            )
-        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
-            self.refuse(event, "anchors and aliases (& and *) are not allowed: write values out")
-        if getattr(event, "tag", None) is not None:
-            self.refuse(event, "tags (!) are not allowed: plain data only")
-        return event
-
-    def document(self, if_empty: str) -> Any:
-        self.following()  # the stream starts
-        if isinstance(self.following(), yaml.StreamEndEvent):
-            raise self.error(f"{self.path} is empty: {if_empty}")
-        value = self.value(self.following(), 0)
-        self.following()  # the document ends
-        event = self.following()
-        if not isinstance(event, yaml.StreamEndEvent):
-            self.refuse(event, "a second document starts here: one is expected")
-        return value
-
-    def value(self, event: Any, depth: int) -> Any:
-        """What begins with an event, within so many lists and mappings."""
-        if isinstance(event, yaml.ScalarEvent):
-            return self.scalar(event)
-        if depth == MAX_DEPTH:
-            self.refuse(event, f"nested more than {MAX_DEPTH} levels deep")
-        if isinstance(event, yaml.SequenceStartEvent):
-            items = []
-            while not isinstance(event := self.following(), yaml.SequenceEndEvent):
-                items.append(self.value(event, depth + 1))
-            return items
-        mapping: dict[str, Any] = {}
-        while not isinstance(key := self.following(), yaml.MappingEndEvent):
-            if not isinstance(key, yaml.ScalarEvent):
-                self.refuse(key, "a key must be text")
-            if key.value in mapping:
-                self.refuse(key, f"the key {quoted(key.value)} is there twice")
-            mapping[key.value] = self.value(self.following(), depth + 1)
-        return mapping
-
-    def scalar(self, event: Any) -> Any:
-        tag = self.loader.resolve(yaml.ScalarNode, event.value, event.implicit)
-        kind, text = tag.rsplit(":", 1)[-1], event.value
-        if kind == "null":
-            return None
-        if kind == "bool":
-            return text.lower() == "true"
-        if kind == "int":
-            if len(text) > 300:  # beyond what a float holds; int() has a limit of its own
-                self.refuse(event, "a number with too many digits")
-            return int(text)
-        if kind == "float":
-            return float(re.sub(r"\.(?=[iInN])", "", text))  # YAML writes .inf and .nan
-        return text
+    for count, event in enumerate(events, start=1):
+        if count > MAX_VALUES:
+            raise error(f"{path} holds more than {MAX_VALUES:,} values: is it the right file?")
+        kind = type(event)
+        if issubclass(kind, yaml.CollectionEndEvent):
+            around.pop()
+        if kind is yaml.DocumentStartEvent and documents:
+            refuse("a second document starts here: one is expected")
+        if not issubclass(kind, yaml.NodeEvent):
+            continue
+        if event.anchor is not None:
+            refuse("anchors and aliases (& and *) are not allowed: write values out")
+        if event.tag is not None:
+            refuse("tags (!) are not allowed: plain data only")
+        inner = around[-1]
+        if isinstance(inner, dict) and key is None:
+            if kind is not yaml.ScalarEvent:
+                refuse("a key must be text")
+            if event.value in inner:
+                refuse(f"the key {quoted(event.value)} is there twice")
+            key = event.value
+            continue
+        value: Any = {} if kind is yaml.MappingStartEvent else []
+        if kind is yaml.ScalarEvent:
+            value = _read_scalar(event.value, refuse) if event.implicit[0] else event.value
+        elif len(around) > MAX_DEPTH:
+            refuse(f"nested more than {MAX_DEPTH} levels deep")
+        if isinstance(inner, dict):
+            inner[key], key = value, None
+        else:
+            inner.append(value)
+        if kind is not yaml.ScalarEvent:
+            around.append(value)
+    return documents
 
 
-_SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+def _read_scalar(text: str, refuse: Callable[[str], NoReturn]) -> str | float | bool | None:
+    """What text without quotes stands for."""
+    found = _SCALAR.fullmatch(text)
+    kind = found.lastgroup if found else "text"
+    if kind == "null":
+        return None
+    if kind == "bool":
+        return text.lower() == "true"
+    if kind == "int":
+        if len(text) > 300:  # beyond what a float holds; int() has a limit of its own
+            refuse("a number with too many digits")
+        return int(text)
+    if kind == "float":
+        return float(re.sub(r"\.(?=[iInN])", "", text))  # YAML writes .inf and .nan
+    return text
 
 
 class _Dumper(_SafeDumper):
@@ -170,8 +152,10 @@ class _Dumper(_SafeDumper):
 
 
 # Text that the reader would take for a number, such as a shot's name 08, is quoted.
-for _tag, _pattern, _first in _SCALARS:
-    _Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), _first)
+for _kind, _pattern in _SCALARS.items():
+    _Dumper.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_kind}", re.compile(rf"^(?:{_pattern})$"), [None]
+    )
 
 
 def plain_yaml_text(record: Any) -> str:
