@@ -355,13 +355,13 @@ def _pairs(
     size: tuple[int, int],
 ) -> Observations | None:
     if target is not None and beside.is_file():
-        return load_corners(beside, target, image_size=size).by_photo()
+        return load_corners(beside, target, image_size=size)
     table = _recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
     if table is None or table.suffix.lower() != ".csv":
         return None
     if origin.target is None:
         return load_correspondences(table, image_size=size)
-    return None if target is None else load_corners(table, target, image_size=size).by_photo()
+    return None if target is None else load_corners(table, target, image_size=size)
 
 
 def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:

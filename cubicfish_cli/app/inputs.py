@@ -123,9 +123,7 @@ def load_inputs(
     elif tables:
         target_file, file = target.fingerprint(), fingerprint(tables[0])
         corners = load_corners(tables[0], target.load(run.listener)[0], image_size=image_size)
-        loaded = Inputs(
-            pairs=corners.by_photo(), corners=corners, files=(file,), target_file=target_file
-        )
+        loaded = Inputs(pairs=corners, corners=corners, files=(file,), target_file=target_file)
     else:
         # Tables need no finder of corners, and begin at once without it.
         from cubicfish_cli.app.detection import find_corners

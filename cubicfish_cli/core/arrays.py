@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.reading import MAX_COORDINATE, MAX_SIDE
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.core.wording import quoted
+from cubicfish_cli.core.wording import is_name, quoted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,15 +37,12 @@ class Refusal:
             array = array[:, 0]
         if array.ndim != 2 or array.shape[1] != columns:
             raise self.error(f"{name} has the shape {array.shape}, not (N, {columns})")
-        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+        bad = np.flatnonzero(~(np.abs(array) <= MAX_COORDINATE).all(axis=1))
         if bad.size:
-            raise self.error(
-                f"{name}, row {bad[0]} is not finite: leave out corners that were not found"
-            )
-        bad = np.flatnonzero((np.abs(array) > MAX_COORDINATE).any(axis=1))
-        if bad.size:
-            limit = f"±{MAX_COORDINATE:g}"
-            raise self.error(f"{name}, row {bad[0]} is not within {limit}: are the units right?")
+            what = "is not finite: leave out corners that were not found"
+            if np.isfinite(array[bad[0]]).all():
+                what = f"is not within ±{MAX_COORDINATE:g}: are the units right?"
+            raise self.error(f"{name}, row {bad[0]} {what}")
         return np.array(array, np.float64)  # the caller may change its own
 
     def column(self, value: npt.ArrayLike, name: str, rows: int) -> npt.NDArray[Any]:
@@ -88,10 +85,9 @@ class Refusal:
         if not names:
             raise self.error(f"{name} must be a list of names")
         for index, one in enumerate(names):
-            if not isinstance(one, str) or not one.strip() or not one.isprintable():
-                raise self.error(f"{name}[{index}] must be printable text, not {quoted(one)}")
-            if one != one.strip():
-                raise self.error(f"{name}[{index}] begins or ends with a blank: {quoted(one)}")
+            if not is_name(one):
+                what = f"must be printable text without blanks at its ends, not {quoted(one)}"
+                raise self.error(f"{name}[{index}] {what}")
         if len(set(names)) < len(names):
             twice = next(one for index, one in enumerate(names) if one in names[:index])
             raise self.error(f"{name}: {quoted(twice)} is there twice")

@@ -6,15 +6,14 @@ corner in flat arrays, since all the maths runs over all corners at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.arrays import Refusal
-from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.reading import MAX_COORDINATE
 from cubicfish_cli.core.target import Target
@@ -36,6 +35,9 @@ _OF_A_ROW = (
 # Stand for as many rows as there are, where nothing is said of weights, world or certainty.
 _UNSAID: FloatArray = np.empty(0)
 _ALL: BoolArray = np.ones(0, bool)
+
+Refuse = Callable[[int, str], NoReturn]
+"""Raises the error of a row, by its index, with what is wrong with it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -123,15 +125,8 @@ class Observations(Brief):
         place, photos = _stack_photos("places", places, pixel, image_size, images, weight)
         board, column, row = place.T
         names = _REFUSAL.names(boards, "boards")
-        made = cls(**photos, boards=names, board=board, column=column, row=row)._within_photos()
-        twice = first_repeated(made.image, made.board, made.column, made.row)
-        if twice is not None:
-            row = twice[1]
-            corner = [int(one[row]) for one in (made.board, made.column, made.row)]
-            raise CorrespondenceError(
-                f"places[{made.image[row]}]: the corner {corner} is there twice: keep one of them"
-            )
-        return made
+        made = cls(**photos, boards=names, board=board, column=column, row=row)
+        return made._of_good_rows().usable()
 
     @classmethod
     def from_points(
@@ -165,8 +160,7 @@ class Observations(Brief):
         """
         points, photos = _stack_photos("world", world, pixel, image_size, images, weight)
         column = np.concatenate([np.arange(count) for count in np.bincount(photos["image"])])
-        made = cls.without_names(**photos, world=points, column=column)
-        return made._within_photos()
+        return cls.without_names(**photos, world=points, column=column)._of_good_rows().usable()
 
     @classmethod
     def without_names(cls, *, column: IntArray, **others: Any) -> Observations:
@@ -232,36 +226,70 @@ class Observations(Brief):
         """The same rows with other world points (N, 3), any unit, which are of no target."""
         return replace(self, world=world, target=None)
 
-    def with_target(self, target: Target) -> Observations:
+    def with_target(self, target: Target, refuse: Refuse | None = None) -> Observations:
         """Give each corner its world point; rows are sorted by photo and else keep their order.
+
+        Args:
+            target: what the photos show.
+            refuse: says where a row is from; by default by its photo's name.
 
         Raises:
             CorrespondenceError: a board is not in the target, a corner is outside its board, or
                 the rows are of points without names.
 
         """
+        refuse = refuse or self._refuse
         if len(self.image) and not self.boards:
             raise CorrespondenceError(
                 "these points do not say which corners of the target they are: leave the target "
                 "out, or name them with Observations.from_corners"
             )
-        for name in self.boards:
-            if name not in target.board_names:
-                raise CorrespondenceError(no_such_board(name, target))
-        index = np.array([target.board_names.index(name) for name in self.boards], np.intp)
-        named = replace(
-            self,
-            boards=target.board_names,
-            board=index[self.board] if index.size else self.board,
-            world=_UNSAID,
-            target=target,
-        ).by_photo()
-        place = named.board, named.column, named.row
-        outside = first_outside(target, *place)
-        if outside is not None:
-            row, why = outside
-            raise CorrespondenceError(f"{named.images[named.image[row]]}: {why}")
-        return replace(named, world=target.world_points(*place))
+        numbers = {name: number for number, name in enumerate(target.board_names)}
+        index = np.array([numbers.get(name, -1) for name in self.boards], np.intp)
+        board, place = index[self.board], np.stack([self.column, self.row], axis=-1)
+        unknown = np.flatnonzero(board < 0)
+        if unknown.size:
+            refuse(unknown[0], no_such_board(self.boards[self.board[unknown[0]]], target))
+        size = np.array([(one.columns, one.rows) for one in target.boards])[board]
+        outside = np.flatnonzero(((place < 0) | (place >= size)).any(axis=1))
+        if outside.size:
+            (column, row), own = place[outside[0]], target.boards[board[outside[0]]]
+            refuse(
+                outside[0],
+                f"column {column}, row {row} is outside board {quoted(own.name)} with "
+                f"{own.columns}x{own.rows} corners, counted from 0: "
+                "does one of them count squares instead of inner corners?",
+            )
+        world = target.world_points(board, self.column, self.row)
+        named = replace(self, boards=target.board_names, board=board, world=world, target=target)
+        return named.by_photo()
+
+    def usable(self, refuse: Refuse | None = None) -> Observations:
+        """The same, if pixels lie within the photos, weights can be, and each corner is there once.
+
+        Args:
+            refuse: says where a row is from; by default by its photo's name.
+
+        Raises:
+            CorrespondenceError: of the first row where it is not so.
+
+        """
+        refuse = refuse or self._refuse
+        # One pixel of slack: a corner may be found a little beyond the outermost pixel centres.
+        outside = np.flatnonzero(((self.pixel < -1) | (self.pixel > self.image_size)).any(axis=1))
+        if outside.size:
+            (x, y), (width, height) = self.pixel[outside[0]], self.image_size
+            what = f"x {x:g}, y {y:g} is outside the {width}x{height} image"
+            refuse(outside[0], f"{what}: is the image size (width, height) right?")
+        self._refuse_weights(refuse)
+        names = np.stack([self.image, self.board, self.column, self.row])
+        order = np.lexsort(names)
+        again = order[1:][(names[:, order[1:]] == names[:, order[:-1]]).all(axis=0)]
+        if again.size:
+            _, board, column, row = names[:, again.min()]
+            what = f"column {column}, row {row} of board {quoted(self.boards[board])}"
+            refuse(again.min(), f"{what} is there twice in this photo: keep one of them")
+        return self
 
     def checked(self, target: Target | None) -> Observations:
         """The same, ready for a fit: of ``target``, or else of the target that they carry.
@@ -287,88 +315,40 @@ class Observations(Brief):
             raise CorrespondenceError("image must not decrease: sort the rows with by_photo()")
         return replace(own, world=world)
 
-    def _within_photos(self) -> Observations:
-        """The same with good rows, whose pixels lie within the photos."""
-        own = self._of_good_rows()
-        outside = first_outside_photo(own.pixel, own.image_size)
-        if outside is not None:
-            photo = own.images[own.image[outside[0]]]
-            raise CorrespondenceError(f"{photo}: {outside[1]}: is image_size (width, height)?")
-        return own
+    def _refuse(self, row: int, what: str) -> NoReturn:
+        raise CorrespondenceError(f"{self.images[self.image[row]]}: {what}")
+
+    def _refuse_weights(self, refuse: Refuse) -> None:
+        bad = np.flatnonzero(~((self.weight > 0) & (self.weight <= MAX_COORDINATE)))
+        if bad.size:
+            refuse(
+                bad[0],
+                f"weight {self.weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}: "
+                "to leave a corner out, remove its row",
+            )
 
     def _of_good_rows(self) -> Observations:
         """The same with arrays of the types that they must have, whatever the world points are."""
         pixel = _REFUSAL.numbers(self.pixel, "pixel", 2)
         rows, least = len(pixel), 0 if self.boards else -1
-        weight = _REFUSAL.column(self.weight, "weight", rows).astype(float)
-        bad = first_bad_weight(weight)
-        if bad is not None:
-            raise CorrespondenceError(f"weight, row {bad[0]}: {bad[1]}")
-        return replace(
+        own = replace(
             self,
             image_size=_REFUSAL.size(self.image_size),
             image=_REFUSAL.index(self.image, "image", rows, 0, len(self.images)),
             pixel=pixel,
-            weight=weight,
+            weight=_REFUSAL.column(self.weight, "weight", rows).astype(float),
             board=_REFUSAL.index(self.board, "board", rows, least, len(self.boards)),
             column=_REFUSAL.index(self.column, "column", rows, 0),
             row=_REFUSAL.index(self.row, "row", rows, 0),
             certain=_REFUSAL.flags(self.certain, "certain", rows),
         )
+        own._refuse_weights(own._refuse)
+        return own
 
 
 def no_such_board(name: str, target: Target) -> str:
     """What is said of a board that a target does not have."""
     return f"board {quoted(name)} is not in the target: {did_you_mean(name, target.board_names)}"
-
-
-def first_outside(
-    target: Target, board: IntArray, column: IntArray, row: IntArray
-) -> tuple[int, str] | None:
-    """The first row (N,) whose corner its board does not have, and what is said of it."""
-    columns = np.array([one.columns for one in target.boards])[board]
-    rows = np.array([one.rows for one in target.boards])[board]
-    outside = np.flatnonzero((column < 0) | (column >= columns) | (row < 0) | (row >= rows))
-    if not outside.size:
-        return None
-    first = int(outside[0])
-    own: Board = target.boards[board[first]]
-    return first, (
-        f"column {column[first]}, row {row[first]} is outside board {quoted(own.name)} with "
-        f"{own.columns}x{own.rows} corners, counted from 0: "
-        "does one of them count squares instead of inner corners?"
-    )
-
-
-def first_repeated(*keys: IntArray) -> tuple[int, int] | None:
-    """The first row that is as one before it in all keys (N,), as (that one, the row)."""
-    order = np.lexsort(keys[::-1])
-    same = np.logical_and.reduce([key[order][1:] == key[order][:-1] for key in keys])
-    pairs = [(int(order[i + 1]), int(order[i])) for i in np.flatnonzero(same)]
-    return min(pairs)[::-1] if pairs else None
-
-
-def first_outside_photo(pixel: FloatArray, image_size: tuple[int, int]) -> tuple[int, str] | None:
-    """The first row (N, 2) whose pixel is outside a photo, and what is said of it.
-
-    One pixel of slack: a corner may be found a little beyond the outermost pixel centres.
-    """
-    outside = np.flatnonzero(((pixel < -1) | (pixel > image_size)).any(axis=1))
-    if not outside.size:
-        return None
-    (x, y), (width, height) = pixel[outside[0]], image_size
-    return int(outside[0]), f"x {x:g}, y {y:g} is outside the {width}x{height} image"
-
-
-def first_bad_weight(weight: FloatArray) -> tuple[int, str] | None:
-    """The first weight (N,) that cannot be, and what is said of it."""
-    bad = np.flatnonzero(~((weight > 0) & (weight <= MAX_COORDINATE)))
-    if not bad.size:
-        return None
-    return int(bad[0]), (
-        f"weight {weight[bad[0]]:g} must be above 0 and at most {MAX_COORDINATE:g}: to leave a "
-        "corner out, remove its row"
-    )
 
 
 def _stack_photos(
@@ -387,20 +367,20 @@ def _stack_photos(
     }
     if not given[name]:
         raise CorrespondenceError("no photo was given: pass one array for each photo")
-    counts = [len(one) for one in given[name]]
-    for key, arrays in given.items():
-        own = [len(one) for one in arrays]
+    rows = {key: [len(one) for one in arrays] for key, arrays in given.items()}
+    counts = rows[name]
+    for key, own in rows.items():
         if len(own) != len(counts):
             raise CorrespondenceError(
                 f"{key} is given for {len(own)} photos and {name} for {len(counts)}: "
                 "pass one array of each for every photo"
             )
-        other = next((i for i, (a, b) in enumerate(zip(own, counts, strict=True)) if a != b), None)
-        if other is not None:
-            raise CorrespondenceError(
-                f"{key}[{other}] has {own[other]} rows and {name}[{other}] has {counts[other]}: "
-                "each row of one belongs to the same row of the other"
-            )
+        for photo, count in enumerate(own):
+            if count != counts[photo]:
+                raise CorrespondenceError(
+                    f"{key}[{photo}] has {count} rows and {name}[{photo}] has {counts[photo]}: "
+                    "each row of one belongs to the same row of the other"
+                )
     if 0 in counts:
         raise CorrespondenceError(
             f"photo {counts.index(0)} has no points: leave it out of all lists"

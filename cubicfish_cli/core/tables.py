@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.reading import read_text
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.core.wording import did_you_mean, is_name, quoted
 
 MAX_BYTES = 100_000_000
 MAX_VALUES = 16_000_000
@@ -42,14 +42,20 @@ class Table:
         """Raise the table's error for a row (by its index)."""
         raise self.error(f"{self.name}, line {self.lines[row]}: {what}")
 
-    def floats(self, column: str) -> npt.NDArray[np.float64]:
-        """A column as (N,) finite numbers."""
+    def floats(self, column: str, default: float | None = None) -> npt.NDArray[np.float64]:
+        """A column as (N,) finite numbers, or the default where there is no such column."""
+        if default is not None and column not in self.columns:
+            return np.full(len(self.lines), default)
         values = np.array(self._numbers(column, float, "a finite number"))
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             text = self.columns[column][bad[0]]
             self.refuse(bad[0], f"{column} must be a finite number, not {quoted(text)}")
         return values
+
+    def points(self, *columns: str) -> npt.NDArray[np.float64]:
+        """Columns of finite numbers as (N, count)."""
+        return np.stack([self.floats(column) for column in columns], axis=-1)
 
     def integers(self, column: str) -> npt.NDArray[np.intp]:
         """A column as (N,) whole numbers."""
@@ -69,7 +75,7 @@ class Table:
         index: dict[str, int] = {}
         codes = [index.setdefault(name, len(index)) for name in self.columns[column]]
         for name, code in index.items():
-            if not name or not name.isprintable() or name != name.strip():
+            if not is_name(name):
                 self.refuse(codes.index(code), f"{column} must be a name, not {quoted(name)}")
         return tuple(index), np.array(codes, np.intp)
 

@@ -19,6 +19,11 @@ def quoted(value: object) -> str:
     return "'" + "".join(c if c.isprintable() else repr(c)[1:-1] for c in text) + "'"
 
 
+def is_name(value: object) -> bool:
+    """Whether something is printable text that does not start or end with a blank."""
+    return isinstance(value, str) and value.isprintable() and value == value.strip() != ""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``did you mean 'x'?`` when a known word is near, else the list of the known words."""
     known = list(known)

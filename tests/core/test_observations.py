@@ -181,7 +181,7 @@ def test_what_is_not_said_is_equal_weight_certain_names_and_no_world_points() ->
         ({"world": [["a", "b", "c"]]}, "world must hold real numbers"),
         ({"world": None}, "world must hold real numbers"),
         ({"pixel": np.full((1, 2), np.nan)}, "pixel, row 0 is not finite"),
-        ({"weight": np.zeros(1)}, "weight, row 0: weight 0 must be above 0"),
+        ({"weight": np.zeros(1)}, "a.png: weight 0 must be above 0"),
         ({"certain": np.zeros(1)}, "certain must hold 1 times True or False"),
         ({"certain": np.zeros(2, bool)}, "certain must hold 1 times True or False"),
         ({"image": np.array([1])}, "image must count from 0"),

@@ -202,7 +202,7 @@ REFUSED: list[tuple[list[object], str]] = [
     ([without(FLOOR, "name")], "board 1: name is missing"),
     ([{**FLOOR, "name": 3}], "board 1, name: must be text: write it in quotes, name: '3'"),
     ([{**FLOOR, "name": " a"}], "board 1, name: .*blank"),
-    ([{**FLOOR, "name": "a\nb"}], "board 1, name: must be printable"),
+    ([{**FLOOR, "name": "a\nb"}], "board 1, name: must be text of"),
     ([FLOOR, {**WALL, "name": "floor"}], "board 'floor', name: another board has it"),
     (["floor"], "board 1: must be a mapping"),
     ([without(FLOOR, "type")], "board 'floor': type is missing: one of checkerboard, charuco"),

@@ -9,7 +9,7 @@ import numpy as np
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import did_you_mean, quoted
+from cubicfish_cli.core.wording import did_you_mean, is_name, quoted
 
 AXES_TOLERANCE = 1e-3
 PLACE_KEYS = ("origin", "x_axis", "y_axis")
@@ -66,11 +66,9 @@ class Section:
         value = self.required(key, hint)
         if is_number(value):
             self.refuse(key, f"must be text: write it in quotes, {key}: '{value}'")
-        if not isinstance(value, str) or not value.strip() or value != value.strip():
-            self.refuse(key, "must be text that does not start or end with a blank")
-        if not value.isprintable() or len(value) > 100:
-            self.refuse(key, "must be printable text of at most 100 characters")
-        return value
+        if not is_name(value) or len(value) > 100:
+            self.refuse(key, "must be text of at most 100 characters, without blanks at its ends")
+        return str(value)
 
     def choice(self, key: str, known: Iterable[str], hint: str) -> str:
         """One of some words."""

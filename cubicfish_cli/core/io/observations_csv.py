@@ -9,14 +9,7 @@ import numpy as np
 
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.files import write_text
-from cubicfish_cli.core.observations import (
-    Observations,
-    first_bad_weight,
-    first_outside,
-    first_outside_photo,
-    first_repeated,
-    no_such_board,
-)
+from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.reading import MAX_COORDINATE, MAX_SIDE
 from cubicfish_cli.core.tables import Table, csv_text, read_table
 from cubicfish_cli.core.target import Target
@@ -49,7 +42,7 @@ def parse_size(text: str) -> tuple[int, int]:
 def load_corners(
     path: Path | str, target: Target, *, image_size: tuple[int, int] | None = None
 ) -> Observations:
-    """Read ``corners.csv``: pixels (N, 2), names and world points of corners, in the file's order.
+    """Read ``corners.csv``: pixels (N, 2), names and world points of corners, sorted by photo.
 
     Args:
         path: the file; its first line is ``# cubicfish corners 2, image_size WxH``, or with a 1
@@ -70,29 +63,20 @@ def load_corners(
     )
     size = _image_size(table, "corners", image_size)
     images, image = table.codes("image")
-    place = _boards(table, target), table.integers("column"), table.integers("row")
-    outside = first_outside(target, *place)
-    if outside is not None:
-        table.refuse(*outside)
-    twice = first_repeated(image, *place)
-    if twice is not None:
-        table.refuse(
-            twice[1], f"the same corner as in line {table.lines[twice[0]]}: keep one of them"
-        )
-    board, column, row = place
-    return Observations(
-        **_pixels(table, size),
+    boards, board = table.codes("board")
+    found = Observations(
         **_certain(table),
         image_size=size,
         images=images,
-        boards=target.board_names,
+        boards=boards,
         image=image,
         board=board,
-        column=column,
-        row=row,
-        world=target.world_points(*place),
-        target=target,
+        column=table.integers("column"),
+        row=table.integers("row"),
+        pixel=table.points("x", "y"),
+        weight=table.floats("weight", 1.0),
     )
+    return found.usable(table.refuse).with_target(target, table.refuse)
 
 
 def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = False) -> None:
@@ -147,18 +131,20 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
     table = read_table(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
     size = _image_size(table, "correspondences", image_size)
     images, image = table.codes("image")
-    world = np.stack([table.floats(axis) for axis in ("X", "Y", "Z")], axis=-1)
+    world = table.points("X", "Y", "Z")
     bad = np.flatnonzero((np.abs(world) > MAX_COORDINATE).any(axis=1))
     if bad.size:
         table.refuse(bad[0], f"X, Y, Z must lie within ±{MAX_COORDINATE:g}")
-    return Observations.without_names(
-        **_pixels(table, size),
+    found = Observations.without_names(
         image_size=size,
         images=images,
         image=image,
         world=world,
         column=np.arange(len(image), dtype=np.intp),
-    ).by_photo()
+        pixel=table.points("x", "y"),
+        weight=table.floats("weight", 1.0),
+    )
+    return found.usable(table.refuse).by_photo()
 
 
 def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
@@ -187,30 +173,6 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
             f"but {given[0]}x{given[1]} is expected"
         )
     return stated
-
-
-def _boards(table: Table, target: Target) -> IntArray:
-    names, code = table.codes("board")
-    for number, name in enumerate(names):
-        if name not in target.board_names:
-            table.refuse(int(np.argmax(code == number)), no_such_board(name, target))
-    index: IntArray = np.array([target.board_names.index(name) for name in names], np.intp)
-    return np.asarray(index[code])
-
-
-def _pixels(table: Table, image_size: tuple[int, int]) -> dict[str, Any]:
-    """Pixels, and weights where there are any."""
-    pixel = np.stack([table.floats("x"), table.floats("y")], axis=-1)
-    outside = first_outside_photo(pixel, image_size)
-    if outside is not None:
-        table.refuse(outside[0], f"{outside[1]}: is the image size right?")
-    if "weight" not in table.columns:
-        return {"pixel": pixel}
-    weight = table.floats("weight")
-    bad = first_bad_weight(weight)
-    if bad is not None:
-        table.refuse(*bad)
-    return {"pixel": pixel, "weight": weight}
 
 
 def _certain(table: Table) -> dict[str, Any]:

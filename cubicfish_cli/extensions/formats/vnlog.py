@@ -30,12 +30,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.observations import (
-    Observations,
-    first_bad_weight,
-    first_outside_photo,
-    no_such_board,
-)
+from cubicfish_cli.core.observations import Observations, no_such_board
 from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.tables import Table, csv_text, parse_table
 from cubicfish_cli.core.target import Target
@@ -167,12 +162,6 @@ def _read_file(
         if name != "filename"
     }
     table = replace(table, columns=columns)
-    pixel, weight = np.stack([table.floats("x"), table.floats("y")], axis=-1), _weights(table)
-    outside, bad = first_outside_photo(pixel, image_size), first_bad_weight(weight)
-    if outside is not None:
-        table.refuse(outside[0], f"{outside[1]}: is the size right?")
-    if bad is not None:
-        table.refuse(*bad)
     row, column = np.divmod(np.arange(len(image)) - start[image], one.columns)
     boards = np.full(len(image), board, np.intp)
     every = Observations(
@@ -183,12 +172,12 @@ def _read_file(
         board=boards,
         column=column,
         row=row,
-        pixel=pixel,
-        weight=weight,
+        pixel=table.points("x", "y"),
+        weight=_weights(table),
         world=target.world_points(boards, column, row),
         target=target,
     )
-    return every.select(used), int((wanted & ~found & ~empty[image]).sum())
+    return every.usable(table.refuse).select(used), int((wanted & ~found & ~empty[image]).sum())
 
 
 def _table(path: Path) -> Table:
