@@ -18,7 +18,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from cubicfish_cli.app.lenses.foreign_lens import FocalLens, ForeignLens
+from cubicfish_cli.app.lenses.foreign_lens import FocalLens, ForeignLens, usable_angle_deg
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
@@ -33,7 +33,7 @@ from cubicfish_cli.core.fit.statistics import rms_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
 from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.sphere import cone_rays, usable_angle_deg
+from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread

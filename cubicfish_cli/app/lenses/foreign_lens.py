@@ -19,7 +19,13 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.lenses.sphere import cone_rays, rays_of_pixels, usable_angle_deg
+from cubicfish_cli.core.lenses.sphere import (
+    PixelAndSlope,
+    cone_rays,
+    ray_at,
+    rays_of_pixels,
+    tangent_basis,
+)
 from cubicfish_cli.core.types import FloatArray
 
 HELD: Mapping[str, Any] = {"held": True}
@@ -29,6 +35,8 @@ _SEEDS = 6000
 # Pixels at a time: their intermediate arrays then stay in the processor's cache.
 _BLOCK = 8192
 _STEP = 1e-6
+_PROBE_STEP_DEG = 0.5
+_LARGEST_PROBE_DEG = 175.0
 _PIXELS = ("fx", "fy", "cx", "cy", "skew")
 
 
@@ -205,3 +213,19 @@ class FocalLens(ForeignLens):
     def units(self) -> FloatArray:
         """See :class:`Lens`: pixels count in focal lengths."""
         return np.where(np.isin(self.parameter_names, _PIXELS), self.fx, 1.0)
+
+
+def usable_angle_deg(pixel_and_slope: PixelAndSlope) -> float:
+    """How far from its axis a lens is still a camera: pixels finite, no fold, no mirroring."""
+    theta = np.deg2rad(np.arange(_PROBE_STEP_DEG, _LARGEST_PROBE_DEG, _PROBE_STEP_DEG))
+    azimuth = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    rays = ray_at(*np.broadcast_arrays(theta[:, None], azimuth)).reshape(-1, 3)
+    with np.errstate(all="ignore"):
+        pixel, slope = pixel_and_slope(rays)
+        # The basis has the sense of (d, first, second): at the axis that is the pixels' own.
+        across = slope @ tangent_basis(rays)
+        sense = across[:, 0, 0] * across[:, 1, 1] - across[:, 0, 1] * across[:, 1, 0]
+        good = np.isfinite(pixel).all(axis=1) & (sense > 0)
+    bad = np.flatnonzero(~good.reshape(len(theta), -1).all(axis=1))
+    last = len(theta) if not bad.size else int(bad[0])
+    return float(np.rad2deg(theta[last - 1])) if last else 0.0

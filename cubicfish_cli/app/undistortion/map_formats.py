@@ -20,6 +20,7 @@ from cubicfish_cli.app.undistortion.images import encode_picture, part_name
 from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, whole_file
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.views.fields import in_picture
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
 from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, View
 
@@ -42,15 +43,13 @@ def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
         raise ViewError(f"a side of a photo may have {MAX_SIDE} pixels at most")
     x, y = np.full((2, height, width), OUTSIDE, np.float32)
     valid = np.zeros((height, width), bool)
-    limit = np.array(view.size) - 1
     for top in range(0, height, _ROWS_PER_BLOCK):
         rows = slice(top, min(height, top + _ROWS_PER_BLOCK))
         pixel = np.stack(
             np.meshgrid(np.arange(width), np.arange(rows.start, rows.stop)), axis=-1
         ).astype(float)
         source = view.pixels(camera.unproject(pixel))
-        with np.errstate(invalid="ignore"):
-            inside = ((source >= 0) & (source <= limit)).all(axis=-1)
+        inside = in_picture(source, view.size)
         valid[rows] = inside
         x[rows][inside], y[rows][inside] = source[inside].T
     return UndistortMap(
@@ -235,5 +234,6 @@ def view_text(view: View) -> str:
         lines += [f"camera_from_view: {list(view.rotation)}"]
         lines += [f"hfov_deg: {view.hfov_deg!r}", f"vfov_deg: {view.vfov_deg!r}"]
     else:
-        lines += [f"{key}: {value}" for key, value in view.parameters().items()]
+        own = [one for one in view.as_record().items() if one[0] not in ("kind", "size")]
+        lines += [f"{key}: {value}" for key, value in own]
     return "\n".join(lines) + "\n"

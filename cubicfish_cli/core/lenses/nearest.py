@@ -84,8 +84,7 @@ def nearest_lens(
         FitError: no lens of the model is near.
 
     """
-    free = [FreeLens.of(one, held) for one in starts]
-    fits = [_least_squares(one, rays, pixel) for one in free]
+    fits = [_least_squares(FreeLens.of(one, held), rays, pixel) for one in starts]
     found = min(fits, key=lambda fit: fit[0])[1]
     if not np.isfinite(found.parameters).all():
         raise FitError("no lens of this model is near the camera: choose another format")

@@ -8,6 +8,7 @@ every figure.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -70,10 +71,6 @@ class RadialCamera(Lens):
         """Normalised radius r(θ): (...,) radians -> (...,)."""
         return kannala_brandt(np.asarray(theta, float), self.k)
 
-    def profile_slope(self, theta: npt.ArrayLike) -> FloatArray:
-        """dr/dθ: (...,) radians -> (...,)."""
-        return kannala_brandt_slope(np.asarray(theta, float), self.k)
-
     @property
     def max_angle(self) -> float:
         """Largest angle to which r(θ) grows, radians, at most π."""
@@ -122,7 +119,8 @@ class RadialCamera(Lens):
     def angle(self, radius: npt.ArrayLike) -> FloatArray:
         """Invert the profile: normalised radius (...,) -> θ, radians; NaN beyond its end."""
         radius = np.asarray(radius, float)
-        return inverse_of_growing(self.profile, self.profile_slope, radius, self.max_angle)
+        slope = partial(kannala_brandt_slope, k=self.k)
+        return inverse_of_growing(self.profile, slope, radius, self.max_angle)
 
 
 def project_jacobian(

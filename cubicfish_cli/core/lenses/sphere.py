@@ -1,4 +1,4 @@
-"""Numerical inverse of any lens, and the end of its field."""
+"""Rays spread over the sphere, and the numerical inverse of any lens."""
 
 from collections.abc import Callable
 
@@ -10,8 +10,6 @@ PixelAndSlope = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Unit rays (N, 3) -> pixels (N, 2), and d pixel / d ray (N, 2, 3)."""
 
 _NEWTON_ITERATIONS = 30
-_PROBE_STEP_DEG = 0.5
-_LARGEST_PROBE_DEG = 175.0
 
 
 def ray_at(theta: FloatArray, around: FloatArray) -> FloatArray:
@@ -25,20 +23,20 @@ def cone_rays(angle: float, count: int) -> FloatArray:
 
     A Fibonacci lattice on the spherical cap, its last ray on the rim.
     """
-    index = np.arange(count)
-    z = 1 - (1 - np.cos(angle)) * (index + 0.5) / count
+    z = 1 - (1 - np.cos(angle)) * (np.arange(count) + 0.5) / count
     z[-1] = np.cos(angle)
-    rho = np.sqrt(np.maximum(0, 1 - z * z))
-    azimuth = index * np.pi * (3 - np.sqrt(5))
-    return np.stack([rho * np.cos(azimuth), rho * np.sin(azimuth), z], axis=-1)
+    return _along_spiral(z)
 
 
 def all_around(count: int) -> FloatArray:
     """``count`` unit vectors spread evenly over the whole sphere (count, 3), from z downwards."""
-    k = np.arange(count)
-    z = 1 - (2 * k + 1) / count
-    turn = k * np.pi * (3 - np.sqrt(5))  # the golden angle
-    across = np.sqrt(1 - z * z)
+    return _along_spiral(1 - (2 * np.arange(count) + 1) / count)
+
+
+def _along_spiral(z: FloatArray) -> FloatArray:
+    """Unit vectors of these z, each turned by the golden angle from the one before: (N, 3)."""
+    turn = np.arange(len(z)) * np.pi * (3 - np.sqrt(5))
+    across = np.sqrt(np.maximum(0, 1 - z * z))
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
 
 
@@ -97,19 +95,3 @@ def _step_on_sphere(rays: FloatArray, slope: FloatArray, miss: FloatArray) -> Fl
         step *= np.minimum(1, 0.3 / np.maximum(length, 1e-300))[:, None]
         moved = rays + (basis @ step[:, :, None])[:, :, 0]
         return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
-
-
-def usable_angle_deg(pixel_and_slope: PixelAndSlope) -> float:
-    """How far from its axis a lens is still a camera: pixels finite, no fold, no mirroring."""
-    theta = np.deg2rad(np.arange(_PROBE_STEP_DEG, _LARGEST_PROBE_DEG, _PROBE_STEP_DEG))
-    azimuth = np.linspace(0, 2 * np.pi, 36, endpoint=False)
-    rays = ray_at(*np.broadcast_arrays(theta[:, None], azimuth)).reshape(-1, 3)
-    with np.errstate(all="ignore"):
-        pixel, slope = pixel_and_slope(rays)
-        # The basis has the sense of (d, first, second): at the axis that is the pixels' own.
-        across = slope @ tangent_basis(rays)
-        sense = across[:, 0, 0] * across[:, 1, 1] - across[:, 0, 1] * across[:, 1, 0]
-        good = np.isfinite(pixel).all(axis=1) & (sense > 0)
-    bad = np.flatnonzero(~good.reshape(len(theta), -1).all(axis=1))
-    last = len(theta) if not bad.size else int(bad[0])
-    return float(np.rad2deg(theta[last - 1])) if last else 0.0

@@ -119,10 +119,10 @@ def cropped(camera: Camera, view: CentralView) -> CentralView:
 
 def sees(camera: PointProjector, rays: FloatArray, *, margin: float = 0.0) -> BoolArray:
     """Whether the camera's photo holds the rays (..., 3), by ``margin`` pixels at least."""
-    return _inside(camera.project(rays), camera.image_size, margin)
+    return in_picture(camera.project(rays), camera.image_size, margin)
 
 
-def _inside(pixel: FloatArray, size: tuple[int, int], margin: float) -> BoolArray:
+def in_picture(pixel: FloatArray, size: tuple[int, int], margin: float = 0.0) -> BoolArray:
     """Whether pixels (..., 2) lie in a picture, by ``margin`` within the outer pixels' middles."""
     with np.errstate(invalid="ignore"):
         inside = (pixel >= margin) & (pixel <= np.array(size) - 1 - margin)
@@ -179,7 +179,7 @@ def _region(camera: Camera) -> FloatArray:
 
 
 def _shows(view: View, rays: FloatArray) -> BoolArray:
-    return _inside(view.pixels(rays), view.size, -0.5)
+    return in_picture(view.pixels(rays), view.size, -0.5)
 
 
 def _border(size: tuple[int, int], margin: float) -> FloatArray:

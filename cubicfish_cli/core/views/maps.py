@@ -17,7 +17,6 @@ import numpy.typing as npt
 from cubicfish_cli.core.angles import angle_from_axis, azimuth, unit_rays
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.views.cubic_grid import grid_of
@@ -191,17 +190,8 @@ def camera_for_photos(camera: CubicCamera, size: tuple[int, int]) -> CubicCamera
     scale = size[0] / width
     shift = (scale - 1) / 2
     affine = np.array([[scale, 0, shift], [0, scale, shift], [0, 0, 1]])
-    radial = camera.radial
-    return replace(
-        camera,
-        image_size=size,
-        P=affine @ camera.P,
-        radial=RadialCamera(
-            image_size=size,
-            fx=scale * radial.fx,
-            fy=scale * radial.fy,
-            cx=scale * radial.cx + shift,
-            cy=scale * radial.cy + shift,
-            k=radial.k,
-        ),
-    )
+    old = camera.radial
+    fx, fy = scale * old.fx, scale * old.fy
+    cx, cy = scale * old.cx + shift, scale * old.cy + shift
+    radial = replace(old, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy)
+    return replace(camera, image_size=size, P=affine @ camera.P, radial=radial)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.errors import ViewError
+from cubicfish_cli.core.views.fields import in_picture
 from cubicfish_cli.core.views.maps import seen_near
 from cubicfish_cli.core.views.view import PlaneView, PointProjector
 from cubicfish_cli.core.wording import did_you_mean, quoted
@@ -74,10 +75,7 @@ def build_plane(
     step, project = _STEP * float(sides.max()), seen_near(camera)
     across, down = ((project(here + step * axis) - project(here)) / step for axis in axes)
     area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
-    width, height = camera.image_size
-    u, v = np.moveaxis(project(here), -1, 0)
-    with np.errstate(invalid="ignore"):
-        seen = np.isfinite(area) & (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
+    seen = np.isfinite(area) & in_picture(project(here), camera.image_size)
     if not seen.any():
         raise ViewError("the camera does not see this plane: check the pose and the board's name")
     if np.median(area[seen]) <= 0:

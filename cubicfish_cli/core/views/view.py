@@ -108,14 +108,10 @@ class View(ABC):
         NaN where the view does not show the direction.
         """
 
-    def parameters(self) -> dict[str, Any]:
-        """What a kind of view adds to the record, as plain data."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)[2:]}
-        return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
-
     def as_record(self) -> dict[str, Any]:
-        """The view as plain data: its kind, its size and :meth:`parameters`."""
-        return {"kind": self.kind, "size": list(self.size)} | self.parameters()
+        """The view as plain data: its kind, its size, and what its kind adds."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {key: list(one) if isinstance(one, tuple) else one for key, one in values.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
