@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.core.geometry import Similarity
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
@@ -30,7 +29,6 @@ TURNS = np.array(
 )
 # Places that agree this well, in squares, are the same place.
 SAME = 0.01
-_SAME_SCALE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,21 +118,22 @@ class Placement:
         matrix = scale[:, None, None] * (self.frame[side] @ self.frame[4 * board].T)
         return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
 
-    def landing(self, rotation: FloatArray, shift: FloatArray) -> IntArray | None:
-        """The sides (B,) that boards cover when they are moved; None where one covers none."""
+    def landing(self, matrix: FloatArray, shift: FloatArray) -> IntArray | None:
+        """The sides (B,) that boards cover when they are moved; None where one covers none.
+
+        Args:
+            matrix: (3, 3) a turn, times a scale.
+            shift: (3,).
+
+        """
         landed = []
         for side, places in self.wholes:
-            apart = np.linalg.norm(places[0] @ rotation.T + shift - places, axis=-1)
+            apart = np.linalg.norm(places[0] @ matrix.T + shift - places, axis=-1)
             off = apart.max(axis=-1) / self.square[side]
             if off.min() >= SAME:
                 return None
             landed.append(side[off.argmin()])
         return np.array(landed)
-
-    def is_symmetry(self, motion: Similarity) -> bool:
-        """Whether ``motion`` carries the target onto itself, colours included."""
-        same_size = abs(motion.scale - 1) <= _SAME_SCALE
-        return same_size and self.landing(motion.rotation, motion.shift) is not None
 
     def board_cells(self, side: int, offset: IntArray, cells: IntArray) -> IntArray:
         """(N, 2) columns and rows of the grid's cells at one place."""
@@ -155,65 +154,6 @@ def placement_of(target: Target) -> Placement:
         axes=np.array([np.column_stack([o.x_axis, o.y_axis]) for o in each]).reshape(-1, 3, 2),
         # The squares up-left and down-right of a corner have one colour.
         colour=np.array([1 if one.first_square == "light" else -1 for one in each], np.intp),
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reach:
-    """The offsets that keep a grid on its board, for every side.
-
-    Attributes:
-        low, high: (S, 2) smallest and largest offset; a side that is too small has high < low.
-        parity: (S,) 0 or 1: what (offset column + offset row) mod 2 must be for the squares'
-            colours to agree.
-
-    """
-
-    low: IntArray
-    high: IntArray
-    parity: IntArray
-
-    def allows(self, side: IntArray, offset: IntArray) -> BoolArray:
-        """(K,) sides and (K, 2) offsets -> (K,) whether the grid can lie there."""
-        inside = ((offset >= self.low[side]) & (offset <= self.high[side])).all(axis=-1)
-        return inside & (offset.sum(axis=-1) % 2 == self.parity[side])
-
-    def places(self) -> tuple[IntArray, IntArray]:
-        """Every allowed place: sides (H,) and offsets (H, 2)."""
-        sides, offsets = [np.empty(0, np.intp)], [np.empty((0, 2), np.intp)]
-        for side, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
-            offset = low + np.indices(np.maximum(high - low + 1, 0)).reshape(2, -1).T
-            offset = offset[offset.sum(axis=-1) % 2 == self.parity[side]]
-            sides.append(np.full(len(offset), side, np.intp))
-            offsets.append(offset)
-        return np.concatenate(sides), np.concatenate(offsets)
-
-    @property
-    def wide_enough(self) -> bool:
-        """Whether there is a board that is large enough, whatever its colours."""
-        return bool((self.high >= self.low).all(axis=1).any())
-
-    @property
-    def possible(self) -> bool:
-        """Whether there is any place."""
-        return len(self.places()[0]) > 0
-
-
-def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
-    """Where on the target a grid fits, by its extent and the colour of its squares.
-
-    Args:
-        cells: (N, 2) of its corners.
-        parity: +1 when the square down-right of cell (0, 0) is light, else -1.
-        sides: the target's boards in all turns.
-
-    """
-    box = np.stack([cells.min(axis=0), cells.max(axis=0)])
-    ends = box @ np.swapaxes(sides.matrix, -1, -2)
-    return Reach(
-        low=-ends.min(axis=1),
-        high=sides.size - 1 - ends.max(axis=1),
-        parity=sides.flips(parity).astype(np.intp),
     )
 
 
@@ -267,8 +207,7 @@ def symmetries(target: Target) -> tuple[Symmetry, ...]:
     sides = placement_of(target.with_flat_boards())
     found = []
     for matrix, shift in zip(*sides.motions(0), strict=True):
-        same_size = abs(np.linalg.det(matrix) - 1) < _SAME_SCALE
-        side = sides.landing(matrix, shift) if same_size else None
+        side = sides.landing(matrix, shift)
         if side is None or (side == 4 * np.arange(len(boards))).all():
             continue
         turn = sides.matrix[side]

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cubicfish_cli.core.geometry import similarity
-from cubicfish_cli.core.placement import SAME, Placement, Reach, reach_of
+from cubicfish_cli.core.placement import SAME, Placement
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.ends import Ends, clearly_more, doubtful_rims
 from cubicfish_cli.corners.identification.identified import Decided
+from cubicfish_cli.corners.identification.reach import Reach, reach_of
 from cubicfish_cli.corners.identification.search import Labelings
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.
@@ -100,7 +101,7 @@ class _Photo:
         motion = similarity(
             self.worlds(*_place(labelings, first)), self.worlds(*_place(labelings, second))
         )
-        return self.sides.is_symmetry(motion)
+        return self.sides.landing(motion.scale * motion.rotation, motion.shift) is not None
 
     def most_upright(self, labelings: Labelings, among: Iterable[int]) -> int:
         """Of labelings that look alike: the least turned in the photo, then the most central.

@@ -17,7 +17,7 @@ import numpy as np
 from cubicfish_cli.core.geometry import mean_rotation
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.placement import Placement, reach_of
+from cubicfish_cli.core.placement import Placement
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray, IntArray
@@ -25,6 +25,7 @@ from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.decide import Decision, rim_in_doubt
 from cubicfish_cli.corners.identification.ends import solid
 from cubicfish_cli.corners.identification.identified import Decided, GridReport, Identified, Place
+from cubicfish_cli.corners.identification.reach import reach_of
 from cubicfish_cli.corners.identification.scene import (
     Decisions,
     Scene,

@@ -23,13 +23,14 @@ from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.placement import Placement, Reach, placement_of, reach_of
+from cubicfish_cli.core.placement import Placement, placement_of
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.decide import Decision, decide, decide_alone, unnamed
 from cubicfish_cli.corners.identification.ends import Ends, ends_of, farthest_radius, without_strays
 from cubicfish_cli.corners.identification.identified import Decided
+from cubicfish_cli.corners.identification.reach import Reach, reach_of
 from cubicfish_cli.corners.identification.search import GridView, grid_moments, search
 
 Decisions = list[Decision]

@@ -23,10 +23,11 @@ import numpy as np
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 from cubicfish_cli.core.geometry import nearest_rotation
 from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
-from cubicfish_cli.core.placement import Placement, Reach
+from cubicfish_cli.core.placement import Placement
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Rows
 from cubicfish_cli.corners.detection.lattice import window
+from cubicfish_cli.corners.identification.reach import Reach
 
 # How far a grid's own orientation may be off: a few corners with noise give no better.
 _MAX_TILT_DEG = 25.0

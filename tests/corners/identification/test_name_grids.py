@@ -309,7 +309,7 @@ def test_names_agree_from_photo_to_photo_where_the_drawing_is_symmetric():
     assert len(found) >= 18
     motion = similarity(np.concatenate(right), np.concatenate(found))
     assert motion.error < 1e-6  # one and the same symmetry in all photos
-    assert placement_of(drawn).is_symmetry(motion)
+    assert placement_of(drawn).landing(motion.rotation, motion.shift) is not None
 
 
 def world(target: Target, place: Place, grid: Grid) -> np.ndarray:

@@ -15,12 +15,13 @@ from synthetic import (
 
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.core.placement import placement_of, reach_of
+from cubicfish_cli.core.placement import placement_of
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import Grid
 from cubicfish_cli.corners.identification.decide import CLEAR_RATIO, decide, decide_alone
 from cubicfish_cli.corners.identification.ends import Ends, ends_of
 from cubicfish_cli.corners.identification.identified import Decided, Place
+from cubicfish_cli.corners.identification.reach import reach_of
 from cubicfish_cli.corners.identification.scene import grid_poses, view_of
 from cubicfish_cli.corners.identification.search import (
     form_cost,
