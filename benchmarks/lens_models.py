@@ -24,14 +24,13 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, choose_prior, fit_cubic
+from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens, FreeLens, nearest_lens
 from cubicfish_cli.core.fit.folds import folds_of
-from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, cone_angle
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference, radial_near, refit_radial
 from cubicfish_cli.core.fit.statistics import rms_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
-from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
@@ -262,7 +261,7 @@ def _figures(
         seconds=time.perf_counter() - begun,
         rms_px=rms_px(residual),
         held_out_rms_px=_held_out(fit, folds),
-        largest_angle_deg=usable_angle_deg(lambda rays: lens.project_jacobian(rays)[:2]),
+        largest_angle_deg=usable_angle_deg(lambda rays: lens.pixel_and_slopes(rays)[:2]),
     )
 
 

@@ -33,13 +33,12 @@ from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.calibration import Calibration
+from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens, FreeLens
 from cubicfish_cli.core.fit.folds import FOLDS
-from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.statistics import huber_px, rms_px
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, load_target

@@ -17,7 +17,7 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import adjust, huber_weight
 from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, fit_cubic
-from cubicfish_cli.core.fit.lenses import FitLens, FixedLens
+from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
 from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.fit.subset import select_photos
@@ -144,7 +144,7 @@ def _linearise(lens: FitLens, poses: Poses, pairs: Observations, run: slice) -> 
     """(n, 2, 12) derivatives by pose, scale, shift and shear, and the miss, all in pixels."""
     image = pairs.image[run]
     rotated = (poses.rotation[image] @ pairs.world[run, :, None])[:, :, 0]
-    pixel, d_point, _ = lens.project_jacobian(rotated + poses.translation[image])
+    pixel, d_point, _ = lens.pixel_and_slopes(rotated + poses.translation[image])
     middle = (np.array(pairs.image_size, float) - 1) / 2
     from_middle = (pixel - middle) / (min(pairs.image_size) / 2)
     return np.concatenate(

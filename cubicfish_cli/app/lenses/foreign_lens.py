@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.angles import angle_from_axis, unit_rays
+from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import (
     PixelAndSlope,

@@ -8,11 +8,11 @@ import numpy as np
 from cubicfish_cli.app.lenses.to_lens import ConversionError, conversion_error
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.fit.nearest_cubic import linear_cubic, refined_cubic
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at
 from cubicfish_cli.core.types import FloatArray

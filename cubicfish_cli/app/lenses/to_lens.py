@@ -11,11 +11,11 @@ from cubicfish_cli.app.comparison import pixel_grid, rings
 from cubicfish_cli.app.lenses.foreign_lens import ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.fit_lens import FreeLens, nearest_lens
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lens import Lens
-from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.types import FloatArray
 
@@ -144,7 +144,7 @@ def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) ->
 
     def slope(values: FloatArray) -> FloatArray:
         lens, points = turned(values)
-        _, by_point, by_values = lens.project_jacobian(points)
+        _, by_point, by_values = lens.pixel_and_slopes(points)
         by_turn = -by_point @ cross_matrix(points)  # turns are small: of first order
         return np.concatenate([by_values, by_turn], axis=2).reshape(2 * len(rays), -1)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
-from cubicfish_cli.core.fit.lenses import Body, FitLens, body_of
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.normal_equations import Linearised, NormalEquations
 from cubicfish_cli.core.fit.poses import Poses, cross
 from cubicfish_cli.core.fit.statistics import wide_px
@@ -92,30 +92,24 @@ def linearise(
 
     ``pairs`` and ``huber_px`` are those of :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
     """
-    body = body_of(state.lens)
-    views, camera = body.views(state.poses), body.camera_of(pairs.image)
+    views, camera = state.lens.views(state.poses), state.lens.camera_of(pairs.image)
     size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
     cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
     for first, stop in pairwise([*cuts.tolist(), len(camera)]):
         run = slice(first, stop)
-        yield run, _linearised(body, views, state, pairs, run, huber_px)
+        yield run, _linearised(views, state, pairs, run, huber_px)
 
 
 def _linearised(
-    body: Body,
-    views: Poses,
-    state: State[L],
-    pairs: Observations,
-    run: slice,
-    huber_px: float,
+    views: Poses, state: State[L], pairs: Observations, run: slice, huber_px: float
 ) -> Linearised:
     """A run of one camera's pairs, by everything that is free."""
-    image, world = pairs.image[run], state.world
+    image, body, world = pairs.image[run], state.lens, state.world
     # One coordinate of all points after the other is the quickest to work on.
     rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
     rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
     points = (rotated + views.translation.T[:, image]).T
-    pixel, d_point, d_lens = body.lens_of(int(image[0])).project_jacobian(points)
+    pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
     by_point = d_point.transpose(1, 2, 0)
     d_corner = np.zeros((len(image), 2, 3))
     if world.free:
@@ -132,7 +126,7 @@ def _linearised(
         root=root,
         miss=residual * root[:, None],
         by_shared=d_shared * weight,
-        columns=np.r_[own, len(state.lens.parameters) : state.size[0]],
+        columns=np.r_[own, len(body.parameters) : state.size[0]],
         by_pose=d_pose * weight,
         by_corner=d_corner * weight,
         pose=body.shot_of(image),
@@ -312,7 +306,7 @@ def _astray(
     Of many photos there is always one whose pose goes astray.
     """
     count = len(state.poses)
-    shot = body_of(state.lens).shot_of(pairs.image)
+    shot = state.lens.shot_of(pairs.image)
     rise = np.zeros(count)
     for sign, of in ((1, new), (-1, now)):
         cost = huber_cost(np.hypot(of.residual[:, 0], of.residual[:, 1]), huber_px)

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.normal_equations import gram
 from cubicfish_cli.core.geometry import decentring, decentring_slope
 from cubicfish_cli.core.lenses.radial import project_jacobian
@@ -45,7 +46,7 @@ class StillRays:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BentFit:
+class BentFit(FitLens):
     """A Kannala–Brandt lens with Brown's decentring (1966), a tilted sensor and skew.
 
     With (a, b) = r(θ) (x, y)/√(x² + y²)::
@@ -87,12 +88,8 @@ class BentFit:
         values[self._free] = parameters
         return replace(self, values=values)
 
-    def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
-        return self.project_jacobian(points)[0]
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
+    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
         changes = np.concatenate([flat_by_point, flat_by_values[:, :, 4:]], axis=2)
@@ -103,7 +100,7 @@ class BentFit:
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
 
-        What :meth:`project_jacobian` says of them, at a fraction of the cost.
+        What :meth:`pixel_and_slopes` says of them, at a fraction of the cost.
         """
         radius, outwards = rays.theta + rays.odd @ self.values[4:8], rays.direction.T
         pixel, moved, by_values = self._on_sensor(outwards * radius, outwards[:, None])

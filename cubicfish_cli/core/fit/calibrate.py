@@ -20,6 +20,7 @@ from cubicfish_cli.core.fit.coverage import (
     trusted_angle_deg,
 )
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
+from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import (
@@ -52,7 +53,6 @@ from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one
 from cubicfish_cli.core.fit.uncertainty import uncertainty_grid
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import lift
-from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.pupil import from_pupil
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays

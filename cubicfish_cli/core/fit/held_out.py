@@ -12,9 +12,10 @@ from scipy.special import stdtr
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, State, adjust
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.statistics import huber_px, wide_px
 from cubicfish_cli.core.fit.subset import select, select_photos

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import Adjustment, State, linearise
-from cubicfish_cli.core.fit.lenses import FitLens, body_of
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.normal_equations import Eliminated, NormalEquations
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
@@ -37,7 +37,7 @@ class LeaveOneOut:
 
         """
         self._fit, self._groups = fit, groups
-        self._shot = body_of(fit.lens).shot_of(fit.pairs.image)
+        self._shot = fit.lens.shot_of(fit.pairs.image)
 
     def steps(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group, whose own poses stay."""

@@ -1,21 +1,18 @@
-"""The lenses as least squares sees them: free parameters, derivatives and prior."""
+"""The cubic as least squares sees it, and the pseudo-observations that hold it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from cubicfish_cli.core.fit.asymmetric import BentFit, StillRays
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.normal_equations import gram, solve_scaled
-from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
-from cubicfish_cli.core.lenses.radial import RadialCamera, project_jacobian
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.types import BoolArray, FloatArray
 
 # From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
@@ -25,131 +22,6 @@ _TOLD_APART = 1e-13
 _FAR = np.delete(np.arange(49), 47)
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
-
-
-class FitLens(Protocol):
-    """A lens that least squares can adjust."""
-
-    @property
-    def parameters(self) -> FloatArray:
-        """(K,) the free parameters; K may be 0."""
-
-    def with_parameters(self, parameters: FloatArray) -> Self:
-        """The same lens with other parameters."""
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Camera-frame points (N, 3) -> pixel (N, 2), d/d point (N, 2, 3), d/d param (N, 2, K)."""
-
-    def project(self, points: FloatArray) -> FloatArray:
-        """Camera-frame points (N, 3) -> pixel (N, 2), without derivatives."""
-
-    def prior(self) -> FloatArray:
-        """Gram matrix (K + 1, K + 1) of pseudo-observations.
-
-        Products of their derivatives by the parameters and, last, of their residuals, pixels.
-        """
-
-
-@runtime_checkable
-class Body(Protocol):
-    """What carries one camera or several: an adjustment knows the body's pose in each shot."""
-
-    def views(self, shots: Poses) -> Poses:
-        """camera_from_world of every photo, from the body's poses."""
-
-    def shot_of(self, photos: IntArray) -> IntArray:
-        """(n,) the shots of some photos."""
-
-    def camera_of(self, photos: IntArray) -> IntArray:
-        """(n,) which camera took them."""
-
-    def lens_of(self, photo: int) -> FitLens:
-        """The lens that a photo was taken through."""
-
-    def by_body(
-        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
-    ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """From derivatives of n pairs by their camera to those by the body.
-
-        Args:
-            photos: (n,) of one camera.
-            shots: the body's poses.
-            by_lens: (n, 2, L) by the lens's parameters.
-            by_view: (n, 2, 6) by the turn and the shift of the photo's own pose.
-
-        Returns:
-            (n, 2, k) by what the body's photos share; (k,) which of its parameters these are; and
-            (n, 2, 6) by the shot's pose.
-
-        """
-
-
-@dataclass(frozen=True, eq=False)
-class OneCamera:
-    """A camera alone: each of its photos is a shot."""
-
-    lens: FitLens
-
-    def views(self, shots: Poses) -> Poses:
-        """See :class:`Body`."""
-        return shots
-
-    def shot_of(self, photos: IntArray) -> IntArray:
-        """See :class:`Body`."""
-        return photos
-
-    def camera_of(self, photos: IntArray) -> IntArray:
-        """See :class:`Body`."""
-        return np.zeros_like(photos)
-
-    def lens_of(self, photo: int) -> FitLens:
-        """See :class:`Body`."""
-        return self.lens
-
-    def by_body(
-        self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
-    ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """See :class:`Body`."""
-        return by_lens, np.arange(by_lens.shape[2]), by_view
-
-
-def body_of(lens: FitLens) -> Body:
-    """What carries a lens; one of several cameras is a lens and a body at once."""
-    return lens if isinstance(lens, Body) else OneCamera(lens)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FixedLens:
-    """A known lens, or one that was fitted: only poses are free."""
-
-    camera: CubicCamera | RadialCamera | FitLens
-
-    @property
-    def parameters(self) -> FloatArray:
-        """(0,)."""
-        return np.zeros(0)
-
-    def with_parameters(self, parameters: FloatArray) -> FixedLens:
-        """Itself: nothing is free."""
-        return self
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
-        if isinstance(self.camera, CubicCamera):
-            pixel, d_point = self.camera.pixel_and_slope_of_points(points)
-        elif isinstance(self.camera, RadialCamera):
-            pixel, d_point, _ = project_jacobian(self.camera.parameters, points)
-        else:
-            pixel, d_point, _ = self.camera.project_jacobian(points)
-        return pixel, d_point, np.zeros((len(points), 2, 0))
-
-    def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
-        return self.project_jacobian(points)[0]
-
-    def prior(self) -> FloatArray:
-        """Nothing."""
-        return np.zeros((1, 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -252,7 +124,7 @@ class RayPrior:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CubicFit:
+class CubicFit(FitLens):
     """The ``ray`` lift in the 16 dimensions that cubics span on the sphere (Eq. 5–7).
 
     P = T C Bᵀ: B is the orthonormal (20, 16) basis, T the Hartley normalisation of pixels. The
@@ -316,8 +188,8 @@ class CubicFit:
             return self  # which knows what it worked out
         return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
 
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
+    def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         moved, by_point, by_travel = from_pupil_and_slopes(points, self.travel)
         pixel, d_point, d_parameters = self.far_jacobian(moved)
         by_depth = d_point[:, :, 2:]
@@ -325,7 +197,7 @@ class CubicFit:
         return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
 
     def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """As :meth:`project_jacobian`, of points far away."""
+        """As :meth:`pixel_and_slopes`, of points far away."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
         values = lift(rays) @ sphere_basis()
@@ -342,7 +214,7 @@ class CubicFit:
         )
 
     def project(self, points: FloatArray) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         return self.far(from_pupil(points, self.travel))
 
     def far(self, points: FloatArray) -> FloatArray:
@@ -351,7 +223,7 @@ class CubicFit:
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> FloatArray:
-        """See :class:`~cubicfish_cli.core.fit.lenses.FitLens`."""
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         return self._prior
 
     @cached_property

@@ -16,12 +16,12 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.asymmetric import BentFit
+from cubicfish_cli.core.fit.fit_lens import FreeLens
 from cubicfish_cli.core.fit.nearest_cubic import MARGIN_DEG, NearestCubic, nearest_cubic
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.start import NONE_PLACED, fit_poses, start_at_centre
 from cubicfish_cli.core.fit.statistics import gross_px, noise_px, wide_px
 from cubicfish_cli.core.fit.subset import select_photos
-from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray

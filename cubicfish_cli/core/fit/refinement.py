@@ -11,8 +11,8 @@ import numpy as np
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, choose_prior, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget, Level
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.folds import folds_of
-from cubicfish_cli.core.fit.lenses import FitLens
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
 from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.statistics import huber_px, noise_px, weighed

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
-from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_pose import (
     MIN_POINTS_ON_PLANE,

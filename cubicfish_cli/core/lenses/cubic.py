@@ -109,10 +109,10 @@ class CubicCamera(Brief):
         pixel = self.project(points, near=near)
         inside = np.isfinite(pixel[..., 0])
         slope = np.full((*pixel.shape, 3), np.nan)
-        slope[inside] = self.pixel_and_slope_of_points(points[inside], near=near)[1]
+        slope[inside] = self.pixel_and_slopes(points[inside], near=near)[1]
         return pixel, slope
 
-    def pixel_and_slope_of_points(
+    def pixel_and_slopes(
         self, points: FloatArray, *, near: bool = True
     ) -> tuple[FloatArray, FloatArray]:
         """Pixel and d pixel / d point, unchecked: (N, 3) -> (N, 2), (N, 2, 3)."""

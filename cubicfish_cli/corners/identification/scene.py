@@ -16,7 +16,7 @@ import numpy as np
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
-from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial, refit_radial
 from cubicfish_cli.core.fit.start import fit_poses

@@ -39,7 +39,7 @@ class Information:
                 must fix the pose.
 
         """
-        _, d_point, d_lens = self.gauge.lens.project_jacobian(points)
+        _, d_point, d_lens = self.gauge.lens.pixel_and_slopes(points)
         by_lens = d_lens.reshape(-1, d_lens.shape[2])
         length = np.median(np.linalg.norm(points, axis=-1))  # so that shifts are like turns
         moved = np.concatenate([-d_point @ cross_matrix(points), length * d_point], axis=2)

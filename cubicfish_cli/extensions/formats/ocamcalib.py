@@ -31,8 +31,8 @@ from cubicfish_cli.app.lenses.file_contents import PlacedLens, numbers, size
 from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.nearest import nearest_lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray

@@ -47,8 +47,8 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit import radial_reference
 from cubicfish_cli.core.fit.calibration import CornerEvidence, FailedFit
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.folds import NEAR_SHARE, repeated_groups
-from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.statistics import local_noise_px, neighbours
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale

@@ -12,11 +12,11 @@ from cubicfish_cli.core.fit import adjustment
 from cubicfish_cli.core.fit.adjustment import State, adjust, huber_cost, huber_weight
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.fit_lens import FitLens, FreeLens
 from cubicfish_cli.core.fit.normal_equations import damped
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial, refit_radial
 from cubicfish_cli.core.fit.subset import select
-from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 
@@ -154,26 +154,24 @@ def test_a_perturbed_start_returns_to_the_same_optimum(pairs, cubic):
     np.testing.assert_allclose(again.residual, once.residual, atol=1e-4)
 
 
-class Valley:
+class Valley(FitLens):
     """Pixels that depend on two parameters: Rosenbrock's valley, a floor that bends."""
 
-    def __init__(self, parameters):
-        self.parameters = np.asarray(parameters, float)
+    def __init__(self, values):
+        self.values = np.asarray(values, float)
+
+    @property
+    def parameters(self):
+        return self.values
 
     def with_parameters(self, parameters):
         return Valley(parameters)
 
-    def project_jacobian(self, points):
+    def pixel_and_slopes(self, points):
         x, y = self.parameters
         pixel = np.tile([100 * (y - x * x), 1 - x], (len(points), 1))
         slope = np.tile([[-200 * x, 100.0], [-1.0, 0.0]], (len(points), 1, 1))
         return pixel, np.zeros((len(points), 2, 3)), slope
-
-    def project(self, points):
-        return self.project_jacobian(points)[0]
-
-    def prior(self):
-        return np.zeros((3, 3))
 
 
 def test_a_valley_that_bends_is_followed(pairs, cubic):

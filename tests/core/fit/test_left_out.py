@@ -19,10 +19,10 @@ from cubicfish_cli.core.fit.cubic_fit import (
     fit_cubic,
 )
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.held_out import held_out_error
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import FixedLens
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
 from cubicfish_cli.core.fit.statistics import huber_px, rms_px

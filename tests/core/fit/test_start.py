@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.fit import radial_reference
 from cubicfish_cli.core.fit.adjustment import adjust
-from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix, rotation_from_vector
 from cubicfish_cli.core.fit.radial_pose import depth_shift, poses_of_rays, radial_poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial

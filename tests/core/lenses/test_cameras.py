@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from lenses import cubic_camera, numeric_jacobian, radial_camera, random_rays
 
 from cubicfish_cli.core.fit.asymmetric import BentFit, StillRays
-from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens, NearestCubic, RayPrior
+from cubicfish_cli.core.fit.fit_lens import FixedLens, FreeLens
+from cubicfish_cli.core.fit.lenses import CubicFit, NearestCubic, RayPrior
 from cubicfish_cli.core.geometry import kannala_brandt, kannala_brandt_slope
 from cubicfish_cli.core.lenses.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish_cli.core.lenses.lift import SIZE, sphere_basis
-from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 
 CAMERAS = {
@@ -222,7 +222,7 @@ def lens(request):
 
 def test_derivatives_by_the_point(lens):
     points = random_rays(95, 60) * np.linspace(0.5, 3, 60)[:, None]
-    pixel, d_point, _ = lens.project_jacobian(points)
+    pixel, d_point, _ = lens.pixel_and_slopes(points)
     np.testing.assert_allclose(pixel, lens.project(points), atol=1e-9)
     np.testing.assert_allclose(
         d_point, numeric_jacobian(lens.project, points), atol=1e-3, rtol=1e-5
@@ -232,7 +232,7 @@ def test_derivatives_by_the_point(lens):
 def test_derivatives_on_the_axis():
     lens = LENSES["radial"]
     points = np.array([[0, 0, 2.0], [1e-9, 0, 2.0], [1e-7, -1e-7, 0.5]])
-    pixel, d_point, d_parameters = lens.project_jacobian(points)
+    pixel, d_point, d_parameters = lens.pixel_and_slopes(points)
     assert np.isfinite(pixel).all()
     assert np.isfinite(d_parameters).all()
     np.testing.assert_allclose(d_point, numeric_jacobian(lens.project, points), atol=1e-3)
@@ -242,7 +242,7 @@ def test_derivatives_on_the_axis():
 def test_rays_that_never_move_are_seen_as_any_others(name):
     lens, rays = LENSES[name], np.vstack([random_rays(120, 60), [[0, 0, 1]]])
     pixel, by_parameters = lens.seen(StillRays.of(rays))
-    expected, _, by_lens = lens.project_jacobian(rays)
+    expected, _, by_lens = lens.pixel_and_slopes(rays)
     np.testing.assert_allclose(pixel, expected, atol=1e-9)
     np.testing.assert_allclose(by_parameters, by_lens, atol=1e-9)
 
@@ -250,7 +250,7 @@ def test_rays_that_never_move_are_seen_as_any_others(name):
 def test_derivatives_by_the_parameters(lens):
     points = random_rays(95, 60)
     start = lens.parameters
-    _, _, d_parameters = lens.project_jacobian(points)
+    _, _, d_parameters = lens.pixel_and_slopes(points)
     assert d_parameters.shape == (60, 2, len(start))
     prior = lens.prior()
     assert prior.shape == (len(start) + 1, len(start) + 1)
@@ -268,7 +268,7 @@ def test_derivatives_by_the_parameters(lens):
 def test_what_the_nearest_lens_can_follow_is_not_held():
     lens = _cubic_fit()
     prior = lens.ray_prior
-    _, _, by_cubic = lens.project_jacobian(prior.near.rays)
+    _, _, by_cubic = lens.pixel_and_slopes(prior.near.rays)
     pixel = lens.project(prior.near.rays)
     _, (_, by_lens) = prior.nearest(pixel)
     wanted = by_lens.reshape(pixel.size, -1)

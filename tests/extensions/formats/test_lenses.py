@@ -7,7 +7,7 @@ import pytest
 from lenses import cubic_camera, radial_camera, random_rays
 
 from cubicfish_cli.core.angles import angle_from_axis, unit_rays
-from cubicfish_cli.core.lenses.nearest import FreeLens, nearest_lens
+from cubicfish_cli.core.fit.fit_lens import FreeLens, nearest_lens
 from cubicfish_cli.extensions.formats.colmap_cameras import RadTanThinPrismLens
 from cubicfish_cli.extensions.formats.lenses import DoubleSphereLens, PinholeLens, UnifiedLens
 from cubicfish_cli.extensions.formats.mrcal_splined import SplinedLens

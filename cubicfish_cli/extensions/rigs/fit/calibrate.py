@@ -17,9 +17,10 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.deformable_target import LEVELS, Level
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import CubicFit, FixedLens
+from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import (

@@ -14,7 +14,7 @@ from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import Adjustment, adjust
 from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.fit.lenses import FixedLens
+from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px
 from cubicfish_cli.core.fit.subset import select

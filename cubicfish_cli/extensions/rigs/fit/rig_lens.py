@@ -1,7 +1,7 @@
 """Several cameras on one body, as least squares sees them: a lens and a place for each.
 
 A photo of a rig is a view: what one camera saw of one shot. The adjustment knows one pose per shot
-and looks at the views camera by camera; a `RigLens` is what carries them (`Body`).
+and looks at the views camera by camera; a `RigLens` is the body that carries them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cubicfish_cli.core.fit.lenses import FitLens
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix, rotation_from_vector
 from cubicfish_cli.core.types import FloatArray, IntArray
 
@@ -69,7 +69,7 @@ class PhotoTimes:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RigLens:
+class RigLens(FitLens):
     """The lenses of a rig and camera_from_rig of each: all that its shots have in common.
 
     Views are sorted by camera. The first camera's frame is the rig's.
@@ -184,7 +184,7 @@ class RigLens:
     def by_body(
         self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
     ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """See :class:`~cubicfish_cli.core.fit.lenses.Body`."""
+        """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
         camera = int(self.camera[photos[0]])
         parts = [by_lens]
         if camera:
@@ -253,11 +253,3 @@ class RigLens:
         whole[-1, self.usual_columns] += pull * times.usual[1:]
         whole[-1, -1] += pull @ np.square(times.usual[1:])
         return whole
-
-    def project_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Not of a rig: which camera sees the points is a matter of the view."""
-        raise TypeError("a rig projects through the lens of a view")
-
-    def project(self, points: FloatArray) -> FloatArray:
-        """Not of a rig: which camera sees the points is a matter of the view."""
-        raise TypeError("a rig projects through the lens of a view")

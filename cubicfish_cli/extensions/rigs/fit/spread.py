@@ -10,9 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import Adjustment
+from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.folds import MIN_PHOTOS, dealt_out
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
-from cubicfish_cli.core.fit.lenses import CubicFit, FitLens
+from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.photo_spread import MOST_CLUSTERS, variance_of_few
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px

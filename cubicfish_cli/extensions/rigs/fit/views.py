@@ -15,7 +15,8 @@ from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
 from cubicfish_cli.core.fit.deformable_target import Level
 from cubicfish_cli.core.fit.evaluate import Evaluation, evaluate
-from cubicfish_cli.core.fit.lenses import CubicFit, FitLens, FixedLens
+from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens
+from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.radial_reference import radial_near

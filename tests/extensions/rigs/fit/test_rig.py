@@ -15,10 +15,10 @@ from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_ma
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import State, adjust, linearise
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.fit_lens import FreeLens
 from cubicfish_cli.core.fit.folds import dealt_out
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.subset import select
-from cubicfish_cli.core.lenses.nearest import FreeLens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import renamed, symmetries
