@@ -73,6 +73,15 @@ class Poses(Brief):
             translation=np.concatenate([part.translation for part in parts]),
         )
 
+    @classmethod
+    def chosen(cls, ways: Sequence[Poses], way: IntArray) -> Poses:
+        """Of each photo that of W poses which ``way``, (M,) below W, says."""
+        every = np.arange(len(way))
+        return cls(
+            rotation=np.stack([one.rotation for one in ways])[way, every],
+            translation=np.stack([one.translation for one in ways])[way, every],
+        )
+
     def of_world(self, origin: FloatArray) -> Poses:
         """The same poses for a world in which their own world's origin is at ``origin`` (3,)."""
         return Poses(rotation=self.rotation, translation=self.translation - self.rotation @ origin)

@@ -50,7 +50,7 @@ def with_agreeing_names(
     if not way.any():
         return joined
     named = chosen([pairs, *(one.named(pairs, target, scale) for one in motions)], way)
-    return replace(joined, poses=_of_ways(turned, way), pairs=named)
+    return replace(joined, poses=Poses.chosen(turned, way), pairs=named)
 
 
 def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
@@ -72,24 +72,16 @@ def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
             inverse = rigs[lens.shot[both]].inverse()
             relative = [one[both] @ inverse for one in turned]
             way[both] = _chosen(relative, place if known else None)
-            each = _of_ways(relative, way[both])
+            each = Poses.chosen(relative, way[both])
             place = place if known else median_pose(each)
             alike = np.unique(way[both])
             if len(alike) == 1:  # what this camera saw alone it named alike
                 way[own] = alike[0]
         new = own[~placed[lens.shot[own]]]
-        seen = _of_ways([one[new] for one in turned], way[new])
+        seen = Poses.chosen([one[new] for one in turned], way[new])
         rigs = rigs.with_photos(lens.shot[new], place.inverse() @ seen)
         placed[lens.shot[new]] = True
     return way
-
-
-def _of_ways(turned: Sequence[Poses], way: IntArray) -> Poses:
-    every = np.arange(len(way))
-    return Poses(
-        rotation=np.stack([one.rotation for one in turned])[way, every],
-        translation=np.stack([one.translation for one in turned])[way, every],
-    )
 
 
 def _chosen(relative: Sequence[Poses], place: Poses | None) -> IntArray:
