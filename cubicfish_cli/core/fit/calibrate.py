@@ -27,7 +27,7 @@ from cubicfish_cli.core.fit.model_selection import (
     Progress,
     RefineTarget,
     SelectedModel,
-    Stages,
+    begin,
     select_model,
 )
 from cubicfish_cli.core.fit.photo_spread import photo_spread
@@ -118,19 +118,17 @@ def calibrate(
     origin, weight = middle(pairs), pairs.weight.mean()
     pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
     given, target = target, target and target.moved(-origin)
-    refined = target is not None and (hold_out or refine_target != "auto")
-    stages = Stages(progress, refined=refined and refine_target != "off", hold_out=hold_out)
     try:
-        stages.begin("start")
+        begin(progress, "start")
         scale = world_scale(pairs)
         reference = fit_radial(pairs.with_world(pairs.world / scale))
-        stages.begin("cubic")
+        begin(progress, "cubic")
         rough, gross, gross_error = without_gross(reference)
         rough = without_noisy(rough)
         _refuse_undetermined(rough.reference)
         nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
         nominal_fit = fit_nominal_target(rough, nominal)
-        selected = select_model(nominal_fit, nominal, refine_target, hold_out, stages)
+        selected = select_model(nominal_fit, nominal, refine_target, hold_out, progress)
         seen, residual = selected.fit.reference.pairs, selected.fit.residual
         astray = strays(seen, residual)
         if astray.any():
@@ -141,7 +139,7 @@ def calibrate(
         dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
         fit = to_the_bottom(selected.fit)
         selected = replace(selected, fit=fit)
-        stages.begin("checks")
+        begin(progress, "checks")
         nominal_fit = fit if fit.level == "off" else nominal_fit
         near = _assess(selected, nominal_fit, dropped, pairs, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:

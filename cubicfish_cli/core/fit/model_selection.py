@@ -24,16 +24,16 @@ from cubicfish_cli.core.fit.rejection import without
 from cubicfish_cli.core.types import BoolArray
 
 Progress = Callable[[str, float], None]
-# What each is called, and roughly how long it takes beside the others.
-_STAGES: dict[str, tuple[str, float]] = {
-    "start": ("poses and a radial lens", 1.0),
-    "cubic": ("the cubic camera", 5.0),
-    "held out": ("held-out photos", 4.0),
-    "shape": ("boards' shapes", 2.5),
-    "shape held out": ("boards' shapes, held-out photos", 6.0),
-    "points": ("single corners", 3.0),
-    "points held out": ("single corners, held-out photos", 6.0),
-    "checks": ("what may be wrong", 3.0),
+# What each is called, and roughly what share of a fit is done when it begins.
+_STAGES = {
+    "start": ("poses and a radial lens", 0.0),
+    "cubic": ("the cubic camera", 0.03),
+    "held out": ("held-out photos", 0.2),
+    "shape": ("boards' shapes", 0.33),
+    "shape held out": ("boards' shapes, held-out photos", 0.41),
+    "points": ("single corners", 0.61),
+    "points held out": ("single corners, held-out photos", 0.7),
+    "checks": ("what may be wrong", 0.9),
 }
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
@@ -41,39 +41,12 @@ RefineTarget = Literal["off", "shape", "points", "auto"]
 Judged = tuple[CameraFit, HeldOut | None, NominalTarget]
 
 
-class Stages:
-    """The stages of one fit.
-
-    Args:
-        progress: called with words and the share done, 0 to 1; None where nobody waits.
-        refined: whether the target may be fitted too.
-        hold_out: whether photos are held out.
-
-    """
-
-    def __init__(self, progress: Progress | None, *, refined: bool, hold_out: bool) -> None:
-        self._progress, self._share = progress, 0.0
-        self._plan = [
-            stage
-            for stage in _STAGES
-            if (refined or not stage.startswith(LEVELS[1:]))
-            and (hold_out or not stage.endswith("held out"))
-        ]
-
-    def begin(self, stage: str, done: int = 0, parts: int = 1) -> None:
-        """Say that a stage begins, or that so many of its parts are done.
-
-        What was not planned, or comes again, keeps the share that was reached.
-        """
-        if self._progress is None:
-            return
-        if stage in self._plan:
-            weights = [_STAGES[each][1] for each in self._plan]
-            before = self._plan.index(stage)
-            share = (sum(weights[:before]) + weights[before] * done / parts) / sum(weights)
-            self._share = max(self._share, share)
+def begin(progress: Progress | None, stage: str, done: int = 0, parts: int = 1) -> None:
+    """Say that a stage of a fit begins, or that so many of its parts are done."""
+    if progress is not None:
+        words, share = _STAGES[stage]
         counted = f" ({done + 1} of {parts})" if parts > 1 else ""
-        self._progress(_STAGES[stage][0] + counted, self._share)
+        progress(words + counted, share)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,7 +90,7 @@ def select_model(
     nominal: NominalTarget,
     refine_target: RefineTarget,
     hold_out: bool,
-    stages: Stages,
+    progress: Progress | None,
 ) -> SelectedModel:
     """Refine the target up to the level asked for, or as far as held-out photos gain by it.
 
@@ -126,7 +99,7 @@ def select_model(
         nominal: the target as drawn, with that fit's pairs.
         refine_target: how far.
         hold_out: whether the held-out error is measured, which ``auto`` goes by.
-        stages: told of each step.
+        progress: told of each step.
 
     Raises:
         FitError: no sound camera was found.
@@ -137,14 +110,14 @@ def select_model(
     if nominal.target is None or (auto and not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
-        fit, measured["off"] = _judge(fit, partial(stages.begin, "held out"))
+        fit, measured["off"] = _judge(fit, partial(begin, progress, "held out"))
     if refine_target == "off" or (auto and measured["off"] is None):
         return SelectedModel(fit=fit, nominal=nominal, held_out=measured)
     groups = folds_of(fit.reference)
     reached, named = fit, nominal
     refused: list[CameraFit] = []
     for level in LEVELS[1:]:
-        stages.begin(level)
+        begin(progress, level)
         starts = oriented(reached, named) if level == "points" else [(reached, named)]
         # How P is held matters where the selection may end.
         may_end = auto or level == refine_target
@@ -154,8 +127,8 @@ def select_model(
             for start, own in (starts if judge else starts[-1:])
         ]
         if judge:
-            progress = partial(stages.begin, f"{level} held out")
-            found = [(*_judge(one, progress), own) for one, _, own in found]
+            tell = partial(begin, progress, f"{level} held out")
+            found = [(*_judge(one, tell), own) for one, _, own in found]
         reached, error, named = better_named(found)
         if judge:
             measured[level] = error

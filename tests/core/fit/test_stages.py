@@ -5,7 +5,6 @@ import pytest
 from running import SAMPLE
 
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.model_selection import Stages
 from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
@@ -39,14 +38,3 @@ def test_a_fit_tells_its_stages_in_order(options: dict[str, object], last: str, 
     assert list(shares) == sorted(shares)
     assert 0.5 < shares[-1] < 1
     assert len(set(words)) == len(words)
-
-
-def test_what_comes_again_does_not_go_back() -> None:
-    said: list[tuple[str, float]] = []
-    stages = Stages(lambda *one: said.append(one), refined=False, hold_out=True)
-    for stage in ("start", "checks", "held out", "shape"):
-        stages.begin(stage, 1, 5)  # type: ignore[arg-type]
-    shares = [share for _, share in said]
-    assert shares == sorted(shares)
-    assert said[2][0] == "held-out photos (2 of 5)"
-    Stages(None, refined=False, hold_out=False).begin("start")
