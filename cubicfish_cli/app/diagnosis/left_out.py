@@ -204,7 +204,7 @@ def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adj
 
 def left_out(evidence: FitEvidence) -> list[Finding]:
     """Why photos, or boards in photos, do not fit the lens of the others."""
-    pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.nominal
+    pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.fit.nominal
     mirrored = {name for one in handed(evidence) for name in one.images}
     names = _find_left_out(evidence) - mirrored
     photos = np.flatnonzero([name in names for name in pairs.images])

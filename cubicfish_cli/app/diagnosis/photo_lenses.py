@@ -17,6 +17,7 @@ from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.adjustment import adjust, huber_weight
 from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, fit_cubic
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens
 from cubicfish_cli.core.fit.poses import Poses, cross_matrix
 from cubicfish_cli.core.fit.statistics import wide_px
@@ -283,7 +284,13 @@ def _refit_without(fit: CameraFit, suspects: IntArray) -> PhotoLenses:
         poses=fit.reference.poses[good],
         residual=fit.reference.residual[own],
     )
-    start = replace(fit, poses=fit.poses[good], residual=fit.residual[own], pairs=kept)
+    start = replace(
+        fit,
+        poses=fit.poses[good],
+        residual=fit.residual[own],
+        pairs=kept,
+        world=DeformableTarget(nominal=kept.world),
+    )
     cubic = fit_cubic(reference, start.prior, start=start, relative_decrease=ROUGH_DECREASE)
     # Beside their poses under the other lens, photos would look grossly wrong all over.
     lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, suspects)

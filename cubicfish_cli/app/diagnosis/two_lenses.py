@@ -27,6 +27,7 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, fit_cubic
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.observations import Observations
@@ -263,7 +264,8 @@ def _fit_apart(fit: CameraFit, start: _Apart, wanted: _Apart) -> _Apart | None:
     poses = start.fit.poses
     poses = replace(poses, translation=poses.translation * (scale / old)[:, None])
     reference = refit_radial(start.fit.reference, replace(pairs, pixel=pixel), poses)
-    near = replace(start.fit, poses=reference.poses)
+    drawn = DeformableTarget(nominal=pairs.world)
+    near = replace(start.fit, poses=reference.poses, world=drawn)
     joint = fit_cubic(reference, fit.prior, start=near, relative_decrease=ROUGH_DECREASE)
     apart = replace(wanted, fit=joint)
     found = lenses_of(apart.fit)

@@ -20,7 +20,7 @@ from cubicfish_cli.core.fit.calibration import FailedFit, FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
+from cubicfish_cli.core.fit.refinement import refine_object
 from cubicfish_cli.core.fit.statistics import local_noise_px, noise_px, rms_px, times_noise
 from cubicfish_cli.core.geometry import mean_rotation
 from cubicfish_cli.core.observations import Observations
@@ -144,22 +144,23 @@ def _place_beside(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | 
 
 def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     """What is wrong with the drawing, where the target as fitted shows it."""
-    fit, nominal = evidence.fit, evidence.nominal
+    fit, nominal = evidence.fit, evidence.fit.nominal
     if nominal.target is None or len(nominal.target.boards) < 2:
         return []
     if fit.level != "off":
-        found = _compare_refined(evidence.nominal_fit, fit, nominal)
+        found = _compare_refined(evidence.nominal_fit, fit)
         return [replace(finding, severity=Severity.CARE) for finding in found]
     pairs, residual = fit.reference.pairs, fit.residual
     times = times_noise(pairs, residual)
     if times is None or times < _WORTH_MEASURING:
         return []
-    own = replace(nominal, pairs=pairs)
-    return _compare_refined(fit, refine_object(fit, own, "shape", ()), own)
+    own = replace(fit, nominal=replace(nominal, pairs=pairs))
+    return _compare_refined(fit, refine_object(own, "shape", ()))
 
 
-def _compare_refined(drawn: CameraFit, refined: CameraFit, nominal: NominalTarget) -> list[Finding]:
+def _compare_refined(drawn: CameraFit, refined: CameraFit) -> list[Finding]:
     """What is wrong with the drawing, where the target is free to be otherwise."""
+    nominal = refined.nominal
     target, real = nominal.target, nominal.refined(refined.world)
     before, after = rms_px(drawn.errors), rms_px(refined.errors)
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:

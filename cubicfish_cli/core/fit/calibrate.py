@@ -20,13 +20,13 @@ from cubicfish_cli.core.fit.coverage import (
     trusted_angle_deg,
 )
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
+from cubicfish_cli.core.fit.deformable_target import LEVELS
 from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import (
     Progress,
     RefineTarget,
-    SelectedModel,
     begin,
     select_model,
 )
@@ -37,14 +37,11 @@ from cubicfish_cli.core.fit.radial_reference import (
     fit_radial,
     terms_beyond,
 )
-from cubicfish_cli.core.fit.refinement import (
-    NominalTarget,
-    fit_nominal_target,
-    to_the_bottom,
-)
+from cubicfish_cli.core.fit.refinement import fit_nominal_target, to_the_bottom
 from cubicfish_cli.core.fit.rejection import (
     dropped_corners,
     strays,
+    without,
     without_gross,
     without_noisy,
 )
@@ -126,22 +123,20 @@ def calibrate(
         rough, gross, gross_error = without_gross(reference)
         rough = without_noisy(rough)
         _refuse_undetermined(rough.reference)
-        nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
-        nominal_fit = fit_nominal_target(rough, nominal)
-        selected = select_model(nominal_fit, nominal, refine_target, hold_out, progress)
-        seen, residual = selected.fit.reference.pairs, selected.fit.residual
+        nominal_fit = fit_nominal_target(rough, target, scale)
+        fit = select_model(nominal_fit, refine_target, hold_out, progress)
+        seen, residual = fit.reference.pairs, fit.residual
         astray = strays(seen, residual)
         if astray.any():
-            selected = selected.without(astray)
+            fit = without(fit, astray)
         if target is not None:
-            gross = renamed(gross, target, selected.nominal.renamed)
+            gross = renamed(gross, target, fit.nominal.renamed)
         dropped = dropped_corners(gross, gross_error)
         dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
-        fit = to_the_bottom(selected.fit)
-        selected = replace(selected, fit=fit)
+        fit = to_the_bottom(fit)
         begin(progress, "checks")
         nominal_fit = fit if fit.level == "off" else nominal_fit
-        near = _assess(selected, nominal_fit, dropped, pairs, diagnose)
+        near = _assess(fit, nominal_fit, dropped, pairs, diagnose)
     except (FitError, np.linalg.LinAlgError) as failure:
         error = (
             failure if isinstance(failure, FitError) else FitError(_NO_CONVERGENCE, do=CHECK_ALL)
@@ -164,16 +159,15 @@ def calibrate(
 
 
 def _assess(
-    selected: SelectedModel,
+    fit: CameraFit,
     nominal_fit: CameraFit,
     dropped: tuple[DroppedCorner, ...],
     pairs: Observations,
     diagnose: Diagnose | None,
 ) -> Calibration:
-    """How good the model is that was selected, whose fit to the target as drawn is known too."""
-    fit, nominal, held_out = selected.fit, selected.nominal, selected.held_out
+    """How good a fit is, of which that to the target as drawn is known too."""
+    nominal, reference, left_out = fit.nominal, fit.reference, fit.held_out
     target, scale = nominal.target, nominal.scale
-    reference = fit.reference
     used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
     refined = nominal.refined(fit.world)
     departed = departures(target, refined)
@@ -186,7 +180,7 @@ def _assess(
         units=None if target is None else target.units,
     )
     places = repeated_groups(fit.poses, reference.pairs, reference.camera.fx)
-    spread = photo_spread(fit, places, selected.in_doubt)
+    spread = photo_spread(fit, places, fit.in_doubt)
     points = fit.poses.apply(reference.pairs.image, fit.world.points)
     effect = pupil_effect(camera, points * scale, reference.covered)
     points = from_pupil(points, fit.lens.travel)
@@ -204,13 +198,12 @@ def _assess(
             target=target,
             nominal_fit=nominal_fit,
             fit=fit,
-            nominal=nominal,
             dropped=dropped,
             departures=departed,
             uncertainty=uncertainty,
         )
         findings = diagnose(evidence)
-    left_out = held_out.get(fit.level)
+    judged = sorted((fit, *fit.rivals), key=lambda one: LEVELS.index(one.level))
     rays = fit.poses.apply(reference.pairs.image, reference.pairs.world)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     record = FitRecord(
@@ -221,7 +214,7 @@ def _assess(
         companion_rms_px=rms_px(reference.errors),
         companion_held_out_rms_px=left_out.companion_rms_px if left_out else np.nan,
         refine_target=fit.level,
-        held_out_by_level={level: error.rms_px for level, error in held_out.items() if error},
+        held_out_by_level={one.level: one.held_out.rms_px for one in judged if one.held_out},
         renamed_images=tuple(nominal.renamed),
         departures=departed,
         rank=int(np.linalg.matrix_rank(lift(rays), tol=1e-9 * np.sqrt(len(rays)))),

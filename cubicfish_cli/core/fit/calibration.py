@@ -14,7 +14,6 @@ from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice
 from cubicfish_cli.core.fit.deformable_target import Level
 from cubicfish_cli.core.fit.held_out import HeldOut
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import NominalTarget
 from cubicfish_cli.core.fit.subset import select_photos, world_scale
 from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -130,7 +129,6 @@ class FitEvidence(CornerEvidence):
     Attributes:
         nominal_fit: the fit to the target as drawn.
         fit: the final fit.
-        nominal: the target as drawn.
         dropped: each corner that was left out as grossly wrong.
         departures: by how much boards depart from the drawing, where it was fitted too.
         uncertainty: what is stated of the camera.
@@ -139,7 +137,6 @@ class FitEvidence(CornerEvidence):
 
     nominal_fit: CameraFit
     fit: CameraFit
-    nominal: NominalTarget
     dropped: Sequence[DroppedCorner]
     departures: Sequence[Departure]
     uncertainty: UncertaintyGrid

@@ -14,12 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget, Level
+from cubicfish_cli.core.fit.deformable_target import (
+    LEVELS,
+    DeformableTarget,
+    Level,
+    NominalTarget,
+)
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit, RayPrior
 from cubicfish_cli.core.fit.nearest_cubic import (
@@ -34,6 +40,9 @@ from cubicfish_cli.core.fit.radial_reference import RadialReference
 from cubicfish_cli.core.fit.statistics import ALIKE, huber_px, noise_px, wide_px
 from cubicfish_cli.core.lenses.cubic import check_validity
 from cubicfish_cli.core.types import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.held_out import HeldOut
 
 # Expected relative departure of P3Φ from that of the reference's cubic: so loose that where the
 # optimum is hardly depends on it, and far from a pole.
@@ -75,15 +84,21 @@ class CameraFit(Adjustment[CubicFit]):
         reference: the radial fit that P leans on; its pairs have the world points of this fit.
         prior: how P was held to it.
         max_angle_deg: half-angle of the cone over which P may be trusted.
+        nominal: the target as drawn; its pairs have this fit's names.
         runners_up: priors that other photos would speak for, and how likely each is the best of
             all, 0 to 1; none where none was sought.
+        held_out: the held-out error; None where it is not known, or photos are too few.
+        rivals: fits of the target at other levels of which the held-out error was asked.
 
     """
 
     reference: RadialReference
     prior: PriorChoice
     max_angle_deg: float
+    nominal: NominalTarget
     runners_up: Mapping[PriorChoice, float] = field(default_factory=dict)
+    held_out: HeldOut | None = None
+    rivals: tuple[CameraFit, ...] = ()
 
     @property
     def level(self) -> Level:
@@ -91,6 +106,18 @@ class CameraFit(Adjustment[CubicFit]):
         if not self.world.free:
             return "off"
         return "points" if len(self.world.offsets) else "shape"
+
+    @property
+    def in_doubt(self) -> list[tuple[CubicFit, float]]:
+        """The lens of the likeliest richer fit, and how likely it is the better one.
+
+        A few photos may not show that a refined target predicts better, although boards are
+        deformed.
+        """
+        mine, level = self.held_out, LEVELS.index(self.level)
+        richer = [one for one in self.rivals if LEVELS.index(one.level) > level]
+        found = [(one.lens, mine.doubt(one.held_out)) for one in richer if mine and one.held_out]
+        return sorted(found, key=lambda one: one[1])[-1:]
 
     def followed(self) -> CameraFit:
         """The same with the reference's pairs at the world points of this fit."""
@@ -124,8 +151,8 @@ def fit_cubic(
     reference: RadialReference,
     prior: PriorChoice,
     *,
-    world: DeformableTarget | None = None,
     start: CameraFit | None = None,
+    world: DeformableTarget | None = None,
     relative_decrease: float = _LAST_DECREASE,
 ) -> CameraFit:
     """Fit P and all poses (Eq. 10) from a reference's lens and poses.
@@ -133,8 +160,9 @@ def fit_cubic(
     Args:
         reference: the radial fit to start from and to lean on.
         prior: how P is held to it.
-        world: the target, where it is free; its points are those of the reference's pairs.
         start: a fit to the same photos from which to start, where there is one.
+        world: the target, where it is free; its points are those of the reference's pairs. By
+            default that of ``start``.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
 
     Raises:
@@ -142,7 +170,9 @@ def fit_cubic(
 
     """
     max_angle_deg = float(np.rad2deg(cone_angle(reference.camera, reference.covered, MARGIN_DEG)))
+    world = start.world if start and world is None else world
     points = reference.pairs.world if world is None else world.points
+    nominal = start.nominal if start else NominalTarget(pairs=reference.pairs)
     errors, known = (reference.errors, None) if start is None else (start.errors, start)
     while True:
         # The most exact start without a pole in sight: a pole among the corners or beside them is
@@ -171,7 +201,11 @@ def fit_cubic(
         validity = check_validity(fit.lens.P, max_angle_deg)
         if validity.valid:
             return CameraFit(
-                **vars(fit), reference=reference, prior=prior, max_angle_deg=max_angle_deg
+                **vars(fit),
+                reference=reference,
+                prior=prior,
+                max_angle_deg=max_angle_deg,
+                nominal=nominal,
             )
         # A pole crept in: hold P closer to the reference, which has none.
         prior, known = replace(prior, weight=prior.weight * 10**0.5), None
@@ -276,26 +310,20 @@ def choose_prior(
         FitError: the prior begun with, or the one chosen, gives no sound camera.
 
     """
-    prior, world = (EXPECTED, None) if start is None else (start.prior, start.world)
+    prior = EXPECTED if start is None else start.prior
     if len(groups) < 2:
-        return fit_cubic(
-            reference, prior, world=world, start=start, relative_decrease=NEAR_DECREASE
-        )
+        return fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
     place = _find_place(prior)
     away = np.abs(np.subtract(_EVERY_PLACE, place)).sum(axis=1)
     reach = np.inf if everywhere or start is None else 1
     places = [_EVERY_PLACE[near] for near in np.flatnonzero(away <= reach).tolist()]
-    start = fit_cubic(
-        reference, _make_prior(place), world=world, start=start, relative_decrease=_SCAN_DECREASE
-    )
+    start = fit_cubic(reference, _make_prior(place), start=start, relative_decrease=_SCAN_DECREASE)
     chosen, runners_up = _choose_likeliest(
         places, _predict_squares(start, reference, groups, places)
     )
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == place else _make_prior(chosen)
-    fitted = fit_cubic(
-        reference, prior, world=start.world, start=start, relative_decrease=NEAR_DECREASE
-    )
+    fitted = fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
     return replace(fitted, runners_up=runners_up)
 
 

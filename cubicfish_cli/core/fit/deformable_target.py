@@ -7,6 +7,7 @@ told from noise. The overall scale cannot be seen and stays as drawn.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -18,6 +19,7 @@ from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.fit.normal_equations import gram
 from cubicfish_cli.core.fit.poses import cross, rotation_from_vector
 from cubicfish_cli.core.observations import Observations
+from cubicfish_cli.core.placement import Symmetry
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 
@@ -93,56 +95,6 @@ class DeformableTarget:
     def free(self) -> bool:
         """Whether it may depart from its drawing."""
         return bool(self.parts)
-
-    @classmethod
-    def from_nominal(
-        cls,
-        pairs: Observations,
-        target: Target,
-        *,
-        noise: float,
-        offset_spread: float | None = None,
-        scale: float = 1.0,
-    ) -> DeformableTarget:
-        """The target as drawn, free to depart from it.
-
-        Args:
-            pairs: pairs whose boards are the target's; their world points are the drawing.
-            target: the drawing.
-            noise: standard deviation of a corner's coordinate, pixels.
-            offset_spread: standard deviation of corners' own offsets, in the pairs' units; None
-                where corners have none.
-            scale: the target's units in one unit of the pairs.
-
-        """
-        parts: list[BoardPart] = []
-        spread: list[float] = []
-        seen = np.unique(pairs.board)
-        for index in seen:
-            part = _make_part(
-                pairs, target.boards[index], int(index), scale, len(spread), not parts
-            )
-            spread += _SHAPE_SPREADS[: part.basis.shape[2]]
-            spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
-            parts.append(part)
-        corner, count = np.zeros(0, np.intp), 0
-        if offset_spread is not None:
-            # What may be another corner than it is named as has an offset that no other photo
-            # shares: its place stays as uncertain as corners' places are.
-            apart = np.where(pairs.certain, -1, pairs.image)
-            keys = np.stack([pairs.board, pairs.row, pairs.column, apart], axis=1)
-            unique, corner = np.unique(keys, axis=0, return_inverse=True)
-            corner, count = corner.reshape(-1), len(unique)
-        return cls(
-            nominal=pairs.world,
-            parts=tuple(parts),
-            parameters=np.zeros(len(spread)),
-            spread=np.array(spread),
-            noise=noise,
-            corner=corner,
-            offsets=np.zeros((count, 3)),
-            offset_weight=0.0 if offset_spread is None else noise / offset_spread,
-        )
 
     @cached_property
     def kinds(self) -> IntArray:
@@ -268,49 +220,119 @@ class DeformableTarget:
         slope = np.concatenate(rows)
         return gram(slope, slope @ self.parameters)
 
-    def refined_target(self, target: Target, pairs: Observations, *, scale: float) -> Target:
-        """The target with these shapes, places and offsets, in its own units."""
-        return target.with_boards(
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NominalTarget:
+    """The target as drawn, and its pairs in units in which it is of order 1.
+
+    Attributes:
+        pairs: pairs whose world points are the drawing's, divided by ``scale``.
+        target: the drawing; None for pairs that came without one.
+        scale: the target's units in one unit of ``pairs``.
+        renamed: by which motion of the target photos were named otherwise than they came.
+
+    """
+
+    pairs: Observations
+    target: Target | None = None
+    scale: float = 1.0
+    renamed: Mapping[str, Symmetry] = field(default_factory=dict)
+
+    def pairs_at(self, level: Level) -> Observations:
+        """The pairs of a fit at a level of the target, which says what tells its error.
+
+        Of a target of which no corner is certain, each tells what its own point leaves of it.
+        """
+        certain = self.pairs.certain
+        if level != "points" or not certain.any():
+            return self.pairs
+        return replace(self.pairs, tells_error=certain)
+
+    def free(self, *, noise: float, offset_spread: float | None = None) -> DeformableTarget:
+        """The target as drawn, free to depart from it.
+
+        Args:
+            noise: standard deviation of a corner's coordinate, pixels.
+            offset_spread: standard deviation of corners' own offsets, in the pairs' units; None
+                where corners have none.
+
+        Raises:
+            ValueError: the drawing is unknown.
+
+        """
+        pairs, target, parts, spread = self.pairs, self.target, list[BoardPart](), list[float]()
+        if target is None:
+            raise ValueError("pairs without a target have no boards to refine")
+        for index in np.unique(pairs.board).tolist():
+            part = _make_part(
+                pairs, target.boards[index], index, self.scale, len(spread), not parts
+            )
+            spread += _SHAPE_SPREADS[: part.basis.shape[2]]
+            spread += [_PLACE_SPREAD] * (part.place.stop - part.place.start)
+            parts.append(part)
+        world = DeformableTarget(
+            nominal=pairs.world,
+            parts=tuple(parts),
+            parameters=np.zeros(len(spread)),
+            spread=np.array(spread),
+        )
+        if offset_spread is not None:
+            # What may be another corner than it is named as has an offset that no other photo
+            # shares: its place stays as uncertain as corners' places are.
+            apart = np.where(pairs.certain, -1, pairs.image)
+            keys = np.stack([pairs.board, pairs.row, pairs.column, apart], axis=1)
+            unique, corner = np.unique(keys, axis=0, return_inverse=True)
+            offsets = np.zeros((len(unique), 3))
+            world = replace(world, corner=corner.reshape(-1), offsets=offsets)
+        return world.with_noise(noise, offset_spread)
+
+    def refined(self, world: DeformableTarget) -> Target | None:
+        """The target as fitted, in its own units; the drawing itself where nothing of it is."""
+        if self.target is None or not world.free:
+            return self.target
+        return self.target.with_boards(
             {
-                part.board: self._refine_board(target.boards[part.board], part, pairs, scale)
-                for part in self.parts
+                part.board: _refine_board(world, part, self, self.target.boards[part.board])
+                for part in world.parts
             }
         )
 
-    def _refine_board(
-        self, board: Board, part: BoardPart, pairs: Observations, scale: float
-    ) -> Board:
-        place = self.parameters[part.place]
-        if not len(place):
-            place = np.zeros(_PLACE_TERMS)
-        rotation = rotation_from_vector(place[:3])
-        shift = place[3:] * part.size * scale
-        middle = part.middle * scale
-        offsets = np.zeros((board.rows, board.columns, 3))
-        if len(self.corner):
-            sure = part.pairs[pairs.certain[part.pairs]]
-            own = self.offsets[self.corner[sure]] * scale
-            offsets[pairs.row[sure], pairs.column[sure]] = own @ board.axes.T
-        shape = np.zeros(_SHAPE_TERMS)
-        if part.basis.shape[2]:
-            shape = self.parameters[part.shape] * part.size * scale
-        half = board.normalised(np.zeros(2))[1] if board.points is None else np.ones(2)
-        departed = BoardShape(
-            bend=shape[:2], twist=float(shape[2]), stretch=shape[3:] / half, offsets=offsets
-        )
-        shape_now = departed if board.shape is None else board.shape.plus(departed)
-        if board.points is not None:
-            # A list of points has no axes of its own that could turn: its offsets do.
-            points = middle + (board.points - middle) @ rotation.T + shift
-            turned = replace(shape_now, offsets=shape_now.offsets @ rotation.T)
-            return replace(board, points=points, shape=turned)
-        return replace(
-            board,
-            origin=middle + rotation @ (board.origin - middle) + shift,
-            x_axis=rotation @ board.x_axis,
-            y_axis=rotation @ board.y_axis,
-            shape=shape_now,
-        )
+
+def _refine_board(
+    world: DeformableTarget, part: BoardPart, nominal: NominalTarget, board: Board
+) -> Board:
+    pairs, scale = nominal.pairs, nominal.scale
+    place = world.parameters[part.place]
+    if not len(place):
+        place = np.zeros(_PLACE_TERMS)
+    rotation = rotation_from_vector(place[:3])
+    shift = place[3:] * part.size * scale
+    middle = part.middle * scale
+    offsets = np.zeros((board.rows, board.columns, 3))
+    if len(world.corner):
+        sure = part.pairs[pairs.certain[part.pairs]]
+        own = world.offsets[world.corner[sure]] * scale
+        offsets[pairs.row[sure], pairs.column[sure]] = own @ board.axes.T
+    shape = np.zeros(_SHAPE_TERMS)
+    if part.basis.shape[2]:
+        shape = world.parameters[part.shape] * part.size * scale
+    half = board.normalised(np.zeros(2))[1] if board.points is None else np.ones(2)
+    departed = BoardShape(
+        bend=shape[:2], twist=float(shape[2]), stretch=shape[3:] / half, offsets=offsets
+    )
+    shape_now = departed if board.shape is None else board.shape.plus(departed)
+    if board.points is not None:
+        # A list of points has no axes of its own that could turn: its offsets do.
+        points = middle + (board.points - middle) @ rotation.T + shift
+        turned = replace(shape_now, offsets=shape_now.offsets @ rotation.T)
+        return replace(board, points=points, shape=turned)
+    return replace(
+        board,
+        origin=middle + rotation @ (board.origin - middle) + shift,
+        x_axis=rotation @ board.x_axis,
+        y_axis=rotation @ board.y_axis,
+        shape=shape_now,
+    )
 
 
 def _make_part(

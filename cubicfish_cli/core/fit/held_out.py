@@ -22,7 +22,7 @@ from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
+from cubicfish_cli.core.types import FloatArray, IntArray
 
 # A step expected to lower a fold's cost by a smaller share is taken without evaluating it.
 _FOLD_DECREASE = 1e-4
@@ -72,8 +72,8 @@ class HeldOut:
         with np.errstate(invalid="ignore"):
             return np.sqrt(np.bincount(self.image, np.where(seen, self.square, 0)) / count)
 
-    def of(self, pairs: BoolArray) -> HeldOut:
-        """The error on some of the pairs (N,)."""
+    def of(self, pairs: IntArray) -> HeldOut:
+        """The error on those of some rows (n,)."""
         square, radial_square = self.square[pairs], self.radial_square[pairs]
         return replace(self, square=square, radial_square=radial_square, image=self.image[pairs])
 

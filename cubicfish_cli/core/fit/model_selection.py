@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -14,14 +14,11 @@ from cubicfish_cli.core.fit.cubic_fit import (
     CameraFit,
     fit_cubic,
 )
-from cubicfish_cli.core.fit.deformable_target import LEVELS, Level
+from cubicfish_cli.core.fit.deformable_target import LEVELS
 from cubicfish_cli.core.fit.folds import folds_of
-from cubicfish_cli.core.fit.held_out import HeldOut, held_out_error
-from cubicfish_cli.core.fit.lenses import CubicFit
+from cubicfish_cli.core.fit.held_out import held_out_error
 from cubicfish_cli.core.fit.orientation import oriented
-from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
-from cubicfish_cli.core.fit.rejection import without
-from cubicfish_cli.core.types import BoolArray
+from cubicfish_cli.core.fit.refinement import refine_object
 
 Progress = Callable[[str, float], None]
 # What each is called, and roughly what share of a fit is done when it begins.
@@ -38,7 +35,6 @@ _STAGES = {
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
 _WORTH = 0.99
 RefineTarget = Literal["off", "shape", "points", "auto"]
-Judged = tuple[CameraFit, HeldOut | None, NominalTarget]
 
 
 def begin(progress: Progress | None, stage: str, done: int = 0, parts: int = 1) -> None:
@@ -49,54 +45,13 @@ def begin(progress: Progress | None, stage: str, done: int = 0, parts: int = 1) 
         progress(words + counted, share)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SelectedModel:
-    """A fit at the level of the target that was asked for, or that photos left out speak for.
-
-    Attributes:
-        fit: the fit.
-        nominal: the target as drawn; its pairs have the fit's names.
-        held_out: the held-out error at each level that was judged; None where photos are too few.
-        refused: richer fits that did not lower the held-out error enough.
-
-    """
-
-    fit: CameraFit
-    nominal: NominalTarget
-    held_out: Mapping[Level, HeldOut | None]
-    refused: tuple[CameraFit, ...] = ()
-
-    def without(self, wrong: BoolArray) -> SelectedModel:
-        """The same without some of the pairs: ``wrong`` (N,)."""
-        held_out = {level: error and error.of(~wrong) for level, error in self.held_out.items()}
-        nominal = replace(self.nominal, pairs=self.nominal.pairs.select(~wrong))
-        return replace(self, fit=without(self.fit, wrong), nominal=nominal, held_out=held_out)
-
-    @property
-    def in_doubt(self) -> list[tuple[CubicFit, float]]:
-        """The lens of the likeliest richer fit, and how likely it is the better one.
-
-        A few photos may not show that a refined target predicts better, although boards are
-        deformed.
-        """
-        mine = self.held_out.get(self.fit.level)
-        others = ((fit, self.held_out.get(fit.level)) for fit in self.refused)
-        found = [(fit.lens, mine.doubt(one)) for fit, one in others if mine and one]
-        return sorted(found, key=lambda one: one[1])[-1:]
-
-
 def select_model(
-    fit: CameraFit,
-    nominal: NominalTarget,
-    refine_target: RefineTarget,
-    hold_out: bool,
-    progress: Progress | None,
-) -> SelectedModel:
+    fit: CameraFit, refine_target: RefineTarget, hold_out: bool, progress: Progress | None
+) -> CameraFit:
     """Refine the target up to the level asked for, or as far as held-out photos gain by it.
 
     Args:
         fit: the fit to the target as drawn.
-        nominal: the target as drawn, with that fit's pairs.
         refine_target: how far.
         hold_out: whether the held-out error is measured, which ``auto`` goes by.
         progress: told of each step.
@@ -105,79 +60,68 @@ def select_model(
         FitError: no sound camera was found.
 
     """
-    measured: dict[Level, HeldOut | None] = {}
     auto = refine_target == "auto"
-    if nominal.target is None or (auto and not hold_out):
+    if fit.nominal.target is None or (auto and not hold_out):
         refine_target = "off"
     if hold_out and (auto or refine_target == "off"):
-        fit, measured["off"] = _judge(fit, partial(begin, progress, "held out"))
-    if refine_target == "off" or (auto and measured["off"] is None):
-        return SelectedModel(fit=fit, nominal=nominal, held_out=measured)
-    groups = folds_of(fit.reference)
-    reached, named = fit, nominal
-    refused: list[CameraFit] = []
+        fit = _judge(fit, partial(begin, progress, "held out"))
+    if refine_target == "off" or (auto and fit.held_out is None):
+        return fit
+    groups, reached, judged = folds_of(fit.reference), fit, [fit]
     for level in LEVELS[1:]:
         begin(progress, level)
-        starts = oriented(reached, named) if level == "points" else [(reached, named)]
+        starts = oriented(reached) if level == "points" else [reached]
         # How P is held matters where the selection may end.
         may_end = auto or level == refine_target
-        judge = hold_out and may_end
-        found: list[Judged] = [
-            (refine_object(start, own, level, groups if may_end else ()), None, own)
-            for start, own in (starts if judge else starts[-1:])
-        ]
-        if judge:
+        if hold_out and may_end:
             tell = partial(begin, progress, f"{level} held out")
-            found = [(*_judge(one, tell), own) for one, _, own in found]
-        reached, error, named = better_named(found)
-        if judge:
-            measured[level] = error
+            refined = [refine_object(start, level, groups) for start in starts]
+            reached = better_named([_judge(one, tell) for one in refined])
+        else:
+            reached = refine_object(starts[-1], level, groups if may_end else ())
+        judged.append(reached)
         # Corners may be off their places on a board that is flat and true in its outlines.
-        if auto and not _gains(error, measured[fit.level]):
-            refused.append(reached)
-            continue
-        fit, nominal, refused = reached, named, []
+        if not auto or _gains(reached, fit):
+            fit = reached
         if level == refine_target:
             break
-    return SelectedModel(fit=fit, nominal=nominal, held_out=measured, refused=tuple(refused))
+    return replace(fit, rivals=tuple(one for one in judged if one is not fit))
 
 
-def _gains(richer: HeldOut | None, poorer: HeldOut | None) -> bool:
+def _gains(richer: CameraFit, poorer: CameraFit) -> bool:
     """Whether photos that were left out gain by a richer target."""
-    return richer is not None and poorer is not None and richer.times(poorer) <= _WORTH
+    more, less = richer.held_out, poorer.held_out
+    return more is not None and less is not None and more.times(less) <= _WORTH
 
 
-def better_named(judged: Sequence[Judged]) -> Judged:
+def better_named(fits: Sequence[CameraFit]) -> CameraFit:
     """The fit with the likelier names where held-out photos agree, else with those given."""
-    (*_, given, _), (*_, likelier, _) = judged[0], judged[-1]
+    given, likelier = fits[0].held_out, fits[-1].held_out
     if given is None or likelier is None or likelier.times(given) > 1:
-        return judged[0]
-    return judged[-1]
+        return fits[0]
+    return fits[-1]
 
 
-def _judge(
-    fit: CameraFit, progress: Callable[[int, int], None]
-) -> tuple[CameraFit, HeldOut | None]:
-    """The held-out error, which has the last word on how P is held.
+def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
+    """The fit with its held-out error, which has the last word on how P is held.
 
     The prior was chosen to first order. Where the cubic is worse than its reference on photos that
     were left out, its pupil stands still, or it is held as firmly as can be, or both, or it is the
     cubic nearest to a radial lens, whichever has the least held-out error.
     """
-    held_out = held_out_error(fit, progress)
-    if held_out is None or held_out.rms_px <= held_out.companion_rms_px:
-        return fit, held_out
-    best, error = fit, held_out
+    first = held_out_error(fit, progress)
+    best, error = replace(fit, held_out=first), first
+    if error is None or first is None or error.rms_px <= error.companion_rms_px:
+        return best
     central = replace(fit.prior, central=True)
     for prior in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
-        firm = fit_cubic(
-            fit.reference, prior, world=fit.world, start=fit, relative_decrease=NEAR_DECREASE
-        )
+        firm = fit_cubic(fit.reference, prior, start=fit, relative_decrease=NEAR_DECREASE)
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < error.rms_px:
-            runners_up = {fit.prior: measured.doubt(held_out)}
+            runners_up = {fit.prior: measured.doubt(first)}
             if prior == central:  # how firmly and how symmetrically is as open as it was
                 for other, likely in fit.runners_up.items():
                     runners_up[replace(other, central=True)] = likely
-            best, error = replace(firm, runners_up=runners_up), measured
-    return best, error
+            best = replace(firm, runners_up=runners_up, held_out=measured)
+            error = measured
+    return best

@@ -20,7 +20,6 @@ from cubicfish_cli.core.fit.adjustment import State, linearise
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.normal_equations import NormalEquations
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import NominalTarget, free_target
 from cubicfish_cli.core.fit.statistics import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import chosen, symmetries
@@ -37,45 +36,38 @@ _STARTS = 30
 _SWEEPS = 50
 
 
-def oriented(fit: CameraFit, nominal: NominalTarget) -> list[tuple[CameraFit, NominalTarget]]:
-    """A fit and its drawing, and again with each photo named as goes with the other photos.
-
-    Args:
-        fit: below the level ``points``.
-        nominal: the target as drawn, with the pairs of ``fit``.
+def oriented(fit: CameraFit) -> list[CameraFit]:
+    """A fit below the level ``points``, and again with each photo named as goes with the others.
 
     Returns:
-        The two that were given; then, where other names are likelier, those with other names and
-        the poses that leave all corners where they were.
+        The one that was given; then, where other names are likelier, one with other names and the
+        poses that leave all corners where they were.
 
     """
-    given, target = (fit, nominal), nominal.target
+    nominal, target = fit.nominal, fit.nominal.target
     motions = symmetries(target) if target else ()
     if not motions or target is None or noise_px(fit.residual) < _NO_ERROR:
-        return [given]
+        return [fit]
     pairs, poses, scale = nominal.pairs, fit.poses, nominal.scale
     namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
-    way = _choose_likeliest(fit, nominal, namings, turned)
+    way = _choose_likeliest(fit, namings, turned)
     # What may be another corner altogether is left as it is.
     way[pairs.image[~pairs.certain]] = 0
     if not way.any():
-        return [given]
+        return [fit]
     renamed = {pairs.images[photo]: motions[way[photo] - 1] for photo in np.flatnonzero(way)}
-    other = replace(fit, poses=Poses.chosen(turned, way))
-    return [given, (other, replace(nominal, pairs=chosen(namings, way), renamed=renamed))]
+    nominal = replace(nominal, pairs=chosen(namings, way), renamed=renamed)
+    return [fit, replace(fit, poses=Poses.chosen(turned, way), nominal=nominal)]
 
 
 def _choose_likeliest(
-    fit: CameraFit,
-    nominal: NominalTarget,
-    namings: Sequence[Observations],
-    turned: Sequence[Poses],
+    fit: CameraFit, namings: Sequence[Observations], turned: Sequence[Poses]
 ) -> IntArray:
     """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
-    noise, count = noise_px(fit.residual), len(nominal.pairs.image)
-    every = replace(nominal, pairs=Observations.stacked(namings))
-    free = free_target(every, noise=noise, offset_spread=_SPREAD).started(fit.world)
+    noise, count = noise_px(fit.residual), len(fit.residual)
+    every = replace(fit.nominal, pairs=Observations.stacked(namings))
+    free = every.free(noise=noise, offset_spread=_SPREAD).started(fit.world)
     pulls, squares = [], []
     metric = free.offset_weight**2 * np.eye(3 * len(free.offsets))
     for way, (pairs, poses) in enumerate(zip(namings, turned, strict=True)):
@@ -96,7 +88,7 @@ def _choose_likeliest(
     rest = unit[photos, choice].sum(axis=0) - unit[photos, choice]
     left = square - np.sum(np.square(rest[:, None] + unit), axis=2)
     # One photo's corners may be off by more than those of others.
-    rows = 2 * np.bincount(nominal.pairs.image, minlength=len(photos)) - 6
+    rows = 2 * np.bincount(namings[0].image, minlength=len(photos)) - 6
     variance = np.maximum(noise**2, square[:, 0] / np.maximum(rows, 1))
     surely = left[:, 0] - left[photos, choice] > 2 * _LIKELIER * variance
     return np.where(surely, choice, 0)

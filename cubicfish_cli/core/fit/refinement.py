@@ -2,22 +2,21 @@
 or each corner's own place as well.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, choose_prior, fit_cubic
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget, Level
+from cubicfish_cli.core.fit.deformable_target import Level, NominalTarget
 from cubicfish_cli.core.fit.fit_lens import FitLens
 from cubicfish_cli.core.fit.folds import folds_of
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
 from cubicfish_cli.core.fit.radial_reference import refit_radial
 from cubicfish_cli.core.fit.statistics import huber_px, noise_px, weighed
 from cubicfish_cli.core.observations import Observations
-from cubicfish_cli.core.placement import Symmetry
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import IntArray
 
@@ -35,60 +34,30 @@ _SPREAD_ROUNDS = 6
 _SPREAD_SETTLED = 0.1
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NominalTarget:
-    """The target as drawn, and its pairs in units in which it is of order 1.
-
-    Attributes:
-        target: the drawing; None for pairs that came without one.
-        pairs: pairs whose world points are the drawing's, divided by ``scale``.
-        scale: the target's units in one unit of ``pairs``.
-        renamed: by which motion of the target photos were named otherwise than they came.
-
-    """
-
-    target: Target | None
-    pairs: Observations
-    scale: float
-    renamed: Mapping[str, Symmetry] = field(default_factory=dict)
-
-    def pairs_at(self, level: Level) -> Observations:
-        """The pairs of a fit at a level of the target, which says what tells its error.
-
-        Of a target of which no corner is certain, each tells what its own point leaves of it.
-        """
-        certain = self.pairs.certain
-        if level != "points" or not certain.any():
-            return self.pairs
-        return replace(self.pairs, tells_error=certain)
-
-    def refined(self, world: DeformableTarget) -> Target | None:
-        """The target as fitted, in its own units; the drawing itself where nothing of it is."""
-        if self.target is None or not world.free:
-            return self.target
-        return world.refined_target(self.target, self.pairs, scale=self.scale)
-
-
-def fit_nominal_target(rough: CameraFit, nominal: NominalTarget) -> CameraFit:
+def fit_nominal_target(rough: CameraFit, target: Target | None, scale: float) -> CameraFit:
     """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
+
+    Args:
+        rough: a fit to pairs whose world points are the drawing's, divided by ``scale``.
+        target: the drawing; None for pairs that came without one.
+        scale: the target's units in one unit of these pairs.
 
     Raises:
         FitError: no prior gives a sound camera.
 
     """
+    nominal = NominalTarget(target=target, pairs=rough.reference.pairs, scale=scale)
     pairs = weighed(nominal.pairs, rough.residual)
     reference = refit_radial(rough.reference, pairs, rough.poses)
-    return choose_prior(reference, folds_of(reference), start=rough, everywhere=True)
+    start = replace(rough, nominal=nominal)
+    return choose_prior(reference, folds_of(reference), start=start, everywhere=True)
 
 
-def refine_object(
-    fit: CameraFit, nominal: NominalTarget, level: Level, groups: Sequence[IntArray]
-) -> CameraFit:
+def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> CameraFit:
     """Let the target depart from its drawing, as far as the pairs say, at the next level.
 
     Args:
         fit: a fit at a lower level, from whose camera and poses to start.
-        nominal: the target as drawn, with the pairs of ``fit``.
         level: ``shape`` or ``points``.
         groups: photos that are left out together to choose how P is held; see
             :func:`~cubicfish_cli.core.fit.cubic_fit.choose_prior`.
@@ -100,9 +69,8 @@ def refine_object(
         ValueError: the drawing is unknown.
 
     """
-    spread = FIRST_SPREAD if level == "points" else None
-    free = free_target(nominal, noise=noise_px(fit.errors), offset_spread=spread)
-    free = free.started(fit.world)
+    nominal, spread = fit.nominal, FIRST_SPREAD if level == "points" else None
+    free = nominal.free(noise=noise_px(fit.errors), offset_spread=spread).started(fit.world)
     pairs = replace(nominal.pairs_at(level), weight=fit.reference.pairs.weight)
     # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
     # the loss's scale by.
@@ -122,20 +90,9 @@ def refine_object(
 
 def to_the_bottom(fit: CameraFit) -> CameraFit:
     """The same fit to the last digit that counts; to lead on or to be compared it need not be."""
-    found = fit_cubic(fit.reference, fit.prior, world=fit.world, start=fit)
-    return replace(found, runners_up=fit.runners_up).followed()
-
-
-def free_target(
-    nominal: NominalTarget, *, noise: float, offset_spread: float | None
-) -> DeformableTarget:
-    """The target as drawn, free to depart from it."""
-    if nominal.target is None:
-        raise ValueError("pairs without a target have no boards to refine")
-    pairs, target, scale = nominal.pairs, nominal.target, nominal.scale
-    return DeformableTarget.from_nominal(
-        pairs, target, noise=noise, offset_spread=offset_spread, scale=scale
-    )
+    found = fit_cubic(fit.reference, fit.prior, start=fit)
+    found = replace(found, runners_up=fit.runners_up, held_out=fit.held_out, rivals=fit.rivals)
+    return found.followed()
 
 
 def estimate_spread(

@@ -130,5 +130,15 @@ def without(fit: CameraFit, wrong: BoolArray) -> CameraFit:
     rows = np.flatnonzero(~wrong)
     pairs, world = fit.reference.pairs.select(~wrong), fit.world.select(rows)
     reference = refit_radial(fit.reference, pairs, fit.reference.poses)
-    residual = fit.residual[rows]
-    return replace(fit, reference=reference, residual=residual, world=world, pairs=pairs)
+    return replace(
+        fit,
+        reference=reference,
+        residual=fit.residual[rows],
+        world=world,
+        pairs=pairs,
+        nominal=replace(fit.nominal, pairs=fit.nominal.pairs.select(rows)),
+        held_out=fit.held_out and fit.held_out.of(rows),
+        rivals=tuple(
+            replace(one, held_out=one.held_out and one.held_out.of(rows)) for one in fit.rivals
+        ),
+    )

@@ -14,7 +14,7 @@ from cubicfish_cli.app.viewpoints.views import Viewpoint, WholeLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.fit.cubic_fit import EXPECTED, PriorChoice, fit_cubic
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget, NominalTarget
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
 from cubicfish_cli.core.fit.radial_reference import LOST_PX, radial_near
 from cubicfish_cli.core.fit.statistics import noise_px, weighed
@@ -103,9 +103,8 @@ def know(
     if level in ("shape", "points") and target is not None:
         spread = _offset_spread(fit, scale) if level == "points" else None
         noise = max(noise_px(miss), 1e-3)
-        world = DeformableTarget.from_nominal(
-            pairs, target, noise=noise, offset_spread=spread, scale=scale
-        )
+        nominal = NominalTarget(pairs=pairs, target=target, scale=scale)
+        world = nominal.free(noise=noise, offset_spread=spread)
     result = fit_cubic(
         reference,
         _prior_of(fit, central=not camera.pupil_travel),

@@ -11,7 +11,7 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit import adjustment
 from cubicfish_cli.core.fit.adjustment import State, adjust, huber_cost, huber_weight
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.deformable_target import DeformableTarget, NominalTarget
 from cubicfish_cli.core.fit.fit_lens import FitLens, FreeLens
 from cubicfish_cli.core.fit.normal_equations import damped
 from cubicfish_cli.core.fit.poses import Poses
@@ -98,8 +98,8 @@ def test_schur_complement_is_the_dense_step(pairs, cubic, level):
     poses = cubic.poses[np.arange(len(pairs.images))]
     world = None
     if level != "off":
-        world = DeformableTarget.from_nominal(
-            pairs, TARGET, noise=0.2, offset_spread=0.01 if level.startswith("points") else None
+        world = NominalTarget(pairs=pairs, target=TARGET).free(
+            noise=0.2, offset_spread=0.01 if level.startswith("points") else None
         )
     normal = normal_equations(cubic.lens, poses, pairs, 0.5, world)
     assert (len(normal.corner) > 0) == level.startswith("points")
@@ -108,7 +108,7 @@ def test_schur_complement_is_the_dense_step(pairs, cubic, level):
 
 
 def test_reduced_hessian_is_the_inverse_of_the_covariance(pairs, cubic):
-    world = DeformableTarget.from_nominal(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = NominalTarget(pairs=pairs, target=TARGET).free(noise=0.2, offset_spread=0.01)
     normal = normal_equations(cubic.lens, cubic.poses, pairs, 0.5, world)
     count = len(normal.shared)
     whole, _ = dense(normal)
@@ -211,7 +211,7 @@ def test_a_start_at_infinity_is_refused(pairs, cubic):
 
 
 def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
-    world = DeformableTarget.from_nominal(pairs, TARGET, noise=0.2, offset_spread=0.01)
+    world = NominalTarget(pairs=pairs, target=TARGET).free(noise=0.2, offset_spread=0.01)
     world = world.moved(np.zeros(len(world.parameters)), np.full(world.offsets.shape, 0.003))
     held = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world)
     free = normal_equations(cubic.lens, cubic.poses, pairs, 5.0, world.with_noise(0.2, 1e9))

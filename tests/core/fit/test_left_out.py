@@ -18,13 +18,13 @@ from cubicfish_cli.core.fit.cubic_fit import (
     choose_prior,
     fit_cubic,
 )
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.deformable_target import NominalTarget
 from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.held_out import held_out_error
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.radial_reference import fit_radial
-from cubicfish_cli.core.fit.refinement import NominalTarget, refine_object
+from cubicfish_cli.core.fit.refinement import refine_object
 from cubicfish_cli.core.fit.statistics import huber_px, rms_px
 from cubicfish_cli.core.fit.subset import select_photos, world_scale
 
@@ -50,8 +50,8 @@ def held(request, reference, target):
     level, world = request.param, None
     if level != "off":
         spread = 2e-3 if level == "points" else None
-        world = DeformableTarget.from_nominal(
-            reference.pairs, target, noise=0.2, offset_spread=spread
+        world = NominalTarget(pairs=reference.pairs, target=target).free(
+            noise=0.2, offset_spread=spread
         )
     return level, fit_cubic(reference, PRIOR, world=world, relative_decrease=1e-4)
 
@@ -80,13 +80,11 @@ def anew(fit, pairs, image_size, photos):
 def test_one_step_is_nearly_a_fit_anew(reference, target, level):
     pairs, world = reference.pairs, None
     if level != "off":
-        world = DeformableTarget.from_nominal(
-            pairs,
-            target,
-            noise=0.2,
-            offset_spread=2e-3 if level == "points" else None,
+        world = NominalTarget(
+            pairs=pairs,
+            target=target,
             scale=float(np.ptp(target.corners()[3]) / np.ptp(pairs.world)),
-        )
+        ).free(noise=0.2, offset_spread=2e-3 if level == "points" else None)
     fit = fit_cubic(reference, PRIOR, world=world)
     found = dict(LeaveOneOut(fit, FOLDS).residuals())
     assert found.keys() == set(range(8))
@@ -226,8 +224,8 @@ def test_folds_that_start_a_step_away_end_where_fits_anew_do(reference, target, 
     fit = fit_cubic(reference, PRIOR)
     if level == "points":
         scale = float(np.ptp(target.corners()[3]) / np.ptp(reference.pairs.world))
-        nominal = NominalTarget(target=target, pairs=reference.pairs, scale=scale)
-        fit = refine_object(fit, nominal, level, FOLDS)
+        nominal = NominalTarget(pairs=reference.pairs, target=target, scale=scale)
+        fit = refine_object(replace(fit, nominal=nominal), level, FOLDS)
     found = held_out_error(fit)
     parts = photo_folds(fit.poses, reference.pairs, reference.camera.fx)
     pairs = fit.reference.pairs

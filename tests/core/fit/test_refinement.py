@@ -12,7 +12,7 @@ from synthetic_lenses import synthetic_lens
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.deformable_target import DeformableTarget
+from cubicfish_cli.core.fit.deformable_target import NominalTarget
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.target import Target, load_target, target_text
 
@@ -52,7 +52,7 @@ def photos_of(real: Target, count: int = 10, seed: int = 21):
 
 def test_derivatives_of_the_object():
     pairs = photos_of(DRAWN, 2)
-    world = DeformableTarget.from_nominal(pairs, DRAWN, noise=0.1, offset_spread=0.1)
+    world = NominalTarget(pairs=pairs, target=DRAWN).free(noise=0.1, offset_spread=0.1)
     assert len(world.parameters) == 4 * 5 + 3 * 6
     np.testing.assert_array_equal(world.points, pairs.world)
     d_world = np.random.default_rng(0).standard_normal((len(pairs.world), 2, 3))
@@ -70,14 +70,16 @@ def test_refined_target_is_the_moved_world():
     """World points from the refined target file are those that the fit used."""
     pairs = photos_of(DRAWN, 3)
     rng = np.random.default_rng(1)
-    world = DeformableTarget.from_nominal(pairs, DRAWN, noise=0.1, offset_spread=0.1)
+    nominal = NominalTarget(pairs=pairs, target=DRAWN)
+    world = nominal.free(noise=0.1, offset_spread=0.1)
     world = world.moved(rng.normal(0, 0.003, 38), rng.normal(0, 0.2, world.offsets.shape))
-    target = world.refined_target(DRAWN, pairs, scale=1.0)
+    target = nominal.refined(world)
     points = target.world_points(pairs.board, pairs.column, pairs.row)
     np.testing.assert_allclose(points, world.points, atol=1e-9)
     # Refining a refined object adds to what it had.
-    again = DeformableTarget.from_nominal(replace(pairs, world=points), target, noise=0.1)
-    both = again.refined_target(target, pairs, scale=1.0)
+    drawn = NominalTarget(pairs=replace(pairs, world=points), target=target)
+    again = drawn.free(noise=0.1)
+    both = drawn.refined(again)
     np.testing.assert_allclose(
         both.world_points(pairs.board, pairs.column, pairs.row), points, atol=1e-9
     )
@@ -86,7 +88,7 @@ def test_refined_target_is_the_moved_world():
 def test_bends_are_held_as_loosely_as_they_show_but_stretches_as_firmly_as_prints():
     """A stretch and pixels that are not square do the same to a board that is never turned."""
     pairs = photos_of(DRAWN, 2)
-    world = DeformableTarget.from_nominal(pairs, DRAWN, noise=0.1)
+    world = NominalTarget(pairs=pairs, target=DRAWN).free(noise=0.1)
     drawn = world.spread[:5]
     assert drawn[3:].max() < drawn[:3].min()
     found = world.moved(np.full(len(world.parameters), 0.05), world.offsets)

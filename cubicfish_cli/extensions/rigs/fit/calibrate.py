@@ -16,7 +16,7 @@ from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, adjust
 from cubicfish_cli.core.fit.alignment import in_references_frame
-from cubicfish_cli.core.fit.deformable_target import LEVELS, Level
+from cubicfish_cli.core.fit.deformable_target import LEVELS, Level, NominalTarget
 from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.folds import FOLDS, MIN_PHOTOS, dealt_out
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
@@ -25,9 +25,7 @@ from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.refinement import (
     FIRST_SPREAD,
-    NominalTarget,
     estimate_spread,
-    free_target,
 )
 from cubicfish_cli.core.fit.statistics import (
     error_statistics,
@@ -202,10 +200,8 @@ def calibrate_rig(
         moved.append(found)
         joined = apart
     progress("how certain it is", 0.95)
-    refined = None
-    if nominal.target is not None and fit.world.free:
-        nearby = fit.world.refined_target(nominal.target, evidence.pairs, scale=scale)
-        refined = nearby.moved(origin)
+    refined = nominal.refined(fit.world) if fit.world.free else None
+    refined = refined and refined.moved(origin)
     placed, poses = _places(evidence, singly, origin)
     held_out = _held_out(fit, evidence.shots)
     errors = error_statistics(fit.errors, len(fit.residual))
@@ -249,9 +245,8 @@ def _fit(
     pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
     alike, spread = pairs, FIRST_SPREAD if level == "points" else None
     if level != "off":
-        world = free_target(
-            replace(nominal, pairs=pairs), noise=noise_px(fit.errors), offset_spread=spread
-        )
+        drawn = replace(nominal, pairs=pairs)
+        world = drawn.free(noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
         fit, spread = estimate_spread(fit, pairs, spread)
     # Photos that are not quite of one moment, too, say less than others.
