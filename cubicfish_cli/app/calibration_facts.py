@@ -37,7 +37,7 @@ from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.wording import quoted
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.fit.point_fit import PointCalibration
+    from cubicfish_cli.app.lenses.point_fit import PointCalibration
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""

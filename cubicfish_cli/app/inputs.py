@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,14 +22,13 @@ from cubicfish_cli.app.photos import VIDEO_SUFFIXES
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.finding import Finding
-from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import target_text
 from cubicfish_cli.corners.identification.identified import Detection, line_of
 
 if TYPE_CHECKING:
-    from cubicfish_cli.core.fit.point_fit import PointCalibration
+    from cubicfish_cli.core.fit.calibration import Calibration
 
 # Of more photos than these, some are as good as all.
 _MANY = 200
@@ -72,7 +71,7 @@ class Inputs:
         photos = () if self.detection is None else self.detection.photos
         return [one for photo in photos for one in photo.findings]
 
-    def named_by(self, fitted: Calibration | PointCalibration) -> Inputs:
+    def named_by(self, fitted: Calibration) -> Inputs:
         """The same with the names that a fit gave the corners."""
         corners = self.corners and fitted.named(self.corners)
         return replace(self, pairs=fitted.named(self.pairs), corners=corners)
@@ -82,7 +81,7 @@ class Inputs:
         thing = self.pairs.target
         return target_text(thing) if target.needs_file and thing is not None else None
 
-    def remarks(self, more: Sequence[Finding] = ()) -> dict[str, Any]:
+    def remarks(self, more: Iterable[Finding] = ()) -> dict[str, Any]:
         """What is told of photos and grids, in lines and as records, and records of others."""
         found = self.photo_findings
         return {

@@ -63,11 +63,11 @@ from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
+    from cubicfish_cli.app.lenses.point_fit import PointCalibration
     from cubicfish_cli.core.assess.fit_record import FitRecord
     from cubicfish_cli.core.assess.verdict import Verdict
     from cubicfish_cli.core.fit.calibration import Calibration
     from cubicfish_cli.core.fit.model_selection import RefineTarget
-    from cubicfish_cli.core.fit.point_fit import PointCalibration
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.observations import Observations
     from cubicfish_cli.core.target import Target
@@ -194,7 +194,7 @@ class CalibratedFiles:
         """Plain data: what ``cubicfish calibrate --json`` prints."""
         return {
             **self.fitted.as_record(),
-            **self.inputs.remarks(self.fitted.remarks),
+            **self.inputs.remarks(self.fitted.unfit.values()),
             **({} if self.advice is None else {"advice": self.advice}),
             "summary": self.fitted.line,
             "chosen": self.fitted.made_by.get("chosen"),
@@ -260,10 +260,11 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     if asked.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
+    drawn = loaded.drawn(source)
     how: dict[str, Any] = {"hold_out": asked.hold_out}
     fitted: Calibration | PointCalibration
     if asked.lift == "point":
-        from cubicfish_cli.core.fit.point_fit import calibrate_points
+        from cubicfish_cli.app.lenses.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
         fitted, how = calibrate_points(loaded.pairs, **how), {"lift": asked.lift}
@@ -272,7 +273,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
 
         how["refine_target"] = asked.refine_target or "auto"
         fitted = calibrate(loaded.given, **how, listener=run.listener)
-    drawn = loaded.drawn(source)
+        loaded = loaded.named_by(fitted)
     named = {} if asked.title is None else {"title": asked.title}
     made_by = {**named, **made_by_record(run.command, how, loaded.target_file, loaded.files)}
     chosen = loaded.chosen or chosen
@@ -281,7 +282,6 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     if drawn is not None:
         made_by["target"] = recorded_as(drawn, goals["drawn"])
     fitted = replace(fitted, made_by=made_by)
-    loaded = loaded.named_by(fitted)
     contents = _contents(fitted, loaded.corners if with_corners else None, drawn)
     if contents.get("map") is None and asked.lift == "ray":
         width, height = fitted.camera.image_size

@@ -23,8 +23,8 @@ from running import SAMPLE, invoke_cli, run_cli
 
 from cubicfish_cli import CubicfishError, load_camera, save_camera
 from cubicfish_cli.app.executors import cluster, pool
+from cubicfish_cli.app.lenses import point_fit
 from cubicfish_cli.core.fit import calibrate as fit
-from cubicfish_cli.core.fit import point_fit
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.core.views.maps import camera_for_photos

@@ -34,6 +34,5 @@ departs from its drawing.
 The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
 there is none; `calibration.py`) to a function that its caller gives it, and takes findings back.
 
-Beside it stand `alignment.py` (the turn between the frames of two cameras) and `point_fit.py` (the
-paper's literal model, on points instead of rays).
+Beside it stands `alignment.py` (the turn between the frames of two cameras).
 """

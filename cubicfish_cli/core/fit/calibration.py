@@ -1,7 +1,7 @@
 """What a fit hands over: the fitted camera, or what is known of why there is none."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -66,11 +66,6 @@ class Calibration(Calibrated):
     def findings(self) -> tuple[Finding, ...]:
         """What is likely wrong with the set-up, with its evidence."""
         return self.fit.findings
-
-    @property
-    def remarks(self) -> tuple[Finding, ...]:
-        """What is told beside the findings: photos that were left out."""
-        return tuple(replace(why, images=(photo,)) for photo, why in self.unfit.items())
 
     def named(self, corners: Observations) -> Observations:
         """Corners of the photos by the names that the fit gave them, of the target as fitted."""

@@ -173,7 +173,9 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
         if len(used) > before:
             fit = _follow_residuals(fit)
         unfit = {
-            pairs.images[photo]: refused.get(photo, Finding(code=Code.TOO_FEW_CORNERS))
+            pairs.images[photo]: refused.get(
+                photo, Finding(code=Code.TOO_FEW_CORNERS, images=(pairs.images[photo],))
+            )
             for photo in np.setdiff1d(missing, used).tolist()
         }
         bad = _find_bad_photos(fit, gross_px(fit.residual))

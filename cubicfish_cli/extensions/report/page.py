@@ -21,8 +21,8 @@ from cubicfish_cli.extensions.report.pictures import MOST_CARDS, all_pictures
 from cubicfish_cli.extensions.report.scene import scene_figures
 
 if TYPE_CHECKING:
+    from cubicfish_cli.app.lenses.point_fit import PointCalibration
     from cubicfish_cli.core.fit.calibration import Calibration
-    from cubicfish_cli.core.fit.point_fit import PointCalibration
     from cubicfish_cli.core.observations import Observations
 
 _MOST_DROPPED = 200

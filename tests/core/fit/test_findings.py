@@ -116,9 +116,7 @@ def test_a_blurred_photo_is_named_and_left_out(pairs):
     result = calibrate(replace(pairs, pixel=pixel), target=TARGET, hold_out=False)
     assert list(result.unfit) == ["06.png"]
     assert result.unfit["06.png"].code is Code.NOISY
-    assert [(one.code, one.images) for one in result.remarks if one.images] == [
-        (Code.NOISY, ("06.png",))
-    ]
+    assert [(one.code, one.images) for one in result.unfit.values()] == [(Code.NOISY, ("06.png",))]
     assert "06.png" not in result.pairs.images
     assert result.errors.rms_px < 0.16
 

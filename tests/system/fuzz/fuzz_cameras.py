@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+from cubicfish_cli.app.lenses.point_fit import calibrate_points
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.point_fit import calibrate_points
 from cubicfish_cli.core.io.camera_yaml import camera_text
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.lenses.cubic import CubicCamera

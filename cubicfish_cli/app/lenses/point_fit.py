@@ -5,7 +5,7 @@ that the radial reference found.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -13,11 +13,11 @@ from scipy.spatial import ConvexHull
 from cubicfish_cli.core.assess.fit_record import FitRecord, PhotoRecord
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit.calibrate import MIN_PAIRS
 from cubicfish_cli.core.fit.folds import photo_folds
 from cubicfish_cli.core.fit.nearest_cubic import ROUNDS, linear_ratios
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import fit_radial, refit_radial
-from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import (
     error_statistics,
     gross_px,
@@ -25,7 +25,7 @@ from cubicfish_cli.core.fit.statistics import (
     photo_records,
     rms_px,
 )
-from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
+from cubicfish_cli.core.fit.subset import select, world_scale
 from cubicfish_cli.core.io.camera_yaml import CameraRecord
 from cubicfish_cli.core.lenses.lift import lift
 from cubicfish_cli.core.lenses.point import PointCamera
@@ -40,8 +40,6 @@ RANK_TOLERANCE = 1e-6
 _PULLS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 _MAX_STEPS = 300
 _DROP_ROUNDS = 3
-# Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
-MIN_PAIRS = 30
 # Corners at the very edge of the volume must stay inside when they are read back from text.
 _REACH_SLACK = 1.001
 
@@ -54,15 +52,13 @@ class RatioFit:
         plain: (3, 20) the linear solution of Eq. 8–9.
         reweighted: (3, 20) the same with each equation over its denominator.
         refined: (3, 20) after Levenberg–Marquardt on Eq. 10.
-        rank: numerical rank of Φ.
-        null: (20 − rank, 20) orthonormal cubics that vanish on the points.
+        null: (20 − rank of Φ, 20) orthonormal cubics that vanish on the points.
 
     """
 
     plain: FloatArray
     reweighted: FloatArray
     refined: FloatArray
-    rank: int
     null: FloatArray
 
 
@@ -88,15 +84,6 @@ class PointCalibration(CameraRecord):
     unfit: Mapping[str, Finding]
     target: Target | None = None
 
-    def named(self, corners: Observations) -> Observations:
-        """The corners as this fit names them: as they were given."""
-        return corners
-
-    @property
-    def remarks(self) -> tuple[Finding, ...]:
-        """What is told beside the figures: photos that were left out."""
-        return tuple(replace(why, images=(photo,)) for photo, why in self.unfit.items())
-
 
 @one_blas_thread()
 def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCalibration:
@@ -108,13 +95,12 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
         hold_out: also measure the held-out error (five more fits), with three photos or more.
 
     Raises:
-        FitError: the pairs are too few for the rank that they have, the photos cannot be
-            placed, or no P without a pole among the corners was found.
+        FitError: the pairs are too few, the photos cannot be placed, or no P without a pole among
+            the corners was found.
 
     """
     used, poses, unfit = (pairs, None, {}) if len(pairs.images) == 1 else _place_photos(pairs)
-    left_out = [pairs.images.index(photo) for photo in unfit]
-    given = int(np.sum(~np.isin(pairs.image, left_out)))
+    given = int(np.isin(pairs.image, [*map(pairs.images.index, unfit)], invert=True).sum())
     camera, stages, residual = _fit(used, poses)
     for _ in range(_DROP_ROUNDS):
         near = np.hypot(*residual.T) <= gross_px(residual)
@@ -132,7 +118,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
         fit=FitRecord(
             **vars(errors),
             images=len(used.images),
-            held_out_rms_px=_measure_held_out(used, poses) if hold_out else np.nan,
+            held_out_rms_px=_measure_held_out(used, poses) if hold_out and poses else np.nan,
             lift="point",
             frame=camera.frame,
             rank=camera.rank,
@@ -149,28 +135,22 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
     )
 
 
-def _measure_held_out(pairs: Observations, poses: Poses | None) -> float:
+def _measure_held_out(pairs: Observations, poses: Poses) -> float:
     """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
-    photos, residuals = np.arange(len(pairs.images)), []
-    folds = photo_folds(poses, pairs, max(pairs.image_size) / np.pi) if poses is not None else []
-    for fold in folds:
-        train = select_photos(pairs, np.setdiff1d(photos, fold))
-        test, scale = select_photos(pairs, fold), world_scale(train)
+    residuals = [np.zeros((0, 2))]
+    for fold in photo_folds(poses, pairs, max(pairs.image_size) / np.pi):
+        left_out = np.isin(pairs.image, fold)
+        train, photos = select(pairs, ~left_out)
         try:
-            camera = calibrate_points(train, hold_out=False).camera
-            reference = fit_radial(train.with_world(train.world / scale))
+            camera, _, _ = _fit(train, poses[photos])
         except FitError:
             return np.nan
-        placed, own, _ = fit_poses(reference.camera, test.with_world(test.world / scale))
-        if placed is None:
-            return np.nan
-        points = placed.poses.apply(own.image, own.world) * scale
-        residuals.append(camera.project(points) - own.pixel)
-    if not residuals:
-        return np.nan
+        points = poses.apply(pairs.image[left_out], pairs.world[left_out])
+        residuals.append(camera.project(points) - pairs.pixel[left_out])
     residual = np.vstack(residuals)
     # Beyond the volume of the training corners there is no answer to judge.
-    return rms_px(residual[np.isfinite(residual[:, 0])])
+    judged = residual[np.isfinite(residual[:, 0])]
+    return rms_px(judged) if len(judged) else np.nan
 
 
 def _place_photos(pairs: Observations) -> tuple[Observations, Poses, dict[str, Finding]]:
@@ -220,17 +200,17 @@ def fit_ratio(local: FloatArray, pixel: FloatArray) -> RatioFit:
         pixel: (N, 2).
 
     Raises:
-        FitError: the points are too few for their rank, or every P has a pole among them.
+        FitError: the points are too few, or every P has a pole among them.
 
     """
+    if len(local) < MIN_PAIRS:
+        raise FitError(
+            f"{len(local)} corners are too few for the point lift: at least {MIN_PAIRS} are needed "
+            "(and some hundreds to be good)"
+        )
     lifted = lift(local)
     _, size, right = np.linalg.svd(lifted, full_matrices=True)
     rank = int(np.sum(size > RANK_TOLERANCE * size[0]))
-    if 2 * len(local) < 3 * rank - 1 or len(local) < MIN_PAIRS:
-        raise FitError(
-            f"{len(local)} corners are too few for the point lift: at least "
-            f"{max(MIN_PAIRS, -(-(3 * rank - 1) // 2))} are needed (and some hundreds to be good)"
-        )
     basis, null = right[:rank].T, right[rank:]
     values = lifted @ basis
     centre = pixel.mean(axis=0)
@@ -248,7 +228,6 @@ def fit_ratio(local: FloatArray, pixel: FloatArray) -> RatioFit:
         plain=as_P(plain),
         reweighted=as_P(reweighted),
         refined=as_P(_refine(values, target, reweighted, scale)),
-        rank=rank,
         null=null,
     )
 
@@ -272,8 +251,7 @@ def _refine(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: flo
     rank = values.shape[1]
 
     def residual(parameters: FloatArray) -> FloatArray:
-        miss = ratio(parameters.reshape(3, rank), values) - pixel
-        return np.nan_to_num(scale * miss.reshape(-1), nan=np.inf, posinf=np.inf, neginf=np.inf)
+        return scale * (ratio(parameters.reshape(3, rank), values) - pixel).ravel()
 
     def slope(parameters: FloatArray) -> FloatArray:
         coefficients = parameters.reshape(3, rank)

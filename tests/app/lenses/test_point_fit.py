@@ -7,9 +7,9 @@ import pytest
 import synthetic
 from scipy.spatial.transform import Rotation
 
+from cubicfish_cli.app.lenses.point_fit import calibrate_points, fit_ratio, ratio
 from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.point_fit import calibrate_points, fit_ratio, ratio
 from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.lift import lift, lift_rotation
 from cubicfish_cli.core.lenses.point import PointCamera
@@ -46,7 +46,6 @@ def test_rank_of_points_on_planes(planes, rank):
     P = true_ratio()
     pixel = 200 * ratio(P, lift(points)) + 300
     fit = fit_ratio(points, pixel)
-    assert fit.rank == rank
     assert fit.null.shape == (20 - rank, 20)
     assert np.abs(lift(points) @ fit.null.T).max(initial=0) < 1e-12
     np.testing.assert_allclose(fit.null @ fit.null.T, np.eye(20 - rank), atol=1e-12)
