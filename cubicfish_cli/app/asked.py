@@ -6,6 +6,7 @@ Nothing is loaded for it, so that a command line can make it before it is known 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,7 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app.listener import SILENT, Listener
-from cubicfish_cli.core.errors import MISSING, CameraFileError, CubicfishError, UsageError
+from cubicfish_cli.core.errors import (
+    MISSING,
+    CameraFileError,
+    CubicfishError,
+    TargetError,
+    UsageError,
+)
+from cubicfish_cli.core.units import MILLIMETRES
 from cubicfish_cli.core.wording import quoted
 
 if TYPE_CHECKING:
@@ -25,9 +33,6 @@ if TYPE_CHECKING:
 
 
 StrPath = str | os.PathLike[str]
-
-# Kalibr's target files are a few lines.
-_FIRST_BYTES = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +138,7 @@ class TargetSource:
             TargetError: its file cannot be used.
 
         """
-        from cubicfish_cli.core.target import Target, load_target
+        from cubicfish_cli.core.target import Target
 
         self.check()
         if self.told:
@@ -143,8 +148,7 @@ class TargetSource:
         if self.given is not None:
             return [self.given]
         if self.path is not None:
-            target = load_target(self.path)
-            return colourings(target) if _is_of_kalibr(self.path) else [target]
+            return load_targets(self.path)
         board = {
             "name": "board",
             "type": "checkerboard",
@@ -167,9 +171,42 @@ def target_in(given: Target | StrPath) -> Target:
         TargetError: its file cannot be used.
 
     """
-    from cubicfish_cli.core.target import Target, load_target
+    from cubicfish_cli.core.target import Target
 
-    return given if isinstance(given, Target) else load_target(Path(given))
+    return given if isinstance(given, Target) else load_targets(Path(given))[0]
+
+
+def load_targets(path: Path) -> list[Target]:
+    """The targets that a file may mean: Kalibr's do not say which squares are dark.
+
+    Raises:
+        TargetError: the file cannot be read or does not describe a usable target; the text
+            names the file, the board and the key.
+
+    """
+    from cubicfish_cli.core.target import Target, load_target_data
+
+    data = load_target_data(path)
+    if isinstance(data, dict) and "target_type" in data:
+        return colourings(Target.from_data(_of_kalibr(str(path), data), str(path)))
+    return [Target.from_data(data, str(path))]
+
+
+def _of_kalibr(where: str, data: dict[str, Any]) -> dict[str, Any]:
+    """What target.yaml would hold for a target file of Kalibr's, which counts inner corners too."""
+    board: dict[str, Any] = {"name": "board", "type": data["target_type"]}
+    if board["type"] == "aprilgrid":
+        board |= {"tags": [data.get("tagCols"), data.get("tagRows")]}
+        board |= {"tag": data.get("tagSize"), "spacing": data.get("tagSpacing")}
+    else:
+        square = data.get("colSpacingMeters")
+        if square != data.get("rowSpacingMeters"):
+            raise TargetError(
+                f"{where}: rowSpacingMeters and colSpacingMeters differ: squares must be as high "
+                "as wide"
+            )
+        board |= {"corners": [data.get("targetCols"), data.get("targetRows")], "square": square}
+    return {"units": "m", "boards": [board]}
 
 
 def colourings(target: Target) -> list[Target]:
@@ -186,9 +223,21 @@ def colourings(target: Target) -> list[Target]:
     return [target, target.with_boards({0: board.with_other_colours()})]
 
 
-def _is_of_kalibr(path: Path) -> bool:
-    with path.open("rb") as file:
-        return b"target_type" in file.read(_FIRST_BYTES)
+def length_mm(text: str) -> float:
+    """``30mm``, ``3cm``, ``0.75in`` or ``30`` (millimetres) -> millimetres.
+
+    Raises:
+        TargetError: the text is no positive length.
+
+    """
+    units = "|".join(sorted(MILLIMETRES, key=len, reverse=True))
+    number = r"[0-9]+(?:\.[0-9]+)?|\.[0-9]+"
+    match = re.fullmatch(rf"\s*({number})\s*({units})?\s*", text, re.I)
+    value = float(match[1]) * MILLIMETRES[(match[2] or "mm").lower()] if match else 0.0
+    if not 0 < value < 1e6:
+        raise TargetError(f"{quoted(text)} is no length: write it like 30mm, 3cm or 1.25in")
+    # Inches are exact in binary as little as tenths are; files should still look as meant.
+    return round(value, 9)
 
 
 def in_folder(path: Path) -> Path:

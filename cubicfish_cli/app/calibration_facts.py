@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cubicfish_cli.app.asked import target_in
 from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.sufficiency.enough import summary
@@ -32,7 +33,7 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import best_named
-from cubicfish_cli.core.target import Target, load_target
+from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray
 from cubicfish_cli.core.wording import quoted
 
@@ -301,7 +302,7 @@ def facts_of_files(
     drawn = target or _recorded(origin.target, folder) or _beside(folder, _TARGET)
     if refined:
         drawn = _beside(folder, _REFINED) or target
-    thing = None if drawn is None else load_target(drawn)
+    thing = None if drawn is None else target_in(drawn)
     size = loaded.camera.image_size
     pairs = _pairs(corners or folder / _CORNERS, folder, origin, thing, size)
     lack = _lack(folder, origin, thing, refined=refined) if pairs is None else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none
+from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none, target_in
 from cubicfish_cli.app.extensions import extension_commands
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.main import LazyGroup
@@ -204,8 +204,6 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         OutputError: the drawing exists and may not be replaced, or has another suffix.
 
     """
-    from cubicfish_cli.core.target import load_target
-
     path = path_or_none(asked.drawing)
     if path is None and run.overwrite:
         raise UsageError("--overwrite goes with --draw, which writes a file: leave it out")
@@ -215,7 +213,7 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         if extra.missing(extra.PRINTING):
             raise CubicfishError(f"a drawing needs matplotlib: {extra.INSTALL}")
         refuse_existing(path, overwrite=run.overwrite)
-    loaded = load_target(Path(asked.target)).as_printed()
+    loaded = target_in(asked.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)
     if path is not None:

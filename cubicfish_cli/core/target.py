@@ -44,8 +44,12 @@ class Target(Brief):
         return load_target(Path(path))
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Target:
+    def from_data(cls, data: Mapping[str, Any], where: str = "target") -> Target:
         """The target that plain data describe: the keys and values of ``target.yaml``.
+
+        Args:
+            data: the keys and values.
+            where: what stands at the head of what is said about them.
 
         Raises:
             TargetError: a key is missing or unknown, or a value is not usable; one line that
@@ -55,8 +59,8 @@ class Target(Brief):
         try:
             plain = json.loads(json.dumps(data, default=_list_of_array))
         except (TypeError, ValueError, RecursionError) as problem:
-            raise TargetError(f"target: must hold plain data: {problem}") from problem
-        return _target("target", plain)
+            raise TargetError(f"{where}: must hold plain data: {problem}") from problem
+        return _target(where, plain)
 
     @cached_property
     def board_names(self) -> tuple[str, ...]:
@@ -126,36 +130,27 @@ _NO_TARGET = (
 
 
 def load_target(path: Path) -> Target:
-    """Read ``target.yaml``, or a target file of Kalibr's.
+    """Read ``target.yaml``.
 
     Raises:
         TargetError: the file cannot be read or does not describe a usable target; the text
             names the file, the board and the key.
 
     """
+    return Target.from_data(load_target_data(path), str(path))
+
+
+def load_target_data(path: Path) -> Any:
+    """The plain data of a target file, whatever they are.
+
+    Raises:
+        TargetError: the file cannot be read, or is of a camera.
+
+    """
     data = load_plain_yaml(Path(path), error=TargetError, max_bytes=MAX_BYTES, if_empty=_NO_TARGET)
     if isinstance(data, dict) and "cubicfish" in data and "boards" not in data:
         raise TargetError(f"{path} is a camera file, not a calibration target: {_NO_TARGET}")
-    if isinstance(data, dict) and "target_type" in data:
-        data = _of_kalibr(str(path), data)
-    return _target(str(path), data)
-
-
-def _of_kalibr(where: str, data: dict[str, Any]) -> dict[str, Any]:
-    """What target.yaml would hold for a target file of Kalibr's, which counts inner corners too."""
-    board: dict[str, Any] = {"name": "board", "type": data["target_type"]}
-    if board["type"] == "aprilgrid":
-        board |= {"tags": [data.get("tagCols"), data.get("tagRows")]}
-        board |= {"tag": data.get("tagSize"), "spacing": data.get("tagSpacing")}
-    else:
-        square = data.get("colSpacingMeters")
-        if square != data.get("rowSpacingMeters"):
-            raise TargetError(
-                f"{where}: rowSpacingMeters and colSpacingMeters differ: squares must be as high "
-                "as wide"
-            )
-        board |= {"corners": [data.get("targetCols"), data.get("targetRows")], "square": square}
-    return {"units": "m", "boards": [board]}
+    return data
 
 
 def _target(where: str, data: object) -> Target:

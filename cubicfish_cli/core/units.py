@@ -1,10 +1,6 @@
 """Units of length that people write in target.yaml."""
 
 import math
-import re
-
-from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.wording import quoted
 
 _PREFIXES = {"milli": 1.0, "centi": 10.0, "": 1000.0}
 MILLIMETRES = {
@@ -25,25 +21,7 @@ MILLIMETRES = {
         for word in ("metre", "metres", "meter", "meters")
     },
 }
-NUMBER = r"[0-9]+(?:\.[0-9]+)?|\.[0-9]+"
-UNITS = "|".join(sorted(MILLIMETRES, key=len, reverse=True))
-"""Patterns of a length as people write it: its number and its unit."""
 _IMPERIAL = ("in", "inch", "inches", "ft")
-
-
-def length_mm(text: str) -> float:
-    """``30mm``, ``3cm``, ``0.75in`` or ``30`` (millimetres) -> millimetres.
-
-    Raises:
-        TargetError: the text is no positive length.
-
-    """
-    match = re.fullmatch(rf"\s*({NUMBER})\s*({UNITS})?\s*", text, re.I)
-    value = float(match[1]) * MILLIMETRES[(match[2] or "mm").lower()] if match else 0.0
-    if not 0 < value < 1e6:
-        raise TargetError(f"{quoted(text)} is no length: write it like 30mm, 3cm or 1.25in")
-    # Inches are exact in binary as little as tenths are; files should still look as meant.
-    return round(value, 9)
 
 
 def times(units: str | None, others: str | None) -> float | None:

@@ -9,10 +9,9 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.app.asked import colourings
+from cubicfish_cli.app.asked import colourings, target_in
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.io.observations_csv import load_corners
-from cubicfish_cli.core.target import load_target
 
 CORNERS = SAMPLE / "true_corners.csv"
 
@@ -47,7 +46,7 @@ def test_a_board_is_named_by_its_counts_whatever_its_outer_squares(
     target.write_text(
         "units: mm\nboards: [{name: board, type: checkerboard, corners: [7, 5], square: 30}]\n"
     )
-    corners = load_corners(tmp_path / "c.csv", load_target(target))
+    corners = load_corners(tmp_path / "c.csv", target_in(target))
     assert len(corners.pixel) == 4 * 35
     assert corners.boards == ("board",)
 
@@ -65,7 +64,7 @@ def test_the_board_is_written_beside_the_camera_and_read_back(run: Run, tmp_path
     flat, out = flat_corners(tmp_path), tmp_path / "c"
     line = ("calibrate", flat, "--board", "9x6", "--square", "25mm", "--no-hold-out", "-o", out)
     run(*line, "--json")
-    written = load_target(out / "target.yaml")
+    written = target_in(out / "target.yaml")
     assert (written.units, written.boards[0].square) == ("mm", 25.0)
     assert (written.boards[0].columns, written.boards[0].rows) == (9, 6)
     record = yaml.safe_load((out / "camera.yaml").read_text())["made_by"]["target"]
@@ -130,10 +129,10 @@ KALIBR = {
 def test_files_of_kalibr_are_read_as_they_are(tmp_path: Path) -> None:
     path = tmp_path / "april.yaml"
     path.write_text(KALIBR["aprilgrid"])
-    (board,) = load_target(path).boards
+    (board,) = target_in(path).boards
     assert (board.columns, board.rows, board.square, board.spacing) == (12, 10, 0.088, 0.3)
     path.write_text(KALIBR["checkerboard"])
-    loaded = load_target(path)
+    loaded = target_in(path)
     (board,) = loaded.boards
     assert (board.columns, board.rows, board.square, loaded.units) == (6, 7, 0.06, "m")
 
@@ -153,7 +152,7 @@ def test_what_kalibr_has_and_we_do_not_is_refused(
     path = tmp_path / "t.yaml"
     path.write_text(KALIBR[kind].replace(old, new))
     with pytest.raises(TargetError, match=says):
-        load_target(path)
+        target_in(path)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +164,7 @@ def test_colours_matter_only_where_a_turn_does_not_exchange_them(
     path = tmp_path / "t.yaml"
     text = "units: mm\nboards: [{{name: b, type: checkerboard, corners: [{}, {}], square: 1}}]\n"
     path.write_text(text.format(*counts))
-    assert len(colourings(load_target(path))) == ways
+    assert len(colourings(target_in(path))) == ways
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from typing import Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish_cli.app.asked import TargetSource, in_folder
+from cubicfish_cli.app.asked import TargetSource, in_folder, length_mm
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.wording import quoted
 
@@ -400,7 +400,6 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
         raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
-    from cubicfish_cli.core.units import length_mm
 
     return TargetSource(counts=board, square=length_mm(square))
 

@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath
+from cubicfish_cli.app.asked import RUN, Run, StrPath, length_mm, target_in
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.terminal import options
 from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
@@ -154,8 +154,7 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
 
     """
     from cubicfish_cli.commands.target import check_target
-    from cubicfish_cli.core.target import load_target, target_text
-    from cubicfish_cli.core.units import length_mm
+    from cubicfish_cli.core.target import target_text
     from cubicfish_cli.extensions.printing.layout import boards_in_millimetres, lay_out
     from cubicfish_cli.extensions.printing.objects import design
     from cubicfish_cli.extensions.printing.paper import paper as paper_of
@@ -166,7 +165,7 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     on, rim = paper_of(asked.paper), length_mm(asked.margin)
     contents: dict[str, Content] = {}
     if asked.target is not None:
-        loaded = load_target(Path(asked.target)).as_printed()
+        loaded = target_in(asked.target).as_printed()
         pages = [lay_out(board, on, margin=rim) for board in boards_in_millimetres(loaded)]
         if any(board.shape is not None for board in loaded.boards):
             run.listener.tell(Event.PRINTED_AS_DRAWN)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cubicfish_cli.app.asked import length_mm
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.units import length_mm
 from cubicfish_cli.extensions.printing.designs import DESIGNS, Counts, Design
 from cubicfish_cli.extensions.printing.layout import (
     SHORTEST_STRIP,

@@ -3,8 +3,8 @@
 import re
 from dataclasses import dataclass
 
+from cubicfish_cli.app.asked import length_mm
 from cubicfish_cli.core.errors import TargetError
-from cubicfish_cli.core.units import length_mm
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 # Width and height in millimetres, upright: ISO 216 and ANSI.
