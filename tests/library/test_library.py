@@ -862,11 +862,11 @@ def test_uncertainty_is_known_in_the_field_alone(fitted: Calibration) -> None:
     assert "not (..., 2)" in refusal(CorrespondenceError, lambda: fitted.uncertainty([1, 2, 3]))
 
 
-@pytest.mark.parametrize("value", [np.zeros(3), {1: 2}, float("nan"), {"a": {"b": object()}}])
+@pytest.mark.parametrize("value", [np.zeros(3), float("nan"), {"a": {"b": object()}}])
 def test_only_plain_data_are_saved(tmp_path: Path, fitted: Calibration, value: Any) -> None:
     path = tmp_path / "camera.yaml"
     said = refusal(CameraFileError, lambda: save_camera(path, fitted, made_by={"a": value}))
-    assert said.startswith("made_by holds")
+    assert said.startswith("made_by may hold")
     assert not path.exists()
     odd: Any = fitted.camera.radial
     assert "RadialCamera is no camera" in refusal(CameraFileError, lambda: save_camera(path, odd))

@@ -5,10 +5,9 @@ A fit and its file give the same answers: both are a :class:`Calibrated`.
 
 from __future__ import annotations
 
-import math
+import json
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -35,12 +34,10 @@ from cubicfish_cli.core.plain_yaml import (
 )
 from cubicfish_cli.core.reading import MAX_SIDE, read_text
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.wording import quoted
 
 FORMAT_VERSION = 1
 # A calibration of some ten thousand photos; nobody's camera file is larger.
 _MAX_BYTES = 64 * 1024 * 1024
-_MAX_DEPTH = 8  # the reader takes no more than a few levels
 _RADIAL = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 _KEYS = (
     *("cubicfish", "image_size", "lift", "frame", "P", "max_angle_deg", "valid", "radial", "pupil"),
@@ -72,7 +69,7 @@ class CameraRecord(CameraFacts):
             CameraFileError: ``made_by`` is not plain data.
 
         """
-        origin = {"version": __version__, **self.made_by, **plain(made_by or {})}
+        origin = {"version": __version__, **self.made_by, **_plain(made_by or {})}
         comment = titled(origin_of(origin).title, self.figures)
         return camera_text(self.camera, fit=self.fit, made_by=origin, comment=comment)
 
@@ -209,25 +206,19 @@ def unit_norm(P: FloatArray) -> FloatArray:
     return np.asarray(P / np.linalg.norm(P))
 
 
-def plain(value: Any, depth: int = 0) -> Any:
+def _plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
     """Data that YAML holds without more ado.
 
     Raises:
         CameraFileError: they are of another kind.
 
     """
-    if depth < _MAX_DEPTH:
-        if value is None or isinstance(value, str | bool | int):
-            return value
-        if isinstance(value, float) and math.isfinite(value):
-            return float(value)
-        if isinstance(value, list | tuple):
-            return [plain(part, depth + 1) for part in value]
-        if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
-            return {key: plain(part, depth + 1) for key, part in value.items()}
-    raise CameraFileError(
-        f"made_by holds {quoted(value)}: it may hold text, finite numbers, lists and mappings"
-    )
+    try:
+        return dict(json.loads(json.dumps(made_by, allow_nan=False)))
+    except (TypeError, ValueError, RecursionError) as problem:
+        raise CameraFileError(
+            f"made_by may hold text, finite numbers, lists and mappings: {problem}"
+        ) from problem
 
 
 def load_camera(path: Path | str) -> CameraFile:
@@ -387,13 +378,11 @@ class Keys:
         name = self.above + key
         if key not in self.data:
             raise CameraFileError(f"{self.path} has no key {name!r}: calibrate again")
-        own, value = self.data[key], np.array(math.nan)
-        with suppress(ValueError, OverflowError):
-            value = np.array(own, float) if _is_numeric(own, len(shape)) else value
-        if value.shape != shape or not (np.abs(value) <= 1e100).all():
+        value = np.array(self.data[key], object)
+        if value.shape != shape or not all(map(_is_finite, value.flat)):
             wanted = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
             self.refuse(f"{name} must be {wanted}, all finite")
-        return value
+        return np.array(value, float)
 
     def rows(self, key: str, columns: int) -> FloatArray:
         """The rows of numbers under a key, however many."""
@@ -409,7 +398,5 @@ class Keys:
         return value
 
 
-def _is_numeric(value: Any, depth: int) -> bool:
-    if depth == 0:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    return isinstance(value, list) and all(_is_numeric(item, depth - 1) for item in value)
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e100
