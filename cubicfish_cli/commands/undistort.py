@@ -145,12 +145,6 @@ class UndistortOptions(PictureOptions):
         click.IntRange(0, 63),
     )
 
-    def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
-        """Refuse what says nothing about such sources and results; see the class above."""
-        if self.crf is not None and kind != "video":
-            raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
-        super().refuse_unused(kind, suffixes)
-
 
 def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
@@ -177,6 +171,8 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
 
     kind, sources, alone = _find_sources(named_sources(asked.photos), run)
     photos = {name: (name, {"": one}) for name, one in sources}
+    if kind == "photo" and asked.crf is not None:
+        raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")

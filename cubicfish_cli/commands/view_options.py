@@ -19,7 +19,7 @@ from cubicfish_cli.app.terminal.options import (
 from cubicfish_cli.app.terminal.terminal import say
 from cubicfish_cli.app.undistortion.options import KINDS, PlaneOptions, ViewOptions
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.wording import did_you_mean, either, quoted
+from cubicfish_cli.core.wording import either
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.choose import ChosenView
@@ -35,19 +35,13 @@ def _numbers(text: str, between: str) -> tuple[float | str, ...]:
         return (text,)
 
 
-class _Kind(click.Choice):
-    """A kind of view, and where there may be planes also plane:BOARD."""
-
-    def __init__(self, planes: bool) -> None:
-        super().__init__(KINDS)
-        self._planes = planes
+class _KindOrPlane(click.Choice):
+    """A kind of view, or plane:BOARD."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Parse, or fail as a usage error that names the nearest kind."""
-        is_plane = self._planes and value.startswith(_PLANE) and value != _PLANE
-        if not is_plane and value not in KINDS:
-            self.fail(f"{quoted(value)} is no view: {did_you_mean(value, KINDS)}", param, ctx)
-        return str(value)
+        """Let planes pass, and all that is among the choices."""
+        is_plane = value.startswith(_PLANE) and value != _PLANE
+        return str(value if is_plane else super().convert(value, param, ctx))
 
 
 def _view_of(
@@ -114,7 +108,7 @@ def view_bundle(
             "--view KIND",
             f"What the result is: {kinds}{f'{plane_kind}--target' if planes else ''}. "
             f"[default: {kind_default}]",
-            _Kind(planes),
+            (_KindOrPlane if planes else click.Choice)(KINDS),
         ),
         size=option("--size", f"Size of the result. [default: {size_default}]", SIZE),
         field=option(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.angles import angle_from_axis, unit_rays
 from cubicfish_cli.core.fit.fit_lens import nearest_lens
-from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.cubic import UNPROJECT_TOLERANCE_PX, CubicCamera
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import (
@@ -30,7 +30,6 @@ from cubicfish_cli.core.types import FloatArray
 
 HELD: Mapping[str, Any] = {"held": True}
 """Metadata of a field that is no parameter of a fit."""
-UNPROJECT_TOLERANCE_PX = 1e-6
 _SEEDS = 6000
 # Pixels at a time: their intermediate arrays then stay in the processor's cache.
 _BLOCK = 8192

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from asymmetric_lens import AsymmetricLens
 from lenses import cubic_camera
-from saved_maps import every_pixel
 from synthetic import TRUE_LENS
 
-from cubicfish_cli.app.undistortion.choose import build_view, chosen_view
-from cubicfish_cli.app.undistortion.options import ViewOptions
-from cubicfish_cli.core.errors import UsageError, ViewError
+from cubicfish_cli.app.undistortion.choose import build_view
+from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.fields import (
@@ -194,31 +192,3 @@ def test_longitude_and_latitude_are_as_large_as_what_is_seen(calibrated: Path) -
     assert kept_share(camera, up) > 0.999  # a pole is at the edge
     assert up.hfov_deg == pytest.approx(360, abs=0.5)
     assert build_view(camera, "equirectangular", size=(400, 200)).size == (400, 200)
-
-
-@pytest.mark.parametrize("kind", ["perspective", "equidistant", "epipolar-equirectangular"])
-def test_the_whole_photo_is_shown_beyond_what_is_calibrated(kind):
-    camera = cubic_camera(85.0)
-    narrow = replace(camera, max_angle_deg=40.0)
-    chosen = chosen_view(narrow, ViewOptions(kind=kind, fit="whole", size=SIZE))
-    made, own = chosen.maps[""], build_map(narrow, chosen.first)
-    true = build_map(camera, chosen.first)
-    (told,) = [one for one in chosen.remarks() if "extrapolated" in one]
-    assert int(told.split(" %")[0]) > 50
-    np.testing.assert_array_equal(made.valid, own.valid)
-    np.testing.assert_array_equal(made.map_x[made.valid], own.map_x[own.valid])
-    assert not (made.empty & true.valid).any()
-    beyond = true.valid & ~made.valid
-    assert beyond.sum() > 2 * made.valid.sum()
-    # It goes on from where the camera is known, and so nearer than its radial reference alone.
-    reference = camera.radial.project(chosen.first.rays(every_pixel(chosen.first)))
-    off = np.hypot(made.map_x - true.map_x, made.map_y - true.map_y)[beyond]
-    apart = reference - np.stack([true.map_x, true.map_y], axis=-1)
-    assert off.max() < 0.6 * np.linalg.norm(apart[beyond], axis=-1).max()
-
-
-def test_only_one_cameras_photos_are_shown_whole():
-    with pytest.raises(UsageError, match="one camera"):
-        chosen_view(lens(140), ViewOptions(fit="whole"))
-    with pytest.raises(UsageError, match="ViewOptions"):
-        build_view(cubic_camera(85.0), fit="whole")

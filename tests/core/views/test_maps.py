@@ -3,12 +3,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from saved_maps import read_map
 from synthetic import TRUE_LENS, lens_of_size
 
 from cubicfish_cli.app.undistortion.choose import build_view
-from cubicfish_cli.app.undistortion.map_formats import save_map
-from cubicfish_cli.core.errors import OutputError, ViewError
+from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import lift
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -180,40 +178,6 @@ def test_photos_too_large_for_remap_are_refused():
             replace(LENS, image_size=(40_000, 10)),
             CentralView(kind="perspective", size=(4, 3), focal=2.0),
         )
-
-
-@pytest.fixture
-def saved(tmp_path):
-    made = build_map(LENS, CentralView.with_field("perspective", 120, (32, 24), (0.1, 0.2, 0.3)))
-    path = tmp_path / "undistort_map.npz"
-    save_map(path, made, overwrite=False)
-    return path, made
-
-
-def test_a_saved_map_is_what_numpy_reads(saved):
-    path, made = saved
-    again = read_map(path)
-    np.testing.assert_array_equal(again.map_x, made.map_x)
-    np.testing.assert_array_equal(again.map_y, made.map_y)
-    np.testing.assert_array_equal(again.valid, made.valid)
-    assert again.format == "cubicfish undistort_map 1"
-    assert again.central_view == made.view
-    assert again.image_size == made.image_size == SIZE
-
-
-def test_a_map_is_not_overwritten_unasked(saved):
-    path, made = saved
-    before = path.read_bytes()
-    with pytest.raises(OutputError, match="--overwrite"):
-        save_map(path, made, overwrite=False)
-    assert path.read_bytes() == before
-    save_map(
-        path,
-        build_map(LENS, CentralView(kind="perspective", size=(5, 4), focal=3.0)),
-        overwrite=True,
-    )
-    assert read_map(path).map_x.shape == (4, 5)
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
 def test_the_whole_picture_is_the_projection_at_full_size():

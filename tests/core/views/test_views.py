@@ -1,14 +1,11 @@
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import TRUE_LENS
 
-from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
 
@@ -51,46 +48,6 @@ def test_views_turn_right_up_and_clockwise(angles, forward, right):
     )
     np.testing.assert_allclose(turn.rays([1, 1]), forward, atol=1e-12)
     np.testing.assert_allclose(turn.camera_from_view[:, 0], right, atol=1e-12)
-
-
-def test_default_view_keeps_the_scale_on_the_axis():
-    lens = replace(TRUE_LENS, image_size=(600, 500))
-    view = build_view(lens)
-    assert view.size == lens.image_size
-    assert view.rotation == (0, 0, 0)
-    near = np.array([[0, 0, 1.0], [0.01, 0, 1]])
-    true = np.linalg.norm(np.diff(lens.project(near), axis=0))
-    assert view.focal * 0.01 == pytest.approx(true, rel=5e-3)
-    assert view.focal == pytest.approx(math.sqrt(lens.fx * lens.fy), rel=2e-3)
-
-
-@pytest.mark.parametrize("size", [(960, 720), (720, 960)])
-def test_default_view_is_at_most_120_degrees_wide(size):
-    view = build_view(replace(TRUE_LENS, image_size=size))
-    longer = CentralView(kind="perspective", size=(960, 1), focal=view.focal)
-    assert longer.hfov_deg == pytest.approx(120)
-
-
-def test_default_view_stays_in_a_narrow_cameras_field():
-    narrow = replace(TRUE_LENS, image_size=(600, 500), max_angle_deg=40.0)
-    assert build_view(narrow).hfov_deg == pytest.approx(80)
-
-
-def test_default_view_needs_a_sound_axis():
-    class Blind:
-        image_size = (10, 10)
-        max_angle_deg = 90.0
-
-        def project(self, points):
-            return np.full((*np.shape(points)[:-1], 2), np.nan)
-
-    class Mirrored(Blind):
-        def project(self, points):
-            return TRUE_LENS.project(np.asarray(points) * [-1, 1, 1])
-
-    for camera in (Blind(), Mirrored()):
-        with pytest.raises(ViewError, match="no sound scale"):
-            build_view(camera)
 
 
 @given(

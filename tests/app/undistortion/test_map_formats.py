@@ -16,6 +16,7 @@ from cubicfish_cli.app.undistortion.map_formats import (
     ffmpeg_command,
     map_contents,
     map_paths,
+    save_map,
     stmap,
     write_exr,
 )
@@ -49,12 +50,23 @@ def test_the_map_has_both_kinds_of_pixels():
     assert 0.5 < VALID.mean() < 0.95
 
 
-def test_npz_is_the_map_that_numpy_reads(tmp_path):
-    (path,) = written(tmp_path / "m.npz")
-    read = read_map(path)
+def test_a_saved_map_is_what_numpy_reads(tmp_path):
+    path = tmp_path / "m.npz"
+    save_map(path, MAP)
+    before, read = path.read_bytes(), read_map(path)
     np.testing.assert_array_equal(read.map_x, MAP.map_x)
+    np.testing.assert_array_equal(read.map_y, MAP.map_y)
+    np.testing.assert_array_equal(read.valid, MAP.valid)
+    assert read.format == "cubicfish undistort_map 1"
     assert read.central_view == VIEW
     assert read.image_size == (960, 720)
+    with pytest.raises(OutputError, match="--overwrite"):
+        save_map(path, MAP)
+    assert path.read_bytes() == before
+    other = CentralView(kind="perspective", size=(5, 4), focal=3.0)
+    save_map(path, build_map(CAMERA, other), overwrite=True)
+    assert read_map(path).map_x.shape == (4, 5)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
 def from_shares(u, v, size=(960, 720)):
