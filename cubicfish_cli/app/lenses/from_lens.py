@@ -11,7 +11,7 @@ from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.fit.nearest_cubic import linear_cubic, refined_cubic
 from cubicfish_cli.core.geometry import inside_polygon
-from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
+from cubicfish_cli.core.lenses.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at
@@ -107,7 +107,7 @@ def _sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
         linear = linear_cubic(rays, pixel, radial, denominator_pull=pull)
         refined = refined_cubic(linear, rays, pixel, stiffness=pull * linear.scale)
         for P in (refined.P, linear.P):
-            if check_validity(P, max_angle_deg).valid:
+            if pole_or_fold_deg(P, max_angle_deg) is None:
                 return CubicCamera(
                     image_size=lens.image_size, P=P, max_angle_deg=max_angle_deg, radial=radial
                 )

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
+from cubicfish_cli.core.lenses.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish_cli.core.lenses.lift import lift_rotation
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import FloatArray
@@ -84,7 +84,7 @@ def in_references_frame(
     P = camera.P @ lift_rotation(rotation)
     turned = replace(camera, P=P / np.linalg.norm(P))
     # The cone turns along, by far less than its margin to the farthest corner.
-    if not check_validity(turned.P, turned.max_angle_deg).valid:
+    if pole_or_fold_deg(turned.P, turned.max_angle_deg) is not None:
         return camera, poses
     return turned, Poses(
         rotation=rotation.T @ poses.rotation, translation=poses.translation @ rotation

@@ -38,7 +38,7 @@ from cubicfish_cli.core.fit.nearest_cubic import (
 from cubicfish_cli.core.fit.poses import Poses
 from cubicfish_cli.core.fit.radial_reference import RadialReference
 from cubicfish_cli.core.fit.statistics import ALIKE, huber_px, noise_px, wide_px
-from cubicfish_cli.core.lenses.cubic import check_validity
+from cubicfish_cli.core.lenses.cubic import pole_or_fold_deg
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def fit_cubic(
                 continue
             # A pole between corners and rays shows in neither; a fit is known to have none.
             is_known = known is not None and number == 0
-            if is_known or check_validity(lens.P, max_angle_deg).valid:
+            if is_known or pole_or_fold_deg(lens.P, max_angle_deg) is None:
                 break
         fit = adjust(
             lens,
@@ -198,8 +198,8 @@ def fit_cubic(
         if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
             least = relative_decrease
             fit = fit.again(relative_decrease=least, damping=WARM_DAMPING, limit=huber_px)
-        validity = check_validity(fit.lens.P, max_angle_deg)
-        if validity.valid:
+        fault_deg = pole_or_fold_deg(fit.lens.P, max_angle_deg)
+        if fault_deg is None:
             return CameraFit(
                 **vars(fit),
                 reference=reference,
@@ -211,7 +211,7 @@ def fit_cubic(
         prior, known = replace(prior, weight=prior.weight * 10**0.5), None
         if prior.weight > _STRONGEST:
             raise FitError(
-                f"the camera folds at {validity.valid_to_deg:.0f}° from its axis while "
+                f"the camera folds at {fault_deg:.0f}° from its axis while "
                 f"corners reach {np.rad2deg(reference.covered):.0f}°: check that corners near "
                 "the rim are named rightly, or take photos that cover the field more evenly"
             )

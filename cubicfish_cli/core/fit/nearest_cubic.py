@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from cubicfish_cli.core.fit.lenses import CubicFit, NearestCubic
-from cubicfish_cli.core.lenses.cubic import check_validity
+from cubicfish_cli.core.lenses.cubic import pole_or_fold_deg
 from cubicfish_cli.core.lenses.lift import lift, sphere_basis
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
@@ -165,7 +165,7 @@ def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> Nearest
         lens = refined_cubic(start, rays, pixel, weights=weights)
         miss = lens.far(rays) - pixel
         # The rays reach beyond the valid cone, and no pole may be there either.
-        if np.isfinite(miss).all() and check_validity(lens.P, valid_deg).valid:
+        if np.isfinite(miss).all() and pole_or_fold_deg(lens.P, valid_deg) is None:
             return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
     # No start is without a pole: the safest, whose P3Φ is nearly constant, and no miss is known.
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))

@@ -21,7 +21,7 @@ from cubicfish_cli.core.assess.camera_facts import CameraFacts, titled
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record, origin_of
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.core.files import write_text
-from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
+from cubicfish_cli.core.lenses.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish_cli.core.lenses.lift import SIZE
 from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -324,10 +324,10 @@ def _ray_camera(file: Keys, image_size: tuple[int, int], P: FloatArray) -> Cubic
         pupil_travel=travel,
         units=units,
     )
-    validity = check_validity(camera.P, max_angle_deg)
-    if not validity.valid:
+    fault_deg = pole_or_fold_deg(camera.P, max_angle_deg)
+    if fault_deg is not None:
         file.refuse(
-            f"P has a pole or a fold at {validity.valid_to_deg:.1f}° from the axis, "
+            f"P has a pole or a fold at {fault_deg:.1f}° from the axis, "
             f"inside its max_angle_deg of {max_angle_deg:.1f}: the file was changed or cut, "
             "calibrate again"
         )

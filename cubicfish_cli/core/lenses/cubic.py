@@ -238,27 +238,17 @@ def _edge(camera: CubicCamera, count: int) -> FloatArray:
     return rays
 
 
-@dataclass(frozen=True, kw_only=True)
-class Validity:
-    """What was found over a cone.
+def pole_or_fold_deg(P: npt.ArrayLike, angle_deg: float) -> float | None:
+    """How near to the axis P (3, 20) has a pole or a fold, or is mirrored, within a cone.
 
-    Attributes:
-        angle_deg: half-angle of the cone that was examined.
-        valid_to_deg: largest half-angle within it that has neither pole nor fold.
+    Args:
+        P: the camera's.
+        angle_deg: half-angle of the cone.
+
+    Returns:
+        The least angle from the axis, degrees; None where P is sound over the whole cone.
 
     """
-
-    angle_deg: float
-    valid_to_deg: float
-
-    @property
-    def valid(self) -> bool:
-        """Whether the whole cone is free of poles and folds."""
-        return self.valid_to_deg >= self.angle_deg
-
-
-def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
-    """Examine P (3, 20) for poles and folds over the cone of half-angle ``angle_deg``."""
     P = np.asarray(P, float)
     rays = _checked(float(angle_deg))
     homogeneous, gradient = evaluate_cubics(P, rays)
@@ -275,10 +265,8 @@ def check_validity(P: npt.ArrayLike, angle_deg: float) -> Validity:
     )
     good = (denominator > 0) & (determinant > 0)
     theta = np.rad2deg(np.arccos(np.clip(rays[:, 2], -1, 1)))
-    return Validity(
-        angle_deg=float(angle_deg),
-        valid_to_deg=float(angle_deg) if good.all() else float(theta[~good].min()),
-    )
+    nearest = float(theta[~good].min(initial=angle_deg))
+    return nearest if nearest < angle_deg else None
 
 
 @lru_cache(maxsize=4)

@@ -16,7 +16,7 @@ from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.fit.radial_reference import fit_radial
 from cubicfish_cli.core.fit.subset import select, select_photos, world_scale
-from cubicfish_cli.core.lenses.cubic import check_validity
+from cubicfish_cli.core.lenses.cubic import pole_or_fold_deg
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 
@@ -68,7 +68,7 @@ def test_residuals_spread_as_the_noise_does(pairs, fitted):
 
 def test_camera_is_sound_to_the_margin(fitted):
     assert fitted.fit.covered_deg + 1 <= fitted.camera.max_angle_deg <= fitted.fit.covered_deg + 5.5
-    assert check_validity(fitted.camera.P, fitted.camera.max_angle_deg).valid
+    assert pole_or_fold_deg(fitted.camera.P, fitted.camera.max_angle_deg) is None
     assert np.linalg.norm(fitted.camera.P) == pytest.approx(1, abs=1e-12)
 
 
@@ -269,7 +269,7 @@ def test_held_out_counts_what_a_fold_never_saw(pairs):
 
 def test_weak_prior_still_gives_a_sound_camera(pairs):
     result = fit_cubic(fit_radial(pairs), PriorChoice(spread=0.01, weight=1e-4))
-    assert check_validity(result.lens.P, result.max_angle_deg).valid
+    assert pole_or_fold_deg(result.lens.P, result.max_angle_deg) is None
     assert result.prior.weight >= 1e-4
 
 
@@ -280,19 +280,15 @@ def test_a_pole_holds_p_closer_to_the_radial_reference(pairs, monkeypatch):
 
     def fold_twice(P, angle_deg):
         checked.append(angle_deg)
-        real = check_validity(P, angle_deg)
+        real = pole_or_fold_deg(P, angle_deg)
         # Starts are checked, too: the second and the fourth are fits.
-        return replace(real, valid_to_deg=angle_deg - 1) if len(checked) in (2, 4) else real
+        return angle_deg - 1 if len(checked) in (2, 4) else real
 
-    monkeypatch.setattr(cubic_fit, "check_validity", fold_twice)
+    monkeypatch.setattr(cubic_fit, "pole_or_fold_deg", fold_twice)
     result = fit_cubic(reference, PriorChoice(spread=0.01, weight=0.2))
     assert len(checked) == 6
     assert result.prior.weight == pytest.approx(2.0)
-    monkeypatch.setattr(
-        cubic_fit,
-        "check_validity",
-        lambda P, angle_deg: replace(check_validity(P, angle_deg), valid_to_deg=50.0),
-    )
+    monkeypatch.setattr(cubic_fit, "pole_or_fold_deg", lambda P, angle_deg: 50.0)
     with pytest.raises(FitError, match="folds at 50°"):
         fit_cubic(reference, PriorChoice(spread=0.01, weight=1000.0))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lenses import cubic_camera
 
-from cubicfish_cli.core.lenses.cubic import check_validity
+from cubicfish_cli.core.lenses.cubic import pole_or_fold_deg
 from cubicfish_cli.core.lenses.lift import MONOMIALS
 from cubicfish_cli.core.lenses.sphere import cone_rays
 
@@ -21,8 +21,7 @@ def test_rays_fill_the_cone_evenly():
 
 def test_a_sound_camera_passes():
     camera = cubic_camera()
-    result = check_validity(camera.P, camera.max_angle_deg)
-    assert result.valid
+    assert pole_or_fold_deg(camera.P, camera.max_angle_deg) is None
 
 
 def test_a_pole_is_caught_where_it_is():
@@ -30,26 +29,22 @@ def test_a_pole_is_caught_where_it_is():
     P = np.zeros((3, 20))
     P[0, MONOMIALS.index("X")] = P[1, MONOMIALS.index("Y")] = 1
     P[2, MONOMIALS.index("Z")], P[2, MONOMIALS.index("1")] = 1, -np.cos(np.deg2rad(70))
-    assert check_validity(P, 69.0).valid
-    result = check_validity(P, 90.0)
-    assert not result.valid
-    assert result.valid_to_deg == pytest.approx(70, abs=0.7)
+    assert pole_or_fold_deg(P, 69.0) is None
+    assert pole_or_fold_deg(P, 90.0) == pytest.approx(70, abs=0.7)
 
 
 def test_a_fold_is_caught_where_it_is():
     """m = (x, y) is the orthographic lens: it folds back at 90°."""
     P = np.zeros((3, 20))
     P[0, MONOMIALS.index("X")] = P[1, MONOMIALS.index("Y")] = P[2, MONOMIALS.index("1")] = 1
-    assert check_validity(P, 89.0).valid
-    result = check_validity(P, 100.0)
-    assert not result.valid
-    assert result.valid_to_deg == pytest.approx(90, abs=0.7)
+    assert pole_or_fold_deg(P, 89.0) is None
+    assert pole_or_fold_deg(P, 100.0) == pytest.approx(90, abs=0.7)
 
 
 def test_a_mirrored_camera_is_caught():
     camera = cubic_camera()
     mirrored = camera.P * np.array([[-1], [1], [1]]) + camera.P[2] * np.array([[1], [0], [0]]) * 960
-    assert not check_validity(mirrored, 60.0).valid
+    assert pole_or_fold_deg(mirrored, 60.0) is not None
 
 
 def test_a_narrow_pole_between_corners_is_caught():
@@ -61,10 +56,10 @@ def test_a_narrow_pole_between_corners_is_caught():
         * (np.abs(P[2, MONOMIALS.index("1")]) + P[2, MONOMIALS.index("Z")])
         * np.eye(20)[MONOMIALS.index("X")]
     )
-    assert not check_validity(P, camera.max_angle_deg).valid
+    assert pole_or_fold_deg(P, camera.max_angle_deg) is not None
 
 
 def test_a_denominator_that_is_negative_everywhere_is_caught():
     """−P projects alike, but the file promises P3Φ > 0, and readers rely on it."""
     camera = cubic_camera()
-    assert not check_validity(-camera.P, camera.max_angle_deg).valid
+    assert pole_or_fold_deg(-camera.P, camera.max_angle_deg) is not None

@@ -37,7 +37,7 @@ from cubicfish_cli.core.fit.statistics import (
 )
 from cubicfish_cli.core.fit.subset import select, world_scale
 from cubicfish_cli.core.io.camera_yaml import Calibrated
-from cubicfish_cli.core.lenses.cubic import CubicCamera, check_validity
+from cubicfish_cli.core.lenses.cubic import CubicCamera, pole_or_fold_deg
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
@@ -278,7 +278,7 @@ def _fit(
 
 
 def _is_valid(camera: CubicCamera) -> bool:
-    return bool(check_validity(camera.P, camera.max_angle_deg).valid)
+    return pole_or_fold_deg(camera.P, camera.max_angle_deg) is None
 
 
 def _finely(
