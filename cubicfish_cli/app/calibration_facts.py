@@ -18,10 +18,10 @@ from cubicfish_cli.app.asked import target_in
 from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.sufficiency.enough import summary
+from cubicfish_cli.app.words.camera import photo_words
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FileRecord, FitRecord, Origin, PhotoRecord
 from cubicfish_cli.core.assess.verdict import photo_verdicts
-from cubicfish_cli.core.finding import joined
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.fit.coverage import FieldCells, field_cells
 from cubicfish_cli.core.fit.poses import rotation_from_vector
@@ -160,7 +160,8 @@ def gather(
 
     """
     camera, fit = known.camera, known.fit
-    told = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
+    judged = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
+    told = zip(fit.per_image, judged, strict=True)
     lines = [*absent]
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
@@ -183,7 +184,7 @@ def gather(
         lines.append(_NO_PHOTOS)
     return Facts(
         known=known,
-        told={photo.image: joined(own) for photo, own in zip(fit.per_image, told, strict=True)},
+        told={photo.image: photo_words(own) for photo, own in told},
         dropped_pixels=pixels,
         errors=errors,
         lack=lack,

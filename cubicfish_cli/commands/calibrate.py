@@ -449,6 +449,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
+    from cubicfish_cli.app.words.camera import pupil_meaning, scope
     from cubicfish_cli.core.frame_names import counted
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
@@ -473,10 +474,10 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     if fit.held_out_folds:
         more.append(("  radial reference", fit.companion_held_out_rms_px, ""))
     print_errors(fit, more)
-    for figure in fitted.scope:
+    for figure in scope(fitted):
         print_figure(*figure)
     if fit.pupil is not None:
-        print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=fit.pupil.meaning)
+        print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=pupil_meaning(fit.pupil))
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:
@@ -512,12 +513,10 @@ def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | N
         report: the page about it, where there is one.
 
     """
-    from cubicfish_cli.core.finding import asks_for_photos
-
     lines = []
     if judged.level == "bad":
         lines.append(judged.reasons[0].do)
-        if asks_for_photos(judged.reasons[:1]):
+        if judged.reasons[0].asks_for_photos:
             lines.append(f"cubicfish advise{_folder(camera)}")
     else:
         name = "PHOTO" if photo is None else shlex.quote(str(photo))

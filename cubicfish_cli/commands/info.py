@@ -115,8 +115,10 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
 
 def _rows(known: CameraRecord) -> list[tuple[str, str]]:
     """(what, in words) of all that is known."""
-    fit, origin = known.fit, known.origin
-    rows = [("size", "{} x {} px".format(*known.camera.image_size)), *known.lens_rows]
+    from cubicfish_cli.app.words.camera import lens_rows, pictures_of
+
+    fit, origin, pictures = known.fit, known.origin, pictures_of(known.fit)
+    rows = [("size", "{} x {} px".format(*known.camera.image_size)), *lens_rows(known)]
     if known.max_angle_deg is not None:
         reach = f"; corners reach {fit.covered_deg:.1f}°" if fit.covered_deg > 0 else ""
         rows.append(("trusted", f"to {known.max_angle_deg:.1f}° from the axis{reach}"))
@@ -124,8 +126,8 @@ def _rows(known: CameraRecord) -> list[tuple[str, str]]:
         out = fit.held_out_rms_px
         left_out = f", {px(out)} px on photos left out" if math.isfinite(out) else ""
         rows.append(("error", f"{px(fit.rms_px)} px RMS{left_out}"))
-    if known.pictures is not None and fit.corners:
-        rows.append(("from", f"{known.pictures}, {plural(fit.corners, 'corner')}"))
+    if pictures is not None and fit.corners:
+        rows.append(("from", f"{pictures}, {plural(fit.corners, 'corner')}"))
     if origin.target is not None:
         rows.append(("target", origin.target.file))
     if origin.date is not None:

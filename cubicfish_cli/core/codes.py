@@ -130,6 +130,6 @@ class Code(StrEnum):
 
 
 @cache
-def words() -> Any:
+def words(module: str = "catalogue") -> Any:
     """The module with the sentences: the core has facts, and wording stands above it."""
-    return import_module("cubicfish_cli.app.words.catalogue")
+    return import_module(f"cubicfish_cli.app.words.{module}")

@@ -1,6 +1,6 @@
 """Finding: the record of anything told, by detection, identification, fit, verdict or advice."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -71,6 +71,11 @@ class Finding:
     def remedy(self) -> Remedy:
         """What helps, for programs."""
         return self._said.remedy
+
+    @property
+    def asks_for_photos(self) -> bool:
+        """Whether it is mended by taking photos, more or others."""
+        return self.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
 
     @property
     def why(self) -> str:
@@ -152,23 +157,7 @@ def _known(kind: type[_Word], word: object) -> _Word | None:
     return next((one for one in kind if one.value == word), None)
 
 
-def asks_for_photos(findings: Iterable[Finding]) -> bool:
-    """Whether any of them is mended by taking photos, more or others."""
-    return any(one.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN) for one in findings)
-
-
 def level_of(findings: Iterable[Finding]) -> Level:
     """The largest severity; ``good`` where nothing is worse than a note."""
     found = {finding.severity for finding in findings}
     return "bad" if Severity.BAD in found else "care" if Severity.CARE in found else "good"
-
-
-def joined(findings: Sequence[Finding]) -> str:
-    """What is told of a photo, in a few words; ``good`` where there is nothing."""
-    return "; ".join(finding.line for finding in findings) or "good"
-
-
-def of_camera(name: str, finding: Finding) -> Finding:
-    """What is told of one camera alone, as is told of several together."""
-    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
-    return replace(finding, case="", because="", recorded=said, cameras=(name,))

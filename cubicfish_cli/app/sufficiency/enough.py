@@ -13,7 +13,7 @@ from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding, asks_for_photos
+from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.coverage import FieldCells, field_cells
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
@@ -142,7 +142,7 @@ def why_not_enough(
         goal: what was asked for over 95 % of the field, pixels; None where nothing was.
 
     """
-    reasons = [one for one in judged.reasons if asks_for_photos([one])]
+    reasons = [one for one in judged.reasons if one.asks_for_photos]
     if judged.level == "bad" and judged.reasons[0] not in reasons:
         first = judged.reasons[0]
         said = {"against": first.why, "mend": first.do}

@@ -166,14 +166,15 @@ def fitted_rows(
         lost: photos that take no part, and a word for why.
 
     """
+    from cubicfish_cli.app.words.camera import photo_words
     from cubicfish_cli.core.assess.verdict import photo_verdicts
-    from cubicfish_cli.core.finding import joined, level_of
+    from cubicfish_cli.core.finding import level_of
 
     out = Counter(corner.image for corner in dropped)
     rows = [
         PhotoRow(
             name=one.image,
-            words=joined(told),
+            words=photo_words(told),
             short="; ".join(one.short for one in told),
             level=level_of(told),
             boards=by_board.get(one.image, {}),

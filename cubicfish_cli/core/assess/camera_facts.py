@@ -1,4 +1,4 @@
-"""Key facts of a camera in one line, for every command that names one."""
+"""Key figures of a camera, for every command that names one."""
 
 import dataclasses
 import math
@@ -12,13 +12,10 @@ import numpy as np
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FitRecord, Origin, origin_of
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
-from cubicfish_cli.core.frame_names import counted
+from cubicfish_cli.core.codes import words
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera
 
-COVERED = "of the field covered by corners"
-"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
-and does not see itself, in squares of an eighth of the photo's shorter side."""
 _STEPS = 512  # pixels that are looked at between the axis and an edge
 _ROUNDED_DEG = 1.0
 
@@ -40,14 +37,6 @@ class FieldSeen:
     def beyond(self, max_angle_deg: float) -> bool:
         """Whether a photo shows more than is calibrated, in its middle row or column."""
         return max(self.horizontal, self.vertical) > 2 * max_angle_deg + _ROUNDED_DEG
-
-    @property
-    def words(self) -> str:
-        """All three in a line."""
-        return (
-            f"{self.horizontal:.1f}° horizontal, {self.vertical:.1f}° vertical, "
-            f"{self.diagonal:.1f}° diagonal"
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -111,79 +100,9 @@ class CameraFacts:
         return verdict(self.fit, self.camera.image_size, self.camera.outline())
 
     @property
-    def pictures(self) -> str | None:
-        """How many photos, or frames of which films, the fit is from, in words."""
-        images, names = self.fit.images, [photo.image for photo in self.fit.per_image]
-        if images <= 0:
-            return None
-        return counted(names if len(names) == images else [""] * images)
-
-    @property
-    def lens_rows(self) -> list[tuple[str, str]]:
-        """What the lens is, as far as it is known: a name and figures in words each."""
-        rows = []
-        units = (("focal length", "px per radian"), ("principal point", "px"))
-        for (name, unit), value, sigma in zip(
-            units, self.axis or (), self.axis_sigma, strict=False
-        ):
-            x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
-            rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
-        if self.field is not None:
-            rows.append(("field of view", self.field.words))
-        if self.fit.pupil is not None:
-            pupil = self.fit.pupil
-            rows.append(("entrance pupil", f"{pupil.rim_px:.3f} px {pupil.meaning}"))
-        return rows
-
-    @property
-    def scope(self) -> list[tuple[str, str, str, str]]:
-        """How far to trust it, as far as that is known: name, value, unit and meaning each."""
-        rows = []
-        if self.max_angle_deg is not None:
-            reach = self.fit.covered_deg
-            meaning = "from the axis, where the camera may be trusted"
-            meaning += f"; corners reach {reach:.1f}°" if math.isfinite(reach) else ""
-            rows.append(("field", f"{self.max_angle_deg:.1f}", "°", meaning))
-        if math.isfinite(self.fit.coverage):
-            rows.append(("coverage", f"{100 * self.fit.coverage:.0f}", "%", COVERED))
-        certain = self.fit.uncertainty.field
-        if certain is not None:
-            rows.append(("uncertainty", f"{certain.median_px:.3f}", "px", certain.meaning))
-        return rows
-
-    @property
     def line(self) -> str:
         """All that matters in one line, behind the title."""
-        return titled(self.title, self.figures)
-
-    @property
-    def figures(self) -> str:
-        """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
-        parts = ["{}x{} px".format(*self.camera.image_size)]
-        if self.field is not None:
-            parts.append(
-                f"sees {self.field.horizontal:.0f}° x {self.field.vertical:.0f}° "
-                f"({self.field.diagonal:.0f}° diagonal)"
-            )
-            if self.max_angle_deg is not None and self.field.beyond(self.max_angle_deg):
-                parts.append(f"calibrated to {self.max_angle_deg:.0f}° from the axis")
-        if self.axis is not None:
-            focal, (x, y) = self.axis
-            parts.append(
-                f"focal length {sum(focal) / 2:.1f} px, principal point ({x:.1f}, {y:.1f})"
-            )
-        if math.isfinite(self.fit.held_out_rms_px):
-            parts.append(f"held-out error {self.fit.held_out_rms_px:.3f} px")
-        elif self.is_measured:
-            parts.append(f"error {self.fit.rms_px:.3f} px RMS")
-        if self.is_measured:
-            parts.append(self.verdict.words)
-        return ", ".join(parts)
-
-
-def titled(title: str | None, figures: str) -> str:
-    """A camera's figures behind what its owner calls it."""
-    return f"{title}: {figures}" if title else figures
+        return str(words("camera").camera_line(self))
 
 
 def field_seen(camera: CubicCamera) -> FieldSeen:

@@ -8,7 +8,6 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.pupil import from_pupil
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import FloatArray
-from cubicfish_cli.core.units import length_words
 
 _DIRECTIONS = 72
 
@@ -29,12 +28,6 @@ class PupilEffect:
     distance: float
     units: str | None = None
     rim_px: float
-
-    @property
-    def meaning(self) -> str:
-        """Behind ``rim_px``."""
-        away = length_words(self.distance, self.units or "")
-        return f"outward at the rim, for things as near as the corners were: {away}"
 
 
 def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> PupilEffect:

@@ -35,16 +35,6 @@ class FieldUncertainty:
         """Plain data for JSON."""
         return asdict(self)
 
-    @property
-    def words(self) -> str:
-        """``0.009 px (1σ, median over the field; 95 % of it within 0.013 px)``."""
-        return f"{self.median_px:.3f} px ({self.meaning})"
-
-    @property
-    def meaning(self) -> str:
-        """What the median is of, and the other figure: to stand behind the median."""
-        return f"1σ, median over the field; 95 % of it within {self.p95_px:.3f} px"
-
 
 @dataclass(frozen=True, kw_only=True)
 class PixelUncertainty(FieldUncertainty):
@@ -86,15 +76,10 @@ class UncertaintyGrid:
 
     @property
     def field(self) -> FieldUncertainty | None:
-        """In two figures; None where neither they nor the grid are known."""
-        median, p95 = self.median_px, self.p95_px
-        grid = np.array([one for row in self.sigma_px for one in row if math.isfinite(one)])
-        if len(grid):  # older files have no figure of 95 %
-            counted = summed(grid)
-            median = counted.median_px if math.isnan(median) else median
-            p95 = counted.p95_px if math.isnan(p95) else p95
-        known = math.isfinite(median + p95)
-        return FieldUncertainty(median_px=median, p95_px=p95) if known else None
+        """In two figures; None where they are not known."""
+        if not math.isfinite(self.median_px + self.p95_px):
+            return None
+        return FieldUncertainty(median_px=self.median_px, p95_px=self.p95_px)
 
     @property
     def has_grid(self) -> bool:

@@ -7,7 +7,7 @@ pixels are smaller, may be off by proportionally more of them.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -21,15 +21,10 @@ from cubicfish_cli.core.assess.fit_record import (
     PhotoRecord,
 )
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, FieldUncertainty
-from cubicfish_cli.core.codes import Code, Severity
+from cubicfish_cli.core.codes import Code, Severity, words
 from cubicfish_cli.core.finding import Finding, Level, level_of
 from cubicfish_cli.core.types import FloatArray
 
-WORDS: Mapping[Level, str] = {
-    "good": "good",
-    "care": "usable with care",
-    "bad": "not to be trusted",
-}
 _SIDE = 2000.0
 # Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere,
 # of which no camera comes that is worth using.
@@ -58,8 +53,6 @@ FEW_PHOTOS = 3
 FEW_OF_A_PLANE = (8, 4)
 # Error at the rim over that in the middle, and the error from which that matters.
 _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
-# Less of the rim than this is told beside the coverage of the whole.
-_WHOLE_RIM = 0.9
 # A field that goes so many degrees beyond where corners are all around, and is uncertain there.
 _EXTRAPOLATED_DEG = 15.0
 # Findings that explain no errors.
@@ -86,17 +79,12 @@ class Verdict:
     @property
     def words(self) -> str:
         """``good``, ``usable with care`` or ``not to be trusted``."""
-        return WORDS[self.level]
+        return str(words("camera").LEVELS[self.level])
 
     @property
     def line(self) -> str:
         """All in one line: the word, and the figures or the first reason."""
-        if not self.reasons:
-            return f"{self.words}: {self.figures}"
-        more = len(self.reasons) - 1
-        others = f" (and {more} more reason{'s' * (more > 1)})" if more else ""
-        first = self.reasons[0]
-        return f"{self.words}: {first.why}{others}; {first.do}"
+        return str(words("camera").verdict_line(self))
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -121,11 +109,13 @@ def verdict(
 
     """
     scale = max(1.0, max(image_size) / _SIDE)
-    causes, asides = _of_findings(fit)
-    reasons = [*asides, *_of_figures(fit, image_size, outline, scale)]
-    reasons.sort(key=_is_mild)
-    reasons = [*sorted(causes, key=_is_mild), *reasons]
-    return Verdict(level=level_of(reasons), figures=_figures(fit), reasons=tuple(reasons))
+    blamed = [one for one in fit.findings if one.severity is not Severity.NOTE]
+    causes = [one for one in blamed if one.code not in _NO_ERRORS]
+    others = [one for one in blamed if one.code in _NO_ERRORS]
+    others += _of_figures(fit, image_size, outline, scale)
+    reasons = (*sorted(causes, key=_is_mild), *sorted(others, key=_is_mild))
+    figures = words("camera").fit_figures(fit)
+    return Verdict(level=level_of(reasons), figures=figures, reasons=reasons)
 
 
 def evaluation_verdict(
@@ -146,9 +136,9 @@ def evaluation_verdict(
     scale = max(1.0, max(image_size) / _SIDE)
     rms, before = errors.rms_px, fit.held_out_rms_px
     before = before if before > 0 else fit.rms_px
+    stated = words("camera").evaluation_figures(errors, before)
     if math.isnan(rms):
-        return Verdict(level="bad", figures="no figures are known", reasons=())
-    beside = f", against {before:.3f} px when it was calibrated" if math.isfinite(before) else ""
+        return Verdict(level="bad", figures=stated, reasons=())
     level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
     if level is None:
         level = _above(rms / scale, _ERROR_PX)
@@ -165,11 +155,7 @@ def evaluation_verdict(
     level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
     reasons += _reason(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
     reasons.sort(key=_is_mild)
-    return Verdict(
-        level=level_of(reasons),
-        figures=f"off by {rms:.3f} px on these photos{beside}",
-        reasons=tuple(reasons),
-    )
+    return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
 
 
 def photo_verdicts(
@@ -203,18 +189,6 @@ def _is_mild(reason: Finding) -> bool:
 def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) -> list[Finding]:
     """That one thing, if there is a level of it."""
     return [] if level is None else [Finding(code=code, severity=level, case=case, figures=figures)]
-
-
-def _of_findings(fit: FitRecord) -> tuple[list[Finding], list[Finding]]:
-    """What a diagnosis blames, but for what is no fault of the camera.
-
-    Returns:
-        What explains errors, and what does not.
-
-    """
-    against = [one for one in fit.findings if one.severity is not Severity.NOTE]
-    causes = [one for one in against if one.code not in _NO_ERRORS]
-    return causes, [one for one in against if one.code in _NO_ERRORS]
 
 
 def _of_figures(
@@ -276,25 +250,6 @@ def _of_figures(
         seen = _area(outline) / (image_size[0] * image_size[1])
     yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
     yield from _reason(_care(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
-
-
-def _figures(of: FitRecord) -> str:
-    radial, rim = of.companion_held_out_rms_px, of.reach.rim_coverage
-    parts = []
-    if math.isfinite(of.held_out_rms_px):
-        beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
-        parts.append(f"off by {of.held_out_rms_px:.3f} px{beside} on photos left out of the fit")
-    elif math.isfinite(of.rms_px):
-        parts.append(f"off by {of.rms_px:.3f} px on the photos that it was fitted to")
-    if math.isfinite(of.coverage + of.covered_deg):
-        beside = f" and {100 * rim:.0f} % of its rim" if rim < _WHOLE_RIM else ""
-        parts.append(
-            f"corners cover {100 * of.coverage:.0f} % of the field{beside}, out to "
-            f"{of.covered_deg:.0f}° from the axis"
-        )
-    if out := len(of.unfit_images):
-        parts.append(f"{out} photo{'s' * (out != 1)} left out")
-    return ", ".join(parts) or "no figures are known"
 
 
 def _care(odd: bool) -> Severity | None:

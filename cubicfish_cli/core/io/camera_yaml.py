@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import Any, NoReturn
@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli import __version__
-from cubicfish_cli.core.assess.camera_facts import CameraFacts, titled
-from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record, origin_of
+from cubicfish_cli.core.assess.camera_facts import CameraFacts
+from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
 from cubicfish_cli.core.files import write_text
 from cubicfish_cli.core.lenses.cubic import CubicCamera, pole_or_fold_deg
@@ -70,7 +70,7 @@ class CameraRecord(CameraFacts):
 
         """
         origin = {"version": __version__, **self.made_by, **_plain(made_by or {})}
-        comment = titled(origin_of(origin).title, self.figures)
+        comment = replace(self, made_by=origin).line
         return camera_text(self.camera, fit=self.fit, made_by=origin, comment=comment)
 
     def save(

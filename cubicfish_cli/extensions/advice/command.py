@@ -150,13 +150,14 @@ def command(made: AdviceFiles, given: AdviseOptions, how: How) -> None:
 
 
 def _print(advice: Advice) -> None:
-    from cubicfish_cli.core.assess.camera_facts import COVERED
+    from cubicfish_cli.app.words.camera import COVERED, uncertainty_meaning
 
     pairs = advice.pairs
     result(f"{plural(len(pairs.images), 'photo')}, {plural(len(pairs.pixel), 'corner')}")
     if advice.now is not None:
         goal = "" if advice.enough else f" (goal: {advice.goal_px:g} px)"
-        result(f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {advice.now.meaning}{goal}")
+        meaning = uncertainty_meaning(advice.now)
+        result(f"{'uncertainty':<12}{advice.now.median_px:.3f} px  {meaning}{goal}")
     result(f"{'coverage':<12}{100 * advice.gaps.cells.coverage:>5.0f} %   {COVERED}\n")
     if advice.enough:
         result("Enough: more photos are not needed.")

@@ -29,6 +29,7 @@ from cubicfish_cli.app.pages.figures import (
     some,
     thinned,
 )
+from cubicfish_cli.app.words.camera import uncertainty_words
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -261,7 +262,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
         f"to {shown.max():.3f} px",
         caption="How far the pixel of a distant point would be elsewhere, had you taken other "
         "photos"
-        + (f": {figures.words}" if figures else "")
+        + (f": {uncertainty_words(figures)}" if figures else "")
         + ". Errors of the target or of the model are not in it.",
     )
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from cubicfish_cli.app.calibration_facts import Facts, facts_of_fit, matched
 from cubicfish_cli.app.pages.template import day_of, template
+from cubicfish_cli.app.words import camera as in_words
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord, origin_of
-from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
@@ -56,10 +56,11 @@ def report_html(facts: Facts) -> str:
     return template(Path(__file__).with_name("report.html")).render(
         facts=facts,
         known=facts.known,
-        lens=[(name.capitalize(), words) for name, words in facts.known.lens_rows],
+        lens=[(name.capitalize(), words) for name, words in in_words.lens_rows(facts.known)],
         fit=facts.fit,
+        in_words=in_words,
         verdict=facts.known.verdict,
-        words=WORDS,
+        words=in_words.LEVELS,
         camera=facts.camera,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,
@@ -93,7 +94,7 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
         )
         if math.isfinite(value)
     ]
-    for name, value, unit, meaning in facts.known.scope:
+    for name, value, unit, meaning in in_words.scope(facts.known):
         tiles.append((name.capitalize(), f"{value} {unit}".replace(" °", "°"), meaning))
     if fit.rank and not isinstance(facts.camera, CubicCamera):
         tiles.append(("Rank", f"{fit.rank} of 20", "what the corners determine of P"))

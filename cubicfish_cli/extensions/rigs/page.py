@@ -20,8 +20,8 @@ from cubicfish_cli.app.pages.figures import (
     upright,
 )
 from cubicfish_cli.app.pages.template import day_of, template
+from cubicfish_cli.app.words.camera import LEVELS
 from cubicfish_cli.core.assess.fit_record import origin_of
-from cubicfish_cli.core.assess.verdict import WORDS
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.extensions.rigs.rig import Rig
 
@@ -42,7 +42,7 @@ def rig_html(rig: Rig) -> str:
     known = [one for one in rig.fit.per_shot if not np.isnan(one.rms_px)]
     return template(Path(__file__).with_name("page.html")).render(
         verdict=rig.verdict,
-        words=WORDS,
+        words=LEVELS,
         notes=[one.line for one in rig.fit.findings if one.severity is Severity.NOTE],
         rig=rig,
         colours=colours,

@@ -10,11 +10,12 @@ import pytest
 
 import cubicfish_cli
 from cubicfish_cli.app.listener import Event
+from cubicfish_cli.app.words.camera import photo_words
 from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.app.words.phrases import Sentences, percent
 from cubicfish_cli.core.codes import Code, Remedy, Severity
 from cubicfish_cli.core.errors import PhotoError
-from cubicfish_cli.core.finding import Finding, asks_for_photos, joined, level_of, of_record
+from cubicfish_cli.core.finding import Finding, level_of, of_record
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 WORDING = Path(__file__).with_name("wording.txt")
@@ -118,9 +119,8 @@ def test_what_says_take_photos_is_mended_by_photos() -> None:
 def test_a_remedy_that_begins_otherwise_asks_for_photos_all_the_same() -> None:
     field = Finding(code=Code.SMALL_FIELD, severity=Severity.CARE, figures={"share": 0.04})
     assert not field.do.startswith("take")
-    assert asks_for_photos([field])
-    assert not asks_for_photos([Finding(code=Code.NO_FIGURES)])
-    assert not asks_for_photos([])
+    assert field.asks_for_photos
+    assert not Finding(code=Code.NO_FIGURES).asks_for_photos
 
 
 def test_a_finding_comes_back_from_its_record_in_its_own_words() -> None:
@@ -145,7 +145,7 @@ def test_a_level_is_the_largest_severity() -> None:
     assert [level_of(some) for some in ([], [note], [note, care], [care, bad, note])] == [
         "good", "good", "care", "bad"
     ]  # fmt: skip
-    assert joined([]) == "good"
+    assert photo_words([]) == "good"
 
 
 def test_a_board_that_is_named_board_is_the_board() -> None:

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cubicfish_cli.app.words.camera import photo_words
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import Verdict, evaluation_verdict, photo_verdicts, verdict
 from cubicfish_cli.core.codes import Code, Severity
-from cubicfish_cli.core.finding import Finding, joined
+from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.calibration import Calibration
 from cubicfish_cli.core.types import FloatArray
 
@@ -215,11 +216,11 @@ def test_photos_beside_each_other() -> None:
         [Code.STANDS_OUT], [Code.OUTLIERS, Code.FEW_CORNERS]
     ]  # fmt: skip
     assert [one.short for one in told[5]] == ["5× the others"]
-    assert [joined(own) for own in told] == [
+    assert [photo_words(own) for own in told] == [
         *["good"] * 5, "5 times the others' error; look at it", "2 dropped; few corners",
     ]  # fmt: skip
     far = {"per_image": [{"image": "a", "rms_px": 5.0, "corners": 50}] * 3}
-    assert [joined(own) for own in told_of_photos(far)] == ["large errors"] * 3
+    assert [photo_words(own) for own in told_of_photos(far)] == ["large errors"] * 3
 
 
 def test_a_record_without_figures_is_not_trusted() -> None:

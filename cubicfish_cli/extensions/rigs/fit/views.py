@@ -10,7 +10,7 @@ import numpy as np
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.finding import Finding, of_camera
+from cubicfish_cli.core.finding import Finding, Saying
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
 from cubicfish_cli.core.fit.deformable_target import Level
@@ -136,9 +136,15 @@ def calibrate_alone(
         runners_up=runners_up,
         record=record,
         level="off" if found is None else found.refined,
-        told=[] if found is None else [of_camera(name, one) for one in found.findings],
+        told=[] if found is None else [_tell_camera(name, one) for one in found.findings],
         seen=seen if found is None else found.named(seen),
     )
+
+
+def _tell_camera(name: str, finding: Finding) -> Finding:
+    """What is told of one camera alone, as is told of several together."""
+    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
+    return replace(finding, case="", because="", recorded=said, cameras=(name,))
 
 
 def _with_own_denominators(lens: CubicFit) -> CubicFit:
