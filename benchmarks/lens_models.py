@@ -223,8 +223,7 @@ def _reference(calibration: Calibration, pairs: Observations) -> RadialReference
     pairs = pairs.with_world(pairs.world / scale)
     poses = calibration.poses.scaled(1 / scale)
     camera = calibration.camera.radial
-    terms = int(np.flatnonzero(np.append(1.0, camera.k)).max())
-    return radial_near(camera, pairs, poses, terms=terms, lost_px=_LOST_PX)
+    return radial_near(camera, pairs, poses)
 
 
 def _folds(reference: RadialReference) -> list[_Fold]:

@@ -1,6 +1,7 @@
 """Two cameras of one size, pixel by pixel: how far apart they see the same ray."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.alignment import ProjectingLens, turned_onto
+from cubicfish_cli.core.fit.alignment import Project, turned_onto
 from cubicfish_cli.core.fit.statistics import error_statistics, rms_px
 from cubicfish_cli.core.lenses.cubic import CubicCamera
+from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.sphere import all_around, ray_at
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import Brief
@@ -68,7 +70,7 @@ class Comparison(Brief):
 
         """
         rays = self.first.unproject(pixel)
-        return _Rescaled(self.second, self.scale).project(rays @ self.rotation.T) - pixel
+        return _project_scaled(self.second, self.scale, rays @ self.rotation.T) - pixel
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -83,14 +85,9 @@ class Comparison(Brief):
         }
 
 
-class _Rescaled:
-    """A camera in the pixels of photos that were scaled."""
-
-    def __init__(self, camera: CubicCamera, scale: float) -> None:
-        self._camera, self._scale = camera, scale
-
-    def project(self, points: FloatArray, /) -> FloatArray:
-        return (self._camera.project(points) + 0.5) * self._scale - 0.5
+def _project_scaled(camera: CubicCamera, scale: float, points: FloatArray) -> FloatArray:
+    """Pixels of points in photos of a camera that were scaled."""
+    return (camera.project(points) + 0.5) * scale - 0.5
 
 
 def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
@@ -109,9 +106,9 @@ def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
         rays = first.unproject(pixel)
     seen = np.flatnonzero(np.isfinite(rays[:, 0]))
     some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
-    scaled, near = _Rescaled(second, scale), (rays[some], pixel[some])
-    _, rotation = turned_onto(scaled, *near, _frames_turn(scaled, *near))
-    miss = _Rescaled(second, scale).project(rays[seen] @ rotation.T) - pixel[seen]
+    project, near = partial(_project_scaled, second, scale), (rays[some], pixel[some])
+    _, rotation = turned_onto(project, *near, _frames_turn(project, *near))
+    miss = project(rays[seen] @ rotation.T) - pixel[seen]
     common = np.isfinite(miss[:, 0])
     if not common.any():
         raise FitError(
@@ -130,7 +127,7 @@ def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
 
 
 def aligned_difference(
-    first: ProjectingLens, second: ProjectingLens, rays: FloatArray
+    first: CubicCamera | Lens, second: CubicCamera | Lens, rays: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel differences of two lenses under the rotation that makes them smallest.
 
@@ -149,14 +146,14 @@ def aligned_difference(
 
     """
     wanted = second.project(rays)
-    return turned_onto(first, rays, wanted, _frames_turn(first, rays, wanted))
+    return turned_onto(first.project, rays, wanted, _frames_turn(first.project, rays, wanted))
 
 
-def _frames_turn(first: ProjectingLens, rays: FloatArray, wanted: FloatArray) -> Rotation:
-    """Turn each ray onto that ray whose pixel in ``first`` is nearest to its own (Wahba 1965)."""
-    # Rays of the whole sphere: the first lens may look along any axis of its frame.
+def _frames_turn(project: Project, rays: FloatArray, wanted: FloatArray) -> Rotation:
+    """Turn each ray onto that ray whose pixel in a lens is nearest to its own (Wahba 1965)."""
+    # Rays of the whole sphere: the lens may look along any axis of its frame.
     probes = all_around(max(4 * len(rays), 4000))
-    seen = first.project(probes)
+    seen = project(probes)
     good = np.isfinite(seen).all(axis=1)
     pairs = np.isfinite(wanted).all(axis=1)
     if good.sum() < 3 or pairs.sum() < 3:

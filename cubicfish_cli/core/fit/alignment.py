@@ -1,7 +1,7 @@
 """The rotation between the frames of two lenses that are nearly the same."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,35 +16,30 @@ _HUBER_PX = 1.0
 # Rounds of least squares: each takes the rays that are in both fields under the last rotation.
 _FIT_ROUNDS = 3
 _FRAME_RAYS = 2000
-
-
-class ProjectingLens(Protocol):
-    """Any lens: camera-frame points (..., 3) -> pixels (..., 2), NaN outside its field."""
-
-    def project(self, points: FloatArray, /) -> FloatArray:
-        """Camera-frame points (..., 3) -> pixels (..., 2)."""
+Project = Callable[[FloatArray], FloatArray]
+"""Any lens: camera-frame points (..., 3) -> pixels (..., 2), NaN outside its field."""
 
 
 def turned_onto(
-    first: ProjectingLens, rays: FloatArray, wanted: FloatArray, rotation: Rotation
+    project: Project, rays: FloatArray, wanted: FloatArray, rotation: Rotation
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel differences of a lens to pixels under the rotation that makes them smallest.
 
     Args:
-        first: the lens.
+        project: the lens.
         rays: (N, 3) unit rays.
         wanted: (N, 2) where they should be seen, NaN where they are not.
         rotation: one that is near.
 
     Returns:
-        Differences first(R d) − wanted, (N, 2) pixels, NaN where either has none; and R (3, 3).
+        Differences project(R d) − wanted, (N, 2) pixels, NaN where either has none; and R (3, 3).
 
     """
     from scipy.optimize import least_squares  # it takes long to load
 
     common = np.zeros(0, np.intp)
     for _ in range(_FIT_ROUNDS):
-        miss = first.project(rotation.apply(rays)) - wanted
+        miss = project(rotation.apply(rays)) - wanted
         before, common = common, np.flatnonzero(np.isfinite(miss).all(axis=1))
         if len(common) < 3 or np.array_equal(before, common):
             break
@@ -52,13 +47,13 @@ def turned_onto(
         def difference(turn: FloatArray) -> FloatArray:
             turned = (Rotation.from_rotvec(turn) * rotation).apply(rays[common])  # noqa: B023
             # A ray that leaves the field as R changes pulls neither way.
-            return np.nan_to_num(first.project(turned) - wanted[common]).ravel()  # noqa: B023
+            return np.nan_to_num(project(turned) - wanted[common]).ravel()  # noqa: B023
 
         found = least_squares(
             difference, np.zeros(3), loss="huber", f_scale=_HUBER_PX, xtol=1e-12, ftol=1e-12
         )
         rotation = Rotation.from_rotvec(found.x) * rotation
-    return first.project(rotation.apply(rays)) - wanted, rotation.as_matrix()
+    return project(rotation.apply(rays)) - wanted, rotation.as_matrix()
 
 
 def in_references_frame(
@@ -78,7 +73,7 @@ def in_references_frame(
     """
     rays = cone_rays(covered, _FRAME_RAYS)
     wanted = camera.radial.project(rays)
-    miss, rotation = turned_onto(camera, rays, wanted, Rotation.identity())
+    miss, rotation = turned_onto(camera.project, rays, wanted, Rotation.identity())
     if not np.isfinite(miss).any():
         return camera, poses
     P = camera.P @ lift_rotation(rotation)

@@ -6,7 +6,7 @@ P can only be as right as what holds it, and a lens of perfect symmetry is off b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,7 +61,7 @@ class BentFit(FitLens):
         noise_px: of a corner's coordinate; the weight of the pull to symmetry follows it.
         spread: expected size of each of p1, p2, t1, t2 and skew: a hundredth is half a degree of
             tilt. 0 holds the lens to perfect symmetry.
-        anchor: (2,) a point that the principal point is pulled to; None where it is not.
+        anchor: (2,) a point that the principal point is pulled to.
         anchor_px: how far from it the principal point is expected.
 
     """
@@ -70,7 +70,7 @@ class BentFit(FitLens):
     terms: int
     noise_px: float
     spread: float
-    anchor: FloatArray | None = None
+    anchor: FloatArray = field(default_factory=lambda: np.zeros(2))
     anchor_px: float = np.inf
 
     @cached_property
@@ -163,7 +163,6 @@ class BentFit(FitLens):
         """The pulls to symmetry and to the anchor, weak: see :class:`FitLens`."""
         aim, spread = np.zeros(len(self.values)), np.full(len(self.values), np.inf)
         spread[8:] = self.spread or np.inf
-        if self.anchor is not None:
-            aim[2:4], spread[2:4] = self.anchor, self.anchor_px
+        aim[2:4], spread[2:4] = self.anchor, self.anchor_px
         pull = (self.noise_px / spread)[self._free]
         return gram(np.diag(pull), pull * (self.values - aim)[self._free])

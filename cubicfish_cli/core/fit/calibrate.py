@@ -11,14 +11,9 @@ from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord
 from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
+from cubicfish_cli.core.fit import coverage, rejection
 from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.calibration import Calibration, Diagnose, FailedFit, FitEvidence
-from cubicfish_cli.core.fit.coverage import (
-    blind_angle,
-    coverage_extent,
-    field_cells,
-    trusted_angle_deg,
-)
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
 from cubicfish_cli.core.fit.deformable_target import LEVELS
 from cubicfish_cli.core.fit.fit_lens import nearest_lens
@@ -38,13 +33,6 @@ from cubicfish_cli.core.fit.radial_reference import (
     terms_beyond,
 )
 from cubicfish_cli.core.fit.refinement import fit_nominal_target, to_the_bottom
-from cubicfish_cli.core.fit.rejection import (
-    dropped_corners,
-    strays,
-    without,
-    without_gross,
-    without_noisy,
-)
 from cubicfish_cli.core.fit.statistics import error_statistics, photo_records, rms_px, within_noise
 from cubicfish_cli.core.fit.subset import flatness, middle, with_mean_weight_one, world_scale
 from cubicfish_cli.core.fit.uncertainty import uncertainty_grid
@@ -120,19 +108,21 @@ def calibrate(
         scale = world_scale(pairs)
         reference = fit_radial(pairs.with_world(pairs.world / scale))
         begin(progress, "cubic")
-        rough, gross, gross_error = without_gross(reference)
-        rough = without_noisy(rough)
+        rough, gross, gross_error = rejection.without_gross(reference)
+        rough = rejection.without_noisy(rough)
         _refuse_undetermined(rough.reference)
         nominal_fit = fit_nominal_target(rough, target, scale)
         fit = select_model(nominal_fit, refine_target, hold_out, progress)
         seen, residual = fit.reference.pairs, fit.residual
-        astray = strays(seen, residual)
+        astray = rejection.strays(seen, residual)
         if astray.any():
-            fit = without(fit, astray)
+            fit = rejection.without(fit, astray)
         if target is not None:
             gross = renamed(gross, target, fit.nominal.renamed)
-        dropped = dropped_corners(gross, gross_error)
-        dropped += dropped_corners(seen.select(astray), np.linalg.norm(residual[astray], axis=1))
+        dropped = rejection.dropped_corners(gross, gross_error)
+        dropped += rejection.dropped_corners(
+            seen.select(astray), np.linalg.norm(residual[astray], axis=1)
+        )
         fit = to_the_bottom(fit)
         begin(progress, "checks")
         nominal_fit = fit if fit.level == "off" else nominal_fit
@@ -185,11 +175,11 @@ def _assess(
     effect = pupil_effect(camera, points * scale, reference.covered)
     points = from_pupil(points, fit.lens.travel)
     covered_deg = float(np.rad2deg(angle_from_axis(points).max()))
-    trusted = trusted_angle_deg(camera, covered_deg, spread.sigma_px)
+    trusted = coverage.trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
-    uncertainty = uncertainty_grid(spread, camera, blind_angle(points))
+    uncertainty = uncertainty_grid(spread, camera, coverage.blind_angle(points))
     told = np.where(used.tells_error[:, None], fit.residual, np.nan)
-    rim = coverage_extent(camera, points, told, spread.sigma_px)
+    rim = coverage.coverage_extent(camera, points, told, spread.sigma_px)
     camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
     findings: Sequence[Finding] = ()
     if diagnose is not None:
@@ -224,7 +214,7 @@ def _assess(
         flat=flatness(used.world) < _NEARLY_FLAT,
         prior_weight=fit.prior.weight,
         prior_spread=fit.prior.spread,
-        coverage=field_cells(camera, used.pixel).coverage,
+        coverage=coverage.field_cells(camera, used.pixel).coverage,
         findings=tuple(findings),
         uncertainty=uncertainty,
         dropped=len(dropped),

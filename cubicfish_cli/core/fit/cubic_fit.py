@@ -141,10 +141,7 @@ _NO_ERROR = 1e-16
 # How often photos are drawn anew: how likely a prior is, is known to 0.02 then.
 _DRAWS = 500
 
-_Place = tuple[int, int]  # indices into SPREADS and WEIGHTS
-_EVERY_PLACE = [
-    (spread, weight) for spread in range(len(SPREADS)) for weight in range(len(WEIGHTS))
-]
+_PRIORS = [PriorChoice(spread=spread, weight=weight) for spread in SPREADS for weight in WEIGHTS]
 
 
 def fit_cubic(
@@ -313,25 +310,22 @@ def choose_prior(
     prior = EXPECTED if start is None else start.prior
     if len(groups) < 2:
         return fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
-    place = _find_place(prior)
-    away = np.abs(np.subtract(_EVERY_PLACE, place)).sum(axis=1)
+    away = np.abs(np.subtract([_find_place(one) for one in _PRIORS], _find_place(prior)))
+    steps = away.sum(axis=1)
     reach = np.inf if everywhere or start is None else 1
-    places = [_EVERY_PLACE[near] for near in np.flatnonzero(away <= reach).tolist()]
-    start = fit_cubic(reference, _make_prior(place), start=start, relative_decrease=_SCAN_DECREASE)
-    chosen, runners_up = _choose_likeliest(
-        places, _predict_squares(start, reference, groups, places)
-    )
+    begun = _PRIORS[int(steps.argmin())]
+    priors = [_PRIORS[near] for near in np.flatnonzero(steps <= reach)]
+    start = fit_cubic(reference, begun, start=start, relative_decrease=_SCAN_DECREASE)
+    squares = _predict_squares(start, reference, groups, priors)
+    chosen, runners_up = _choose_likeliest(priors, squares)
     # A prior that was made firmer stays so.
-    prior = start.prior if chosen == place else _make_prior(chosen)
+    prior = start.prior if chosen == begun else chosen
     fitted = fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
     return replace(fitted, runners_up=runners_up)
 
 
-def _make_prior(place: _Place) -> PriorChoice:
-    return PriorChoice(spread=SPREADS[place[0]], weight=WEIGHTS[place[1]])
-
-
-def _find_place(prior: PriorChoice) -> _Place:
+def _find_place(prior: PriorChoice) -> tuple[int, int]:
+    """Indices of the nearest of SPREADS and WEIGHTS."""
     weight = np.abs(np.log(WEIGHTS) - np.log(prior.weight)).argmin()
     return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
 
@@ -340,7 +334,7 @@ def _predict_squares(
     start: CameraFit,
     reference: RadialReference,
     groups: Sequence[IntArray],
-    places: Sequence[_Place],
+    priors: Sequence[PriorChoice],
 ) -> FloatArray:
     """(priors, M) squared errors of each photo under a fit without it, summed over its corners.
 
@@ -350,22 +344,21 @@ def _predict_squares(
         start: that fit.
         reference: what P is held to.
         groups: photos that are left out together.
-        places: the priors, those of one spread together: the order is relied on.
+        priors: these, those of one spread together: the order is relied on.
 
     """
-    priors = []
-    for spread in dict.fromkeys(spread for spread, _ in places):
-        weights = [WEIGHTS[weight] for own, weight in places if own == spread]
-        to_another = start.lens.held_to(reference.bent(SPREADS[spread])[0])
-        priors.append(to_another.priors(np.array(weights)))
-    photos = LeaveOneOut(start, groups).residuals(np.concatenate(priors))
+    grams = []
+    for spread in dict.fromkeys(one.spread for one in priors):
+        weights = np.array([one.weight for one in priors if one.spread == spread])
+        grams.append(start.lens.held_to(reference.bent(spread)[0]).priors(weights))
+    photos = LeaveOneOut(start, groups).residuals(np.concatenate(grams))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     return np.array([squares[photo] for photo in range(len(squares))]).T
 
 
 def _choose_likeliest(
-    places: Sequence[_Place], squares: FloatArray
-) -> tuple[_Place, dict[PriorChoice, float]]:
+    priors: Sequence[PriorChoice], squares: FloatArray
+) -> tuple[PriorChoice, dict[PriorChoice, float]]:
     """The prior that is taken, and those that would be if other photos had been taken.
 
     Corners of one photo share their errors: together they count as one corner, whose noise is of
@@ -376,17 +369,17 @@ def _choose_likeliest(
     repetition (the bootstrap, as Buckland, Burnham & Augustin 1997 weigh models by it).
 
     Args:
-        places: the priors.
+        priors: these.
         squares: of each photo under them, see :func:`_predict_squares`.
 
     """
     told = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
     # Log prior of each, up to a constant: a step in either list is a standard deviation.
-    away = np.subtract(places, _find_place(EXPECTED))
+    away = np.subtract([_find_place(one) for one in priors], _find_place(EXPECTED))
     expected = -np.square(away).sum(axis=1) / 2
     chosen, photos = int((told.sum(axis=1) + expected).argmax()), told.shape[1]
     drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
     taken = (drawn @ told.T + expected).argmax(axis=1)
-    likely = np.bincount(taken, minlength=len(places)) / _DRAWS
+    likely = np.bincount(taken, minlength=len(priors)) / _DRAWS
     others = [other for other in np.flatnonzero(likely).tolist() if other != chosen]
-    return places[chosen], {_make_prior(places[one]): float(likely[one]) for one in others}
+    return priors[chosen], {priors[one]: float(likely[one]) for one in others}

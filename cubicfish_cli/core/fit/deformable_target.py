@@ -144,10 +144,6 @@ class DeformableTarget:
             corner=self.corner[rows] if len(self.corner) else self.corner,
         )
 
-    def like(self, other: DeformableTarget) -> DeformableTarget:
-        """These pairs' points under the shapes, places and offsets of another selection."""
-        return replace(self, parameters=other.parameters, offsets=other.offsets)
-
     def started(self, other: DeformableTarget) -> DeformableTarget:
         """The same freedom, with shapes and places from where boards have them in another."""
         parameters, spread = self.parameters.copy(), self.spread.copy()

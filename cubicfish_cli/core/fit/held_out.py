@@ -176,7 +176,8 @@ def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatA
         radial=radial.lens.lens,
         pupil_travel=trained.lens.travel,
     )
-    left_out = select_photos(pairs, test).with_world(world.like(trained.world).points[out])
+    world = replace(world, parameters=trained.world.parameters, offsets=trained.world.offsets)
+    left_out = select_photos(pairs, test).with_world(world.points[out])
     squares = np.full((2, len(left_out.pixel)), np.nan)
     lenses: tuple[CubicCamera | RadialCamera, ...] = (camera, camera.radial)
     starts = fit.poses, fit.reference.poses

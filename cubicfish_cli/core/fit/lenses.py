@@ -184,8 +184,6 @@ class CubicFit(FitLens):
         if prior is None:
             return self
         weight = prior.weight if weight is None else weight
-        if prior.lens is lens and prior.weight == weight:
-            return self  # which knows what it worked out
         return replace(self, ray_prior=replace(prior, lens=lens, weight=weight))
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -231,16 +229,8 @@ class CubicFit(FitLens):
         weight = 0.0 if self.ray_prior is None else self.ray_prior.weight
         return self.priors(np.array([weight]))[0]
 
-    def _with_travel(self, priors: FloatArray) -> FloatArray:
-        """(H, 49, 49) of (H, 48, 48)."""
-        grown = np.zeros((len(priors), 49, 49))
-        grown[:, _FAR[:, None], _FAR] = priors
-        pull = np.array([1, self.travel]) * self.travel_weight
-        grown[:, 47:, 47:] += np.outer(pull, pull)
-        return grown
-
     def priors(self, weights: FloatArray) -> FloatArray:
-        """(H, 48, 48) what it is to be held more or less firmly, all at once; see :meth:`prior`.
+        """(H, 49, 49) what it is to be held more or less firmly, all at once; see :meth:`prior`.
 
         Weighted misses of the nearest lens of the prior's kind, and of its denominators. That
         lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
@@ -255,14 +245,16 @@ class CubicFit(FitLens):
             weights: (H,) how firmly; see :attr:`RayPrior.weight`.
 
         """
-        prior = self.ray_prior
+        prior, pull = self.ray_prior, np.array([1, self.travel]) * self.travel_weight
+        grams = np.zeros((len(weights), 49, 49))
+        grams[:, 47:, 47:] = np.outer(pull, pull)
         if prior is None:
-            return self._with_travel(np.zeros((len(weights), 48, 48)))
+            return grams
         near = prior.near
         inside, denominator = self._pixel(near.values)
         pixel = inside * self.scale + self.centre
         if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
-            return np.full((len(weights), 49, 49), np.inf)
+            return np.full_like(grams, np.inf)
         bent, (seen, by_lens) = prior.nearest(pixel)
         # What moves P's pixels, what moves the lens's, and the miss.
         by_own = self._d_parameters(near.values, inside, denominator)
@@ -280,7 +272,8 @@ class CubicFit(FitLens):
         by_values = np.zeros((17, 48))
         by_values[:16, 32:47], by_values[:16, 47] = self.denominator_basis, self.coefficients[2]
         by_values[16, 47] = 1
-        return self._with_travel(left + by_values.T @ prior.denominators @ by_values)
+        grams[:, _FAR[:, None], _FAR] += left + by_values.T @ prior.denominators @ by_values
+        return grams
 
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T

@@ -7,7 +7,7 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -128,12 +128,8 @@ class NormalEquations:
             put_in: what these put into the equations.
 
         """
-        left = NormalEquations(
-            **{
-                one.name: getattr(self, one.name) - getattr(put_in, one.name)
-                for one in fields(self)
-            }
-        )
+        parts = vars(put_in)
+        left = NormalEquations(**{name: one - parts[name] for name, one in vars(self).items()})
         left.pose[poses] = np.eye(6)
         left.pose_shared[poses] = 0
         left.pose_corner[poses] = 0

@@ -115,9 +115,4 @@ def cross(first: FloatArray, second: FloatArray) -> FloatArray:
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
     """The matrix of v ×: (..., 3) -> (..., 3, 3)."""
-    matrix = np.zeros((*vector.shape, 3))
-    x, y, z = np.moveaxis(vector, -1, 0)
-    matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
-    matrix[..., 1, 0], matrix[..., 1, 2] = z, -x
-    matrix[..., 2, 0], matrix[..., 2, 1] = -y, x
-    return matrix
+    return np.asarray(np.cross(np.eye(3), vector[..., None, :]))

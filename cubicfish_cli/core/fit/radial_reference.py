@@ -90,7 +90,7 @@ class RadialReference(RadialAdjustment):
     @property
     def terms(self) -> int:
         """How many coefficients of the radial profile are in use."""
-        return _count_terms(self)
+        return len(self.lens.free) - 4
 
     def followed(self, world: FloatArray) -> RadialReference:
         """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
@@ -194,27 +194,18 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
     return _make_sound(fit, unfit)
 
 
-def radial_near(
-    camera: RadialCamera,
-    pairs: Observations,
-    poses: Poses,
-    *,
-    terms: int = _ALL_TERMS,
-    lost_px: float = LOST_PX,
-) -> RadialReference:
+def radial_near(camera: RadialCamera, pairs: Observations, poses: Poses) -> RadialReference:
     """The reference of a calibration that is known, adjusted to its pairs again.
 
     Args:
         camera: its radial lens.
         pairs: the pairs, world points of order 1.
         poses: camera_from_world of each photo under that lens.
-        terms: how many coefficients of the profile may be free.
-        lost_px: see :data:`LOST_PX`.
 
     """
     miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
-    errors = np.nan_to_num(miss, nan=lost_px)[pairs.tells_error]
-    return _refit(_free_terms(camera, terms), poses, pairs, errors, {})
+    errors = np.nan_to_num(miss, nan=LOST_PX)[pairs.tells_error]
+    return _refit(FreeLens.of(camera), poses, pairs, errors, {})
 
 
 def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) -> RadialReference:
@@ -245,10 +236,6 @@ def _make_sound(fit: RadialAdjustment, unfit: dict[str, Finding]) -> RadialRefer
     covariance = np.linalg.pinv(fit.normal.reduced_shared(), hermitian=True) * variance
     focal = np.sqrt(max(covariance[0, 0], covariance[1, 1], 0.0)) / abs(fit.lens.lens.fx)
     return RadialReference(**vars(fit), unfit=unfit, focal_uncertainty=float(focal))
-
-
-def _count_terms(fit: RadialAdjustment) -> int:
-    return len(fit.lens.free) - 4
 
 
 def _explain_misfit(error: float) -> FitError:
@@ -301,7 +288,7 @@ def _fit_from_centre(
     used = np.flatnonzero(start.error <= limit)
     own = select_photos(pairs, used)
     camera = RadialCamera.from_parameters(
-        [start.focal, start.focal, *start.centre, 0, 0, 0, 0], pairs.image_size
+        [start.focal, start.focal, *centre, 0, 0, 0, 0], pairs.image_size
     )
     # Two coefficients first: with poses still rough, four would bend to the errors.
     fit = adjust(
@@ -426,7 +413,7 @@ def _drop_terms(fit: RadialAdjustment) -> RadialAdjustment:
     A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
     much worse with fewer: it keeps them all, and its valid cone ends at the fold.
     """
-    terms = _count_terms(fit)
+    terms = len(fit.lens.free) - 4
     worst = _WORTH_A_TERM * noise_px(fit.residual)
     best = fit
     for fewer in range(terms, -1, -1):

@@ -1,6 +1,6 @@
 """Poses of all photos without any guess, whatever the lens or under a known one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,14 +36,12 @@ class Start:
     """An equidistant lens and the photos' poses under it.
 
     Attributes:
-        centre: (2,) pixels.
         focal: pixels per radian.
         poses: camera_from_world of every photo; NaN where none was found.
         error: (M,) median error of each photo, pixels; inf where there is no pose.
 
     """
 
-    centre: FloatArray
     focal: float
     poses: Poses
     error: FloatArray
@@ -95,7 +93,7 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
         poses.rotation[photo] = pose.rotation
         poses.translation[photo] = [*pose.shift, depth]
         error[photo] = own[best]
-    return Start(centre=centre, focal=focal, poses=poses, error=error)
+    return Start(focal=focal, poses=poses, error=error)
 
 
 def _make_unplaced(photos: int) -> Poses:
@@ -173,10 +171,10 @@ def _find_known_poses(
     world: FloatArray, offset: FloatArray, angle: FloatArray, board: IntArray
 ) -> list[RadialPose]:
     """Candidate poses with their depths, from directions and angles of some points."""
-    found = []
-    for pose in candidate_poses(world, offset, board):
-        depth, _ = depth_shift(pose, world, angle)
-        found.append(RadialPose(rotation=pose.rotation, shift=np.append(pose.shift, depth)))
+    found = [
+        replace(pose, shift=np.append(pose.shift, depth_shift(pose, world, angle)[0]))
+        for pose in candidate_poses(world, offset, board)
+    ]
     away = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-300)[:, None]
     rays = np.column_stack([np.sin(angle)[:, None] * away, np.cos(angle)])
     return [*found, *poses_of_rays(world, rays)]

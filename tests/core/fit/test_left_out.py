@@ -11,10 +11,10 @@ from scipy.stats import binom
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.cubic_fit import (
     EXPECTED,
+    SPREADS,
+    WEIGHTS,
     PriorChoice,
     _choose_likeliest,
-    _find_place,
-    _make_prior,
     choose_prior,
     fit_cubic,
 )
@@ -70,7 +70,8 @@ def anew(fit, pairs, image_size, photos):
     )
     own = select_photos(pairs, photos)
     if fit.world.free:
-        points = fit.world.like(trained.world).points
+        world = trained.world
+        points = replace(fit.world, parameters=world.parameters, offsets=world.offsets).points
         own = replace(own, world=points[np.isin(pairs.image, photos)])
     return adjust(FixedLens(camera=trained.lens), fit.poses[photos], own, huber_px=limit).residual
 
@@ -187,14 +188,17 @@ def test_photos_left_out_see_asymmetry_that_is_there(target):
 
 def test_one_photo_does_not_choose_the_hold():
     """By the sum of squares it would, being as far off as all others together."""
-    middle, other = _find_place(EXPECTED), (3, 7)
+    middle, other = EXPECTED, PriorChoice(spread=SPREADS[3], weight=WEIGHTS[7])
     squares = np.array([[*[1.0] * 10, 100.0], [*[1.3] * 10, 20.0]])
     assert squares[1].sum() < squares[0].sum()
     assert _choose_likeliest([middle, other], squares)[0] == middle
 
 
 def test_what_many_photos_say_outweighs_what_is_expected():
-    middle, other = _find_place(EXPECTED), (3, 4)  # a distance of √8 standard deviations
+    middle, other = (
+        EXPECTED,
+        PriorChoice(spread=SPREADS[3], weight=WEIGHTS[4]),
+    )  # a distance of √8 standard deviations
     squares = np.array([np.full(3, 1.5), np.ones(3)])
     # Bayes: three times the likelihood of a photo, against exp(-8 / 2) of the expectation.
     assert _choose_likeliest([middle, other], squares)[0] == middle
@@ -202,16 +206,16 @@ def test_what_many_photos_say_outweighs_what_is_expected():
 
 
 def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
-    middle, other = _find_place(EXPECTED), (2, 2)
+    middle, other = EXPECTED, PriorChoice(spread=SPREADS[2], weight=WEIGHTS[2])
     alike = np.array([np.full(10, 1.0), np.full(10, 1.04)])
     assert _choose_likeliest([middle, other], alike) == (middle, {})  # by little, but by all photos
     # Half of the photos are for the one, half for the other, which is expected less.
     split = np.where(np.arange(10) % 2, 1.5, 1 / 1.5)
     chosen, runners_up = _choose_likeliest([middle, other], np.array([split, 1 / split]))
-    assert (chosen, [*runners_up]) == (middle, [_make_prior(other)])
+    assert (chosen, [*runners_up]) == (middle, [other])
     # Of ten tosses six or more: each counts 2 log 1.5 either way, and the expectation 1 / 2.
     tosses = binom.sf(5, 10, 0.5)
-    assert runners_up[_make_prior(other)] == pytest.approx(tosses, abs=0.05)
+    assert runners_up[other] == pytest.approx(tosses, abs=0.05)
 
 
 def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
