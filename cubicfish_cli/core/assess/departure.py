@@ -1,37 +1,11 @@
 """By how much a target as fitted departs from its drawing."""
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
 
+from cubicfish_cli.core.assess.fit_record import Departure
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.target import Target
-
-
-@dataclass(frozen=True, kw_only=True)
-class Departure:
-    """By how much one board as fitted departs from its drawing, in the target's units.
-
-    Attributes:
-        board: its name.
-        bend, twist, stretch: as :class:`~cubicfish_cli.core.boards.shape.BoardShape` has them.
-        shift: how far the board's middle moved.
-        turn_deg: how far the board turned.
-        offset_rms: root mean square length of its corners' own offsets.
-        doubts: nothing any more: what is doubted of boards is among the findings.
-
-    """
-
-    board: str = ""
-    bend: tuple[float, ...] = ()
-    twist: float = math.nan
-    stretch: tuple[float, ...] = ()
-    shift: float = math.nan
-    turn_deg: float = math.nan
-    offset_rms: float = math.nan
-    doubts: tuple[str, ...] = ()
 
 
 def departures(drawn: Target | None, refined: Target | None) -> tuple[Departure, ...]:

@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cubicfish_cli.core.assess.departure import Departure
 from cubicfish_cli.core.assess.pupil import PupilEffect
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
@@ -87,6 +86,30 @@ class DroppedCorner:
     column: int = 0
     row: int = 0
     error_px: float = NAN
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure:
+    """By how much one board as fitted departs from its drawing, in the target's units.
+
+    Attributes:
+        board: its name.
+        bend, twist, stretch: as :class:`~cubicfish_cli.core.boards.shape.BoardShape` has them.
+        shift: how far the board's middle moved.
+        turn_deg: how far the board turned.
+        offset_rms: root mean square length of its corners' own offsets.
+        doubts: nothing any more: what is doubted of boards is among the findings.
+
+    """
+
+    board: str = ""
+    bend: tuple[float, ...] = ()
+    twist: float = NAN
+    stretch: tuple[float, ...] = ()
+    shift: float = NAN
+    turn_deg: float = NAN
+    offset_rms: float = NAN
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cubicfish_cli.core.assess.departure import Departure
-from cubicfish_cli.core.assess.fit_record import DroppedCorner
+from cubicfish_cli.core.assess.fit_record import Departure, DroppedCorner
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.fit.cubic_fit import CameraFit, PriorChoice
