@@ -69,18 +69,15 @@ def run() -> Run:
     return run_cli
 
 
-@pytest.fixture(autouse=True)
-def nothing_from_outside(
-    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    monkeypatch.delenv("CUBICFISH_MODEL", raising=False)
-    monkeypatch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
-
-
 @pytest.fixture(scope="session", autouse=True)
-def no_report() -> Iterator[None]:
-    """As if the extra 'report' were absent: what writes pages takes its time, and says so."""
+def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No model and no cache of the user's, and as if the extra 'report' were absent.
+
+    What writes pages takes its time, and says so.
+    """
     with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("CUBICFISH_MODEL", raising=False)
+        patch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
         patch.setattr(
             extra, "missing", lambda of: ["matplotlib"] if of == extra.REPORT else MISSING(of)
         )

@@ -141,13 +141,10 @@ def test_a_known_error_is_one_line_on_stderr(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["before", "after"])
-def test_debug_shows_where_an_error_came_from(tmp_path: Path, place: str) -> None:
+def test_debug_shows_where_an_error_came_from(run: Run, tmp_path: Path, place: str) -> None:
     args = ["project", "-m", str(tmp_path / "no.yaml")]
     args = ["--debug", *args] if place == "before" else [*args, "--debug"]
-    command = [sys.executable, "-m", "cubicfish_cli", *args]
-    done = subprocess.run(command, input="0,0,1\n", capture_output=True, text=True)
-    assert done.returncode == 1
-    trace, _, error = done.stderr.rpartition("Error: ")
+    trace, _, error = run(*args, input="0,0,1\n", code=1).stderr.rpartition("Error: ")
     assert trace.startswith("Traceback")
     assert "CameraFileError" in trace
     assert error.count("\n") == 1
@@ -248,13 +245,24 @@ HALF_DONE = """
 """
 
 
-@pytest.mark.parametrize("way", [WRAPPED, LOST, HALF_DONE], ids=["wrapped", "lost", "half done"])
+INTERRUPTED, TERMINATED = ("SIGINT", "Interrupted.\n", 130), ("SIGTERM", "", 143)
+
+
 @pytest.mark.parametrize(
-    ("name", "said", "code"), [("SIGINT", "Interrupted.\n", 130), ("SIGTERM", "", 143)]
+    ("way", "ended"),
+    [
+        pytest.param(WRAPPED, INTERRUPTED, id="wrapped"),
+        pytest.param(LOST, TERMINATED, id="lost"),
+        pytest.param(HALF_DONE, INTERRUPTED, id="half done"),
+        pytest.param(WRAPPED, TERMINATED, id="wrapped, terminated", marks=pytest.mark.slow),
+        pytest.param(LOST, INTERRUPTED, id="lost, interrupted", marks=pytest.mark.slow),
+        pytest.param(HALF_DONE, TERMINATED, id="half done, terminated", marks=pytest.mark.slow),
+    ],
 )
 def test_a_signal_ends_it_whatever_comes_of_the_exception(
-    tmp_path: Path, way: str, name: str, said: str, code: int
+    tmp_path: Path, way: str, ended: tuple[str, str, int]
 ) -> None:
+    name, said, code = ended
     program = tmp_path / "program.py"
     program.write_text(
         "import signal, time\n"

@@ -237,7 +237,9 @@ def test_what_cannot_be_done_is_one_line(run: Run, tmp_path: Path) -> None:
     assert "<svg" in drawing.read_text()
 
 
-@pytest.mark.parametrize("args", [["target", "-h"], ["target", "check", "-h"]])
+@pytest.mark.parametrize(
+    "args", [pytest.param(["target", "-h"], marks=pytest.mark.slow), ["target", "check", "-h"]]
+)
 def test_help_is_quick_and_has_an_example(run: Run, args: list[str]) -> None:
     assert heavy_modules_after(*args) == "loaded:"
     assert "cubicfish target check target.yaml" in run(*args).output.split("Examples:")[1]

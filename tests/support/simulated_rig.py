@@ -22,7 +22,6 @@ from cubicfish_cli.core.target import Target
 
 FloatArray = npt.NDArray[np.float64]
 
-_CANDIDATES_A_SHOT = 25
 # A camera sees the target where it sees so many corners.
 _FEWEST_CORNERS = 20
 
@@ -53,6 +52,7 @@ def simulated_rig(
     middle: npt.ArrayLike | None = None,
     seed: int = 0,
     errors: CornerErrors | None = None,
+    candidates: int = 25,
 ) -> tuple[list[Observations], RigTruth]:
     """Corners of the shots of a rig, called ``shot_001`` and so on in each camera.
 
@@ -67,6 +67,7 @@ def simulated_rig(
         middle: (3,) about which the rig is placed; by default the corners' middle.
         seed: of places and errors.
         errors: how corners miss.
+        candidates: places to choose from, for each shot.
 
     Raises:
         TargetError: the target cannot be seen so often.
@@ -74,7 +75,7 @@ def simulated_rig(
     """
     rng = np.random.default_rng((seed, 2))
     about = target.corners()[3].mean(axis=0) if middle is None else np.asarray(middle, float)
-    candidates: list[tuple[Pose, list[int]]] = []
+    places: list[tuple[Pose, list[int]]] = []
     for _ in range(40 * n_shots):
         pose = _random_pose(rng, about, distances)
         counts = []
@@ -82,12 +83,12 @@ def simulated_rig(
             seen = project_corners(target, lens, combined(own, pose), lens.image_size)
             counts.append(int(seen.visible.sum()))
         if max(counts) >= _FEWEST_CORNERS:
-            candidates.append((pose, counts))
-        if len(candidates) >= _CANDIDATES_A_SHOT * min(n_shots, 40):
+            places.append((pose, counts))
+        if len(places) >= candidates * min(n_shots, 40):
             break
-    if len(candidates) < n_shots:
-        raise TargetError(f"only {len(candidates)} shots of the target were found")
-    chosen = _chosen(candidates, len(lenses), n_shots)
+    if len(places) < n_shots:
+        raise TargetError(f"only {len(places)} shots of the target were found")
+    chosen = _chosen(places, len(lenses), n_shots)
     corners, truths = [], []
     for number, (lens, own) in enumerate(zip(lenses, camera_from_rig, strict=True)):
         poses = tuple(combined(own, pose) for pose, _ in chosen)

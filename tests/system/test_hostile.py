@@ -100,15 +100,31 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["pipe", "endless", "folder", "loop", "dangling"])
-@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+KINDS = ("pipe", "endless", "folder", "loop", "dangling")
+WAYS = ("target", "calibrate-corners", "detect", "corners-vnl", "frames")
+"""One command for each way to read; that each command reads in such a way is seen by pipes."""
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"),
+    [
+        pytest.param(
+            command,
+            kind,
+            marks=() if kind == "pipe" or command in WAYS else pytest.mark.slow,
+            id=f"{command}-{kind}",
+        )
+        for command in COMMANDS
+        for kind in KINDS
+    ],
+)
 def test_what_is_no_file_is_refused_at_once(
     run, calibrated, here, monkeypatch, in_time, kind, command
 ):
     monkeypatch.setattr(reading, "PATIENCE", 0.01)
     (here / "known").symlink_to(calibrated)
     arguments = []
-    for word in map(str, command):
+    for word in map(str, COMMANDS[command]):
         if word.startswith("F."):
             word = made(kind, here / "given" / word)
         arguments.append(word)

@@ -77,8 +77,11 @@ def narrower(view: CentralView, by: float) -> CentralView:
     return replace(view, focal=view.focal * by)
 
 
+FIELDS = [60, *(pytest.param(deg, marks=pytest.mark.slow) for deg in (140, 180)), 220]
+
+
 @pytest.mark.parametrize("kind", list(PROJECTIONS))
-@pytest.mark.parametrize("field", [60, pytest.param(140, marks=pytest.mark.slow), 180, 220])
+@pytest.mark.parametrize("field", FIELDS)
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
 def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
     camera = lens(field)
@@ -91,7 +94,7 @@ def test_inner_has_no_empty_pixel_and_could_not_be_wider(kind, field, angles):
 
 
 @pytest.mark.parametrize("kind", list(PROJECTIONS))
-@pytest.mark.parametrize("field", [60, pytest.param(140, marks=pytest.mark.slow), 180, 220])
+@pytest.mark.parametrize("field", FIELDS)
 @pytest.mark.parametrize("angles", [{}, {"yaw_deg": 12, "pitch_deg": -7, "roll_deg": 40}])
 def test_outer_loses_nothing_and_could_not_be_narrower(kind, field, angles):
     camera = lens(field)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from simulated import simulated_corners
-from synthetic import flat_board, lens_of_size
+from synthetic import flat_board, lens_of_size, poses_around
 
 from cubicfish_cli.app.sufficiency.worth import Worth, _told
 from cubicfish_cli.core.errors import FitError
@@ -18,7 +18,8 @@ LENS = lens_of_size(1.0)
 @pytest.fixture(scope="module")
 def pairs():
     target = flat_board()
-    corners, _ = simulated_corners(LENS, target, 12, seed=5)
+    poses = tuple(poses_around(target, 12, seed=5))
+    corners, _ = simulated_corners(LENS, target, 12, seed=5, poses=poses)
     return corners.with_target(target)
 
 

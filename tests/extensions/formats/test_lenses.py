@@ -86,11 +86,11 @@ def test_shapes_are_kept(lens):
 def test_outside_the_field_is_nan(lens):
     behind = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
     assert np.isnan(lens.project(behind)).all()
-    everywhere = lens.project(random_rays(180, 4000))
+    everywhere = lens.project(random_rays(180, 2000))
     assert not np.isinf(everywhere).any()
     assert np.isnan(lens.unproject([[np.nan, 1.0], [1e9, -1e9]])).all()
     width, height = lens.image_size
-    grid = np.random.default_rng(3).uniform(-3, 4, (1000, 2)) * [width, height]
+    grid = np.random.default_rng(3).uniform(-3, 4, (400, 2)) * [width, height]
     rays = lens.unproject(grid)
     seen = np.isfinite(rays[:, 0])
     assert seen.any()

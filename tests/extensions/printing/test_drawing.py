@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 from synthetic import checkerboard
 
-pytest.importorskip("matplotlib")
-
 from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.extensions.printing.drawing import ink_rectangles
 from tests.extensions.simulation.test_faces_markers import aprilgrid, charuco
+
+
+def ink_rectangles(board):
+    # Loaded with what writes PDF where it is used, not by every process that collects tests.
+    from cubicfish_cli.extensions.printing import drawing
+
+    return drawing.ink_rectangles(board)
+
 
 BOARDS = {
     "checkerboard": checkerboard("a", 4, 3, 1.0),

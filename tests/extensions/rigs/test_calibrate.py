@@ -64,6 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         distances=(50, 300),
         middle=(330, 330, 300),
         errors=CornerErrors(noise=0.1, shared=0, spread=0),
+        candidates=5,
     )
     save_target(folder / "target.yaml", target)
     for name, own in zip(("left", "right"), corners, strict=True):

@@ -10,21 +10,22 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
+import distant_work
 import numpy as np
 import pytest
 from running import SAMPLE, Run
-
-pytest.importorskip("distributed", exc_type=ImportError)
-
-import distant_work
 
 from cubicfish_cli.app.executors import cluster
 from cubicfish_cli.app.executors.cluster import connect, do_one, versions_here
 from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.core.errors import ClusterError, PhotoError
+
+# It is loaded where it is used: that takes its time in every process that collects tests.
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs distributed")
 
 ROOT = Path(__file__).parents[4]
 PATIENCE_S = 30
