@@ -85,6 +85,20 @@ def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
 
 
 @pytest.fixture
+def in_time() -> Iterator[None]:
+    """What waits for a file for ever is ended."""
+
+    def stop(*_: object) -> None:
+        raise AssertionError("it hangs")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(20)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture
 def with_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """The extra 'report' as it is here; without it the test is skipped."""
     for library in extra.REPORT:

@@ -38,7 +38,7 @@ PHOTOS = sorted((SAMPLE / "photos").glob("*.jpg"))
 NOBODY = "tcp://127.0.0.1:9"  # a port where nothing listens
 MRCAL = (
     "{ 'lensmodel': 'LENSMODEL_OPENCV8', 'extrinsics': [0, 0, 0, 0, 0, 0],\n"
-    "'intrinsics': [210, 210, 240, 180, 0.1, 0.01, 0, 0, 0, 0, 0, 0],\n"
+    "'intrinsics': [130, 130, 240, 180, 0.01, 0.001, 0, 0, 0, 0, 0, 0],\n"
     "'imagersize': [480, 360] }\n"
 )
 COMMON = {"--help", "--verbose", "--quiet", "--debug", "--report", "--tags"}

@@ -24,7 +24,7 @@ from cubicfish_cli.extensions.rigs.undistort import command as undistort_rig_com
 from tests.extensions.rigs.test_export import made_rig
 
 TARGET = SAMPLE / "target.yaml"
-PHOTOS = [SAMPLE / "photos" / f"corner_{number:02d}.jpg" for number in (1, 2)]
+NAMES = [f"corner_{number:02d}.jpg" for number in (1, 2)]
 NOBODY = "tcp://127.0.0.1:9"  # a port where nothing listens
 COMMON = {"--help", "--verbose", "--quiet", "--debug", "--model"}
 VIEWED = {"jpeg", "png", "many", "film", "rig"}
@@ -71,22 +71,25 @@ MAP: Mapping[str, tuple[object, set[str]]] = {
 
 @pytest.fixture(scope="module")
 def sources(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A camera, a rig with a shot, and a film."""
+    """A camera, small photos of it, a rig with a shot, and a film."""
     folder = tmp_path_factory.mktemp("sources")
     rig = made_rig(calibrated, folder / "rig", 2)
-    for name, photo in zip(("left", "right"), PHOTOS, strict=True):
+    for name, photo in zip(("left", "right"), NAMES, strict=True):
+        picture = cv2.imread(str(SAMPLE / "photos" / photo))
+        small = cv2.resize(picture, (320, 240), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(folder / photo), small)
         (folder / "shots" / name).mkdir(parents=True)
-        cv2.imwrite(str(folder / "shots" / name / "1.png"), cv2.imread(str(photo)))
+        cv2.imwrite(str(folder / "shots" / name / "1.png"), small)
     film = folder / "film.mkv"
     av = pytest.importorskip("av")
-    small = cv2.resize(cv2.imread(str(PHOTOS[0])), (320, 240), interpolation=cv2.INTER_AREA)
     with av.open(str(film), "w") as container:
         stream = container.add_stream("libx264", rate=25)
         stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(small[..., ::-1]), format="rgb24")
         container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
-    return {"camera": calibrated, "rig": rig, "shots": folder / "shots", "film": film}
+    made = {"camera": calibrated, "rig": rig, "shots": folder / "shots", "film": film}
+    return {**made, **{name: folder / name for name in NAMES}}
 
 
 SHOWN_OTHERWISE = {
@@ -98,14 +101,15 @@ def undistort_line(mode: str, sources: Mapping[str, Path], out: Path) -> list[ob
     """The command of a mode, which writes below ``out``."""
     flat: list[object] = ["--size", "48x36"]
     one = ["-m", sources["camera"]]
+    photo, other = (sources[name] for name in NAMES)
     line: dict[str, list[object]] = {
-        "jpeg": [PHOTOS[0], out / "a.jpg", *one, *flat],
-        "png": [PHOTOS[0], out / "a.png", *one, *flat],
-        "many": [*PHOTOS, out / "many", *one, *flat],
+        "jpeg": [photo, out / "a.jpg", *one, *flat],
+        "png": [photo, out / "a.png", *one, *flat],
+        "many": [photo, other, out / "many", *one, *flat],
         "film": [sources["film"], out / "a.mp4", *one, *flat],
         "rig": [sources["shots"], out / "rig", "-m", sources["rig"], "--size", "60x30"],
-        "cube": [PHOTOS[0], out / "a.png", *one, "--view", "cube", "--size", "16x16"],
-        "plane": [PHOTOS[0], out / "a.png", *one, "--view", "plane:floor"],
+        "cube": [photo, out / "a.png", *one, "--view", "cube", "--size", "16x16"],
+        "plane": [photo, out / "a.png", *one, "--view", "plane:floor"],
     }
     return [*(["rig"] if mode == "rig" else []), "undistort", *line[mode]]
 

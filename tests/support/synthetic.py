@@ -94,13 +94,14 @@ def corner_of_three() -> Target:
     )
 
 
-def box_of_four() -> Target:
-    """A box whose floor and three walls are equal 12x12 boards of 40 mm, seen from inside.
+def box_of_four(n: int = 12) -> Target:
+    """A box whose floor and three walls are equal boards of n x n corners, seen from inside.
 
-    The box is 600 mm wide, z is up, and the wall at large y is missing.
+    The box is 600 mm wide, z is up, and the wall at large y is missing. However many corners a
+    board has, they go as far; of 12x12, squares are of 40 mm.
     """
-    n, square, gap, side = 12, 40.0, 80.0, 600.0
-    far = gap + (n - 1) * square
+    gap, side, far = 80.0, 600.0, 520.0
+    square = (far - gap) / (n - 1)
     return Target(
         units="mm",
         boards=(

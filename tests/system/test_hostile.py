@@ -4,7 +4,6 @@ import ast
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -32,20 +31,6 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(folder)
     yield folder
     assert [path.name for path in tmp_path.iterdir()] == ["here"]
-
-
-@pytest.fixture
-def in_time():
-    """What waits for a file for ever is ended."""
-
-    def stop(*_):
-        raise AssertionError("it hangs")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(20)
-    yield
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture

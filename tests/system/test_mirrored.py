@@ -135,10 +135,10 @@ def test_a_first_square_of_the_other_colour_is_told_by_its_key():
 
 @cache
 def lone_board(columns, rows):
-    """A target, and its grids in photos that show all of it."""
+    """A target, and its grids in three photos that show all of it."""
     target = Target(units="mm", boards=(checkerboard("b", columns, rows, 30.0),))
     grids, _ = anonymous_photos(seen(target, photos=6, distance=(0.8, 1.4)), target)
-    return target, [own for own in grids if len(own[0]) == columns * rows]
+    return target, [own for own in grids if len(own[0]) == columns * rows][:3]
 
 
 @pytest.mark.parametrize("size", [(7, 5), (6, 4), (8, 8)])
@@ -146,7 +146,7 @@ def lone_board(columns, rows):
 @pytest.mark.parametrize("first", ["dark", "light"])
 def test_a_lone_board_is_named_in_either_colour_and_mirrored(size, mirrored, first):
     target, whole = lone_board(*size)
-    assert len(whole) >= 3
+    assert len(whole) == 3
     if mirrored:
         whole = [[grid_in_mirror(own[0], IMAGE_SIZE[0])] for own in whole]
     said = target.with_boards({0: replace(target.boards[0], first_square=first)})

@@ -34,7 +34,7 @@ FOLDS = [np.array([0, 3, 6]), np.array([1, 4, 7]), np.array([2, 5])]
 
 @pytest.fixture(scope="module")
 def target():
-    return synthetic.box_of_four()
+    return synthetic.box_of_four(7)
 
 
 @pytest.fixture(scope="module")

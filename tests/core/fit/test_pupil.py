@@ -18,7 +18,7 @@ from cubicfish_cli.core.fit.subset import world_scale
 from cubicfish_cli.core.lenses.sphere import cone_rays, ray_at
 from cubicfish_cli.core.observations import Observations
 
-TARGET = synthetic.box_of_four()
+TARGET = synthetic.box_of_four(8)
 PHOTOS = 12
 COUNTED = cone_rays(np.radians(80), 1000)
 

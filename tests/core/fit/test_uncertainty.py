@@ -79,7 +79,7 @@ def test_more_photos_make_it_smaller():
         uncertainty = camera_uncertainty(fit_cubic(reference, PRIOR))
         return np.median(uncertainty.sigma_px(cone_rays(np.deg2rad(60), 100)))
 
-    assert sigma(20) < 0.75 * sigma(5)
+    assert sigma(15) < 0.75 * sigma(5)
 
 
 def test_what_is_left_is_no_turn():

@@ -25,11 +25,13 @@ BOARD = Checkerboard(
     y_axis=np.array([0, 1.0, 0]),
 )
 TARGET = Target(units="mm", boards=(BOARD,))
-_DRAWN, _FINER = 40, 4
+_DRAWN = 40
 
 
-def slanted(near, far, scale=1.0):
+def slanted(near, far, scale=1.0, finer=4):
     """A board whose squares are ``near`` px wide in its first row and ``far`` px in its last.
+
+    It is drawn ``finer`` times as large first.
 
     Returns the photo and the pixels (N, 2) of its corners.
     """
@@ -45,11 +47,11 @@ def slanted(near, far, scale=1.0):
     source = np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5
     move = cv2.getPerspectiveTransform(source.astype(np.float32), to.astype(np.float32))
     size = np.array([320, 240]) * scale
-    finer = np.diag([_FINER, _FINER, 1.0]) @ move
-    finer[:2] += (_FINER - 1) / 2 * finer[2]
-    big = tuple(int(side) for side in size * _FINER)
-    photo = cv2.warpPerspective(drawn, finer, big, flags=cv2.INTER_AREA, borderValue=120)
-    photo = cv2.resize(photo, None, fx=1 / _FINER, fy=1 / _FINER, interpolation=cv2.INTER_AREA)
+    larger = np.diag([finer, finer, 1.0]) @ move
+    larger[:2] += (finer - 1) / 2 * larger[2]
+    big = tuple(int(side) for side in size * finer)
+    photo = cv2.warpPerspective(drawn, larger, big, flags=cv2.INTER_AREA, borderValue=120)
+    photo = cv2.resize(photo, None, fx=1 / finer, fy=1 / finer, interpolation=cv2.INTER_AREA)
     noise = np.random.default_rng(0).normal(0, 1.5, photo.shape)
     pixel = cv2.perspectiveTransform(corners[None].astype(np.float64), move)[0]
     return np.clip(np.rint(photo + noise), 0, 255).astype(np.uint8), pixel
@@ -81,7 +83,7 @@ def test_the_rest_of_a_board_is_found(photo):
 def test_what_is_no_part_is_not_searched_again(monkeypatch, photo):
     picture, _ = photo
     whole = look_closer(picture, find_grids(picture), SIZES)
-    large, _ = slanted(11, 4.5, scale=3)
+    large, _ = slanted(11, 4.5, scale=3, finer=1)
     large[:] = np.where(np.arange(large.shape[1]) > 400, 120, large)  # a cut board, large squares
     cut = find_grids(large)
     assert 0 < len(cut.grids[0]) < COLUMNS * ROWS

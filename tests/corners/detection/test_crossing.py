@@ -1,15 +1,13 @@
 """The sub-pixel fit against edges drawn with exact formulas."""
 
-from math import erf
-
 import cv2
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from cubicfish_cli.corners.detection.crossing import Quiet, fit_crossings
 from cubicfish_cli.corners.detection.lattice import LocalFit
 
-_ERF = np.vectorize(erf)
 SIDE = 24.0
 
 
@@ -37,7 +35,7 @@ def drawn_corners(count, *, blur, levels=(200.0, 40.0, 200.0, 40.0), curve=0.0, 
         i, j = np.moveaxis(apart @ np.linalg.inv(step[k]).T, -1, 0)
         across_j, across_i = j - 0.5 * curve * i * i, i - 0.5 * curve * j * j
         height = SIDE * np.cos(lean[k])
-        u, v = (_ERF(c * height / (blur * np.sqrt(2))) for c in (across_i, across_j))
+        u, v = (erf(c * height / (blur * np.sqrt(2))) for c in (across_i, across_j))
         a, b, c, d = levels
         image[:, tile * k : tile * (k + 1)] = (
             (1 + u) * (1 + v) * a + (1 - u) * (1 + v) * b + (1 - u) * (1 - v) * c
@@ -104,7 +102,7 @@ def test_the_spread_with_noise_is_near_the_lower_bound():
     spread = np.sqrt((error**2).mean())
     offset = np.stack(np.meshgrid(*[np.arange(-5, 6)] * 2), -1).reshape(-1, 2)
     offset = offset[(offset**2).sum(1) <= 25].astype(float)
-    u, v = (_ERF(c / (blur * np.sqrt(2))) for c in offset.T)
+    u, v = (erf(c / (blur * np.sqrt(2))) for c in offset.T)
     slope = 80 * np.sqrt(2 / np.pi) / blur * np.exp(-(offset**2) / (2 * blur**2))
     information = np.stack([slope[:, 0] * v, slope[:, 1] * u])
     bound = noise / np.sqrt((information**2).sum(1).mean())

@@ -11,9 +11,11 @@ from json_keys import keys_of
 from running import Run
 
 from cubicfish_cli import load_rig
+from cubicfish_cli.core.views.maps import camera_for_photos
 from tests.extensions.rigs.test_export import made_rig
 
 SMALL = ("--size", "120x60")
+HALF, QUARTER = (480, 360), (240, 180)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +29,7 @@ def shots(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two shots of the world's directions in colours."""
     folder = tmp_path_factory.mktemp("shots")
     for one in load_rig(rig).cameras:
-        camera = one.camera
+        camera = camera_for_photos(one.camera, HALF)
         width, height = camera.image_size
         pixel = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
         rays = camera.unproject(pixel) @ one.rotation
@@ -111,7 +113,7 @@ def test_photos_may_be_an_exact_rescale(run: Run, rig: Path, shots: Path, tmp_pa
     half = [tmp_path / f"{path.parent.name}.png" for path in photos]
     for path, small in zip(photos, half, strict=True):
         picture = cv2.imread(str(path))
-        cv2.imwrite(str(small), cv2.resize(picture, (480, 360), interpolation=cv2.INTER_AREA))
+        cv2.imwrite(str(small), cv2.resize(picture, QUARTER, interpolation=cv2.INTER_AREA))
     args = ["-m", rig, *SMALL]
     run("rig", "undistort", *photos, tmp_path / "a.png", *args)
     run("rig", "undistort", *half, tmp_path / "b.png", *args)
