@@ -94,7 +94,7 @@ def test_their_corners_are_found_and_named(blurred):
     assert found.grid_board.tolist() == [0]
 
 
-@pytest.mark.parametrize("blur", [1.2, pytest.param(1.8, marks=pytest.mark.slow), 2.5])
+@pytest.mark.parametrize("blur", [1.2, 1.8, 2.5])
 def test_a_board_is_read_where_few_or_none_of_its_markers_are(sharp, blur):
     target, _ = true_grid(BOARD)
     found = find(soft(sharp, blur), target)
