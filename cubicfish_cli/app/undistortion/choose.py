@@ -79,7 +79,9 @@ def build_view(
     asked = ViewOptions(
         kind=kind, hfov_deg=hfov_deg, vfov_deg=vfov_deg, focal=focal, fit=fit, **numbers
     )
-    return _central(camera, asked)[0]
+    view = chosen_view(camera, asked).first
+    assert isinstance(view, CentralView)
+    return view
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,42 +200,39 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
         if not isinstance(camera, CubicCamera):
             raise UsageError("--fit whole is for photos of one camera: take --fit outer")
         camera = WholePhoto(camera=camera)
-    view, at_limit = _central(camera, asked)
-    numbers = (asked.hfov_deg, asked.vfov_deg, asked.focal, *filter(None, asked.rotate_deg))
-    asked_field = any(number is not None for number in numbers)
+    view, at_limit = _view_as_asked(asked, asked.size or camera.image_size), False
+    scale = view.size[0] / camera.image_size[0]
+    asked_field = any(one is not None for one in (asked.hfov_deg, asked.vfov_deg, asked.focal))
+    if view.kind.endswith("equirectangular") and asked.leaves_field_open:
+        view = cropped(camera, replace(view, focal=axis_focal(camera)))
+    elif view.kind == "perspective" and not asked_field and asked.fit is None:
+        widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
+        least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
+        view = replace(view, focal=max(axis_focal(camera), least) * scale)
+    elif not asked_field:
+        share = 1.0 if asked.fit in (None, WHOLE) else float(asked.fit)
+        view, at_limit = fit_view(camera, view, share)
+        if asked.fit is None and view.kind.endswith("cylindrical") and at_limit:
+            # All round, for the sake of what is nearly overhead, is not what anyone means.
+            focal = max(view.focal, axis_focal(camera) * scale)
+            view, at_limit = replace(view, focal=focal), False
+    asked_field = asked_field or any(asked.rotate_deg)
     return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, asked_field=asked_field)
 
 
-def _central(camera: Camera, asked: ViewOptions) -> tuple[CentralView, bool]:
-    """The view, and whether the camera sees more than it can show."""
-    size = asked.size or camera.image_size
+def _view_as_asked(asked: ViewOptions, size: tuple[int, int]) -> CentralView:
+    """The view of a size, with its field if one is asked for."""
     view = CentralView(
         kind=asked.kind or KINDS[0],
         size=size,
         focal=asked.focal or 1.0,
         rotation=rotation_from_angles(*asked.rotate_deg),
     )
-    scale = size[0] / camera.image_size[0]
     field = partial(CentralView.with_field, view.kind, rotation=view.rotation)
-    if view.kind.endswith("equirectangular") and asked.leaves_field_open:
-        return cropped(camera, replace(view, focal=axis_focal(camera))), False
-    if asked.hfov_deg is not None:
-        view = field(asked.hfov_deg, size)
-        if asked.vfov_deg is None:
-            return view, False
-        one = field(asked.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
-        return replace(view, size=(size[0], max(1, round(view.focal / one.focal)))), False
-    if asked.vfov_deg is not None:
-        return field(asked.vfov_deg, size, vertical=True), False
-    if asked.focal is not None:
-        return view, False
-    if asked.fit is None and view.kind == "perspective":
-        widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
-        least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
-        return replace(view, focal=max(axis_focal(camera), least) * scale), False
-    share = 1.0 if asked.fit in (None, WHOLE) else float(asked.fit)
-    view, at_limit = fit_view(camera, view, share)
-    if asked.fit is None and view.kind.endswith("cylindrical") and at_limit:
-        # All round, for the sake of what is nearly overhead, is not what anyone means.
-        return replace(view, focal=max(view.focal, axis_focal(camera) * scale)), False
-    return view, at_limit
+    if asked.hfov_deg is None:
+        return view if asked.vfov_deg is None else field(asked.vfov_deg, size, vertical=True)
+    view = field(asked.hfov_deg, size)
+    if asked.vfov_deg is None:
+        return view
+    one = field(asked.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
+    return replace(view, size=(size[0], max(1, round(view.focal / one.focal))))

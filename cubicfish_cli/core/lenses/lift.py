@@ -110,17 +110,11 @@ def evaluate_cubics(coefficients: FloatArray, points: FloatArray) -> tuple[Float
     return values.T, 3 * form[:, :3].transpose(2, 0, 1)
 
 
-@cache
-def _interpolation() -> tuple[FloatArray, FloatArray]:
-    """Points in general position and the matrix from their values to the 20 coefficients."""
-    points = np.random.default_rng(0).uniform(-1, 1, (120, 3))
-    return points, np.asarray(np.linalg.pinv(lift(points)))
-
-
 def lift_rotation(rotation: npt.ArrayLike) -> FloatArray:
     """L(R), (20, 20), with Φ(R X) = L(R) Φ(X) for every X: (3, 3) -> (20, 20).
 
     A rotated camera frame is therefore the same camera with P L(R): this is the gauge.
     """
-    points, to_coefficients = _interpolation()
+    points = np.random.default_rng(0).uniform(-1, 1, (120, 3))  # in general position
+    to_coefficients = np.linalg.pinv(lift(points))
     return (to_coefficients @ lift(points @ np.asarray(rotation, float).T)).T
