@@ -8,9 +8,9 @@ they add up to.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -215,41 +215,38 @@ def adjust(
         FitError: the start itself sees a point at infinity.
 
     """
-    state = State(lens, poses, DeformableTarget(nominal=pairs.world) if world is None else world)
-    now = _evaluated(state, pairs, huber_px)
-    if now.normal is None:
+    world = DeformableTarget(nominal=pairs.world) if world is None else world
+    now = _evaluated(State(lens, poses, world), pairs, huber_px)
+    if not np.isfinite(now.cost):
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
             "rightly and that the camera belongs to these photos"
         )
-    normal = now.normal
     near, iterations = damping < COLD_DAMPING, 0
     pose_damping = np.zeros((len(poses), 1))
     while iterations < max_iterations:
-        step = normal.solve(damping, pose_damping)
-        gain = normal.expected_decrease(step) / max(now.cost, 1e-300)
+        step = now.normal.solve(damping, pose_damping)
+        gain = now.normal.expected_decrease(step) / max(now.cost, 1e-300)
         # Far from the optimum, or damped, a step says too little of what is left to gain.
         if near and gain < relative_decrease and damping < COLD_DAMPING:
             break
         iterations += 1
-        candidate = state.moved(*step)
-        new = _evaluated(candidate, pairs, huber_px)
+        new = _evaluated(now.moved(*step), pairs, huber_px)
         least = relative_decrease
         if not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations:
             iterations += 1
             least = max(relative_decrease, _IMMATERIAL)
-            astray = _astray(state, pairs, huber_px, now, new)
+            astray = _astray(now, new)
             if astray.any():  # these alone are held firmly, and stop no others
                 pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
-                candidate = state.moved(*normal.solve(damping, pose_damping))
-                new = _evaluated(candidate, pairs, huber_px)
-            elif new.normal is not None:
+                step = now.normal.solve(damping, pose_damping)
+                new = _evaluated(now.moved(*step), pairs, huber_px)
+            elif np.isfinite(new.cost):
                 # A valley that bends: what went straight on is on its side, above its floor.
-                candidate = candidate.moved(*new.normal.solve(damping))
-                new = _evaluated(candidate, pairs, huber_px)
-        if new.normal is not None and new.cost < now.cost:
+                new = _evaluated(new.moved(*new.normal.solve(damping)), pairs, huber_px)
+        if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
-            state, now, normal = candidate, new, new.normal
+            now = new
             damping = max(damping / 10, 1e-12)
             pose_damping *= 0.1
             if decrease < least:
@@ -258,28 +255,14 @@ def adjust(
             damping *= 10
             if damping > 1e8 or gain < _ROUNDING or new.cost < (1 + least) * now.cost:
                 break
-    return Adjustment(
-        **vars(state),
-        residual=now.residual,
-        cost=now.cost,
-        iterations=iterations,
-        normal=normal,
-        pairs=pairs,
-        huber_px=huber_px,
-    )
+    return replace(now, iterations=iterations)
 
 
-@dataclass(frozen=True, eq=False)
-class _Evaluation:
-    """Cost, residuals and normal equations of a state; None where the cost is infinite."""
+def _evaluated(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
+    """A state with its derivatives at once: nearly every step that is tried is taken.
 
-    cost: float
-    residual: FloatArray
-    normal: NormalEquations | None = None
-
-
-def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Evaluation:
-    """Evaluate a state with its derivatives at once: nearly every step that is tried is taken."""
+    Its normal equations are not whole where the cost is infinite.
+    """
     normal, world = NormalEquations.zeros(*state.size), state.world
     residual, cost = np.empty_like(pairs.pixel), 0.0
     # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
@@ -293,24 +276,30 @@ def _evaluated(state: State[Any], pairs: Observations, huber_px: float) -> _Eval
         prior = state.lens.prior()
         offset = (world.offset_weight * world.offsets).reshape(-1)
         cost += 0.5 * float(prior[-1, -1] + world.prior()[-1, -1] + offset @ offset)
-        if not np.isfinite(cost):
-            return _Evaluation(np.inf, residual)
-        return _Evaluation(cost, residual, normal.held(prior, world))
+        if np.isfinite(cost):
+            normal = normal.held(prior, world)
+    return Adjustment(
+        **vars(state),
+        residual=residual,
+        cost=cost if np.isfinite(cost) else np.inf,
+        iterations=0,
+        normal=normal,
+        pairs=pairs,
+        huber_px=huber_px,
+    )
 
 
-def _astray(
-    state: State[Any], pairs: Observations, huber_px: float, now: _Evaluation, new: _Evaluation
-) -> BoolArray:
+def _astray(now: Adjustment[L], new: Adjustment[L]) -> BoolArray:
     """(M,) poses whose cost a step raised by far, where it lowers that of the others; else none.
 
     Of many photos there is always one whose pose goes astray.
     """
-    count = len(state.poses)
-    shot = state.lens.shot_of(pairs.image)
+    count = len(now.poses)
+    shot = now.lens.shot_of(now.pairs.image)
     rise = np.zeros(count)
     for sign, of in ((1, new), (-1, now)):
-        cost = huber_cost(np.hypot(of.residual[:, 0], of.residual[:, 1]), huber_px)
-        rise += sign * np.bincount(shot, pairs.weight * cost, count)
+        cost = huber_cost(np.hypot(of.residual[:, 0], of.residual[:, 1]), now.huber_px)
+        rise += sign * np.bincount(shot, now.pairs.weight * cost, count)
     known = np.isfinite(rise)
     risen = ~known | (rise > np.abs(rise[known]).sum() / count)
     return risen & bool(rise[~risen].sum() < 0)

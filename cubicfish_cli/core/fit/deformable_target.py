@@ -78,7 +78,7 @@ class DeformableTarget:
         noise: standard deviation of a corner's coordinate, pixels: what one spread costs.
         corner: (N,) which free corner each pair is of; empty when corners have no offsets.
         offsets: (Q, 3) world offset of each free corner; Q is 0 when corners have none.
-        offset_weight: pixels that an offset of one unit counts as.
+        offset_spread: standard deviation of the pull of offsets to zero.
 
     """
 
@@ -89,7 +89,12 @@ class DeformableTarget:
     noise: float = 1.0
     corner: IntArray = field(default_factory=lambda: np.zeros(0, np.intp))
     offsets: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
-    offset_weight: float = 0.0
+    offset_spread: float = np.inf
+
+    @property
+    def offset_weight(self) -> float:
+        """Pixels that an offset of one unit counts as."""
+        return self.noise / self.offset_spread
 
     @property
     def free(self) -> bool:
@@ -123,11 +128,6 @@ class DeformableTarget:
             found = np.sum(self.parameters[own] ** 2 + variance[own])
             spread[own] = np.sqrt((found + _USUAL_SPREAD**2) / (own.sum() + 1))
         return replace(self, spread=spread)
-
-    def with_noise(self, noise: float, offset_spread: float | None) -> DeformableTarget:
-        """The same target under pulls that follow another noise, pixels, and offsets' spread."""
-        weight = 0.0 if offset_spread is None else noise / offset_spread
-        return replace(self, noise=noise, offset_weight=weight)
 
     def select(self, rows: IntArray) -> DeformableTarget:
         """The same target for the pairs of some rows (n,); what is free stays as it is."""
@@ -271,6 +271,7 @@ class NominalTarget:
             parts=tuple(parts),
             parameters=np.zeros(len(spread)),
             spread=np.array(spread),
+            noise=noise,
         )
         if offset_spread is not None:
             # What may be another corner than it is named as has an offset that no other photo
@@ -279,8 +280,10 @@ class NominalTarget:
             keys = np.stack([pairs.board, pairs.row, pairs.column, apart], axis=1)
             unique, corner = np.unique(keys, axis=0, return_inverse=True)
             offsets = np.zeros((len(unique), 3))
-            world = replace(world, corner=corner.reshape(-1), offsets=offsets)
-        return world.with_noise(noise, offset_spread)
+            world = replace(
+                world, corner=corner.reshape(-1), offsets=offsets, offset_spread=offset_spread
+            )
+        return world
 
     def refined(self, world: DeformableTarget) -> Target | None:
         """The target as fitted, in its own units; the drawing itself where nothing of it is."""

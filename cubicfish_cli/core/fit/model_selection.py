@@ -110,18 +110,19 @@ def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
     cubic nearest to a radial lens, whichever has the least held-out error.
     """
     first = held_out_error(fit, progress)
-    best, error = replace(fit, held_out=first), first
-    if error is None or first is None or error.rms_px <= error.companion_rms_px:
+    best = replace(fit, held_out=first)
+    if first is None or first.rms_px <= first.companion_rms_px:
         return best
+    least_px = first.rms_px
     central = replace(fit.prior, central=True)
     for prior in (central, FIRMEST, replace(FIRMEST, central=True), RADIAL):
         firm = fit_cubic(fit.reference, prior, start=fit, relative_decrease=NEAR_DECREASE)
         measured = held_out_error(firm, progress)
-        if measured is not None and measured.rms_px < error.rms_px:
+        if measured is not None and measured.rms_px < least_px:
             runners_up = {fit.prior: measured.doubt(first)}
             if prior == central:  # how firmly and how symmetrically is as open as it was
                 for other, likely in fit.runners_up.items():
                     runners_up[replace(other, central=True)] = likely
             best = replace(firm, runners_up=runners_up, held_out=measured)
-            error = measured
+            least_px = measured.rms_px
     return best

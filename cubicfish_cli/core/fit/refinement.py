@@ -78,12 +78,12 @@ def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> C
     adjusted = adjust(
         lens, poses, pairs, limit, world=free, relative_decrease=1e-3, damping=WARM_DAMPING
     )
-    adjusted, spread = estimate_spread(adjusted, pairs, spread)
+    adjusted = estimate_spread(adjusted, pairs)
     # With the target near its place: the reference anew, how P is held, then all at once.
     pairs = weighed(nominal.pairs_at(level), adjusted.residual)
     pairs = pairs.with_world(adjusted.world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
-    world = adjusted.world.with_noise(noise_px(adjusted.errors), spread)
+    world = replace(adjusted.world, noise=noise_px(adjusted.errors))
     near = replace(fit, **{**vars(adjusted), "world": world})
     return choose_prior(reference, groups, start=near).followed()
 
@@ -95,48 +95,45 @@ def to_the_bottom(fit: CameraFit) -> CameraFit:
     return found.followed()
 
 
-def estimate_spread(
-    fit: Adjustment[L], pairs: Observations, spread: float | None
-) -> tuple[Adjustment[L], float | None]:
+def estimate_spread(fit: Adjustment[L], pairs: Observations) -> Adjustment[L]:
     """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.
 
     Expectation and maximisation in turn: a variance is what was found plus what the pairs leave
     open. Loose pulls would leave a board that few photos show wherever their noise puts it.
     """
     for _ in range(_SPREAD_ROUNDS):
-        world, before = fit.world, spread
-        noise = noise_px(fit.errors)
-        shapes, count = world, len(world.parameters)
+        before, noise = fit.world, noise_px(fit.errors)
+        world, count = replace(before, noise=noise), len(before.parameters)
         if count:
             hessian = fit.normal.reduced_shared()
             inverse = solve_scaled(hessian, np.eye(len(hessian))[:, -count:])
-            shapes = world.with_spreads(noise**2 * np.diagonal(inverse[-count:]))
-        if spread is not None:
-            spread = _estimate_offset_spread(fit, noise) or spread
+            world = world.with_spreads(noise**2 * np.diagonal(inverse[-count:]))
+        if len(world.offsets):
+            world = replace(world, offset_spread=_estimate_offset_spread(fit, noise))
         fit = fit.again(
             pairs,
-            world=shapes.with_noise(noise, spread),
+            world=world,
             relative_decrease=_ROUGH_DECREASE,
             damping=WARM_DAMPING,
             limit=huber_px,
         )
-        change = np.log(shapes.spread / world.spread)
-        if spread is not None and before is not None:
-            change = np.append(change, np.log(spread / before))
+        change = np.log(world.spread / before.spread)
+        if len(world.offsets):
+            change = np.append(change, np.log(world.offset_spread / before.offset_spread))
         if np.all(np.abs(change) < _SPREAD_SETTLED):
             break
-    return fit, spread
+    return fit
 
 
-def _estimate_offset_spread(fit: Adjustment[Any], noise: float) -> float | None:
-    """Of corners' own offsets; None where no corner is seen twice.
+def _estimate_offset_spread(fit: Adjustment[Any], noise: float) -> float:
+    """Of corners' own offsets; what it was where no corner is seen twice.
 
     Medians stand for means, since a few corners (a smudge, a knock) are off by much more.
     """
     world = fit.world
     often = np.bincount(world.corner, minlength=len(world.offsets)) >= 2
     if not often.any():
-        return None
+        return world.offset_spread
     length = np.linalg.norm(world.offsets[often], axis=1)
     covariance = noise**2 * np.linalg.inv(fit.normal.corner[often])
     left_open = np.trace(covariance, axis1=1, axis2=2) / 3

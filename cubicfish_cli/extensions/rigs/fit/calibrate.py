@@ -243,16 +243,16 @@ def _fit(
     fit = fit.again(pairs, relative_decrease=rough)
     fit, timing = on_time(fit, when, joined.shots, joined.photos)
     pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
-    alike, spread = pairs, FIRST_SPREAD if level == "points" else None
+    alike = pairs
     if level != "off":
-        drawn = replace(nominal, pairs=pairs)
+        drawn, spread = replace(nominal, pairs=pairs), FIRST_SPREAD if level == "points" else None
         world = drawn.free(noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
-        fit, spread = estimate_spread(fit, pairs, spread)
+        fit = estimate_spread(fit, pairs)
     # Photos that are not quite of one moment, too, say less than others.
     pairs = weighed(pairs, fit.residual)
     if level != "off":
-        fit, _ = estimate_spread(fit, pairs, spread)
+        fit = estimate_spread(fit, pairs)
     lenses = [one.lens for one in singly]
     while any(isinstance(one, CubicFit) for one in lenses):
         joint = adjust(
