@@ -115,7 +115,7 @@ def fitted() -> Calibration:
 
     target = load_target(SAMPLE / "target.yaml")
     pairs = load_corners(SAMPLE / "true_corners.csv", target)
-    return calibrate.calibrate(pairs, hold_out=False)
+    return calibrate.calibrate(pairs, target=target, hold_out=False)
 
 
 @pytest.fixture
@@ -127,16 +127,13 @@ def quick_fit(fitted: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def calibrated(fitted: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the calibration of the sample's exact corners. Do not write into it."""
+    from cubicfish_cli.core.fit import calibrate
+
     folder = tmp_path_factory.mktemp("calibrated") / "calibration"
-    run_cli(
-        "calibrate",
-        SAMPLE / "true_corners.csv",
-        "--target",
-        SAMPLE / "target.yaml",
-        "--no-hold-out",
-        "-o",
-        folder,
-    )
+    corners, target = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"
+    with pytest.MonkeyPatch.context() as patch:  # that fit is what the command would find
+        patch.setattr(calibrate, "calibrate", lambda pairs, **options: fitted)
+        run_cli("calibrate", corners, "--target", target, "--no-hold-out", "-o", folder)
     return folder

@@ -61,7 +61,7 @@ def photos(kind, counts, first_square="dark"):
     seen = []
     for place in ((30.0, -20.0, -230.0), (-60.0, 50.0, -240.0)):
         pose = look_at(middle + np.array(place), middle, up=np.array([0.0, -1.0, 0.0]))
-        picture = render(target, LENS.unproject, pose, SIZE, noise=1.5)
+        picture = render(target, LENS.unproject, pose, SIZE, noise=1.5, supersample=2)
         seen.append((picture, find_grids(picture)))
     return tuple(seen)
 

@@ -24,7 +24,7 @@ def fit_by_true_names(columns: int, rows: int, count: int) -> Calibration:
 
 
 @pytest.mark.parametrize(
-    ("columns", "rows", "count"), [(6, 4, 8), pytest.param(4, 4, 24, marks=pytest.mark.slow)]
+    ("columns", "rows", "count"), [(6, 4, 10), pytest.param(4, 4, 24, marks=pytest.mark.slow)]
 )
 def test_names_by_chance_are_made_those_of_one_print(columns: int, rows: int, count: int) -> None:
     target = drawn(columns, rows)
@@ -98,7 +98,7 @@ def test_names_that_photos_left_out_speak_against_are_not_taken() -> None:
 def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:
     target = drawn(6, 4)
     truth = photos(6, 4, 0.1)
-    found = fit_by_true_names(6, 4, 8)
+    found = fit_by_true_names(6, 4, 10)
     assert found.target is not None
     given, _ = misnamed(truth, target)
     by_truth, by_chance = (

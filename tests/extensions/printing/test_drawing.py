@@ -27,7 +27,7 @@ BOARDS = {
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
 def test_ink_is_where_the_renderer_has_it(board):
     wider = board_face(board, margin=0.5)
-    points = np.random.default_rng(1).uniform(wider.lower, wider.upper, (5_000, 1, 2))
+    points = np.random.default_rng(1).uniform(wider.lower, wider.upper, (2_000, 1, 2))
     ink = ink_rectangles(board)
     inside = ((points > ink[:, 0]) & (points < ink[:, 2])).all(axis=-1).sum(axis=1)
     assert set(inside.tolist()) == {0, 1}
