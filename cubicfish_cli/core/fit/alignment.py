@@ -46,8 +46,9 @@ def turned_onto(
 
         def difference(turn: FloatArray) -> FloatArray:
             turned = (Rotation.from_rotvec(turn) * rotation).apply(rays[common])  # noqa: B023
-            # A ray that leaves the field as R changes pulls neither way.
-            return np.nan_to_num(project(turned) - wanted[common]).ravel()  # noqa: B023
+            found = project(turned) - wanted[common]  # noqa: B023
+            # A ray that leaves the field as R changes pulls neither way, and is no gain either.
+            return np.where(np.isnan(found), miss[common], found).ravel()  # noqa: B023
 
         found = least_squares(
             difference, np.zeros(3), loss="huber", f_scale=_HUBER_PX, xtol=1e-12, ftol=1e-12
