@@ -191,8 +191,10 @@ class Observations(Brief):
     def select(self, rows: IntArray | BoolArray) -> Observations:
         """Some of the rows, each by its index (K,), in that order, or by a mask (N,).
 
-        All photos stay listed.
+        All photos stay listed. A mask of all rows copies none.
         """
+        if np.asarray(rows).dtype == bool and np.all(rows):
+            return self
         return replace(self, **{name: getattr(self, name)[rows] for name in _OF_A_ROW})
 
     def of(self, photo: str) -> Observations:
@@ -215,7 +217,9 @@ class Observations(Brief):
         return replace(self, images=images, image=image.astype(np.intp)), photos.astype(np.intp)
 
     def by_photo(self) -> Observations:
-        """The rows sorted by photo, else in their order."""
+        """The rows sorted by photo, else in their order; no copy where they are."""
+        if (np.diff(self.image) >= 0).all():
+            return self
         return self.select(np.argsort(self.image, kind="stable"))
 
     def in_order(self) -> Observations:

@@ -129,8 +129,7 @@ def coverage_extent(
     edge = np.rad2deg(angle_from_axis(at_edge))
     own = np.rad2deg(azimuth(points[:, :2]))
     around = np.arange(_DIRECTIONS) * 360 / _DIRECTIONS
-    beside = np.abs((own - around[:, None] + 180) % 360 - 180) <= _BESIDE_DEG
-    reached = np.where(beside, angle, 0.0).max(axis=1)
+    reached = np.array([_farthest_beside(direction, own, angle) for direction in around])
     short = np.minimum(edge, covered) - reached
     uncertain = sigma(at_edge)
     uncertain = uncertain[np.isfinite(uncertain)]
@@ -144,6 +143,12 @@ def coverage_extent(
         rim_rms_px=rim,
         middle_rms_px=middle,
     )
+
+
+def _farthest_beside(direction: float, azimuths: FloatArray, angle: FloatArray) -> float:
+    """The largest angle (N,) of those whose azimuths (N,) are near a direction; all in degrees."""
+    beside = np.abs((azimuths - direction + 180) % 360 - 180) <= _BESIDE_DEG
+    return float(angle[beside].max(initial=0.0))
 
 
 def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> float:

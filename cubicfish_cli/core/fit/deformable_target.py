@@ -48,8 +48,9 @@ class BoardPart:
     Attributes:
         board: index of the board in the target.
         pairs: indices of its pairs.
-        basis: (n, 3, F) world displacement of each pair by each shape parameter; F is 5, or 0
-            for a board that is a list of points.
+        cell: (n,) which of the board's corners each is of, counted row by row.
+        basis: (C, 3, F) world displacement of each of these by each shape parameter; F is 5, or
+            0 for a board that is a list of points.
         shape: the places of the F shape parameters.
         place: the places of the 6 of rotation and shift; empty for the board that holds still.
         middle: (3,) about which the board turns.
@@ -59,6 +60,7 @@ class BoardPart:
 
     board: int
     pairs: IntArray
+    cell: IntArray
     basis: FloatArray
     shape: slice
     place: slice
@@ -136,7 +138,7 @@ class DeformableTarget:
             place = np.full(len(self.nominal), -1, np.intp)
             place[part.pairs] = np.arange(len(part.pairs))
             own = np.flatnonzero(place[rows] >= 0)
-            parts.append(replace(part, pairs=own, basis=part.basis[place[rows[own]]]))
+            parts.append(replace(part, pairs=own, cell=part.cell[place[rows[own]]]))
         return replace(
             self,
             nominal=self.nominal[rows],
@@ -164,7 +166,7 @@ class DeformableTarget:
         if len(self.corner):
             points += self.offsets[self.corner]
         for part in self.parts:
-            own = points[part.pairs] + part.basis @ self.parameters[part.shape]
+            own = points[part.pairs] + (part.basis @ self.parameters[part.shape])[part.cell]
             place = self.parameters[part.place]
             if len(place):
                 rotation = rotation_from_vector(place[:3])
@@ -191,7 +193,7 @@ class DeformableTarget:
             pairs = part.pairs[first:stop]
             own, shape = d_world[pairs - run.start], part.basis.shape[2]
             columns = np.empty((len(pairs), 2, part.place.stop - part.shape.start))
-            columns[:, :, :shape] = own @ part.basis[first:stop]
+            columns[:, :, :shape] = own @ part.basis[part.cell[first:stop]]
             place = self.parameters[part.place]
             if len(place):
                 arm = self.points[pairs] - part.middle - place[3:] * part.size
@@ -339,7 +341,8 @@ def _make_part(
 ) -> BoardPart:
     own = np.flatnonzero(pairs.board == index)
     if board.points is None:
-        plane = board.plane_points(pairs.column[own], pairs.row[own])
+        row, column = np.divmod(np.arange(board.rows * board.columns), board.columns)
+        plane = board.plane_points(column, row)
         hat, half = board.normalised(plane)
         middle = board.world_points((board.columns - 1) / 2, (board.rows - 1) / 2) / scale
         size = float(np.hypot(*half)) / scale
@@ -351,11 +354,12 @@ def _make_part(
         extent = np.ptp(board.points, axis=0)
         middle = (board.points.min(axis=0) + extent / 2) / scale
         size = float(np.linalg.norm(extent)) / 2 / scale
-        basis = np.zeros((len(own), 3, 0))
+        basis = np.zeros((board.rows * board.columns, 3, 0))
     stop = first + basis.shape[2]
     return BoardPart(
         board=index,
         pairs=own,
+        cell=pairs.row[own] * board.columns + pairs.column[own],
         basis=basis,
         shape=slice(first, stop),
         place=slice(stop, stop + (0 if still else _PLACE_TERMS)),
