@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtrc
 
+from cubicfish_cli.core.assess.uncertainty import of_size
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding
@@ -38,7 +39,7 @@ WORTH = 0.05
 # Fewer photos do not show how much photos differ.
 FEWEST_TOLD_APART = 5
 # Pixels of a photo of 2000 that a person would notice.
-_NOTICED_PX, _SIDE = 0.05, 2000.0
+_NOTICED_PX = 0.05
 ROUGH_DECREASE = 1e-4
 """For fits that photos are only looked at beside."""
 # A photo that is unlike the others is judged by a camera that never saw it, which is right about it
@@ -54,7 +55,7 @@ _TYPICAL_ROUNDS = 20
 
 def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
     """Pixels that a person would notice, by those in a photo of 2000."""
-    return of_2000 * max(1.0, max(pairs.image_size) / _SIDE)
+    return of_2000 * of_size(pairs.image_size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis, azimuth
 from cubicfish_cli.core.assess.fit_record import FitRecord
-from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
+from cubicfish_cli.core.assess.uncertainty import FieldUncertainty, of_size
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
@@ -20,9 +20,8 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 GOAL_PX = 0.2
-"""What proposals aim at over the field, for photos of up to :data:`GOAL_SIDE` pixels per side;
+"""What proposals aim at over the field, for photos of up to 2000 pixels per side;
 larger ones in proportion."""
-GOAL_SIDE = 2000.0
 _PARTS = 2
 # The middle, which has no sides, reaches so far; of the rest the outer ring has this share.
 _MIDDLE_FIELD_DEG = 20.0
@@ -128,7 +127,7 @@ def side_of(offset: FloatArray) -> IntArray:
 
 def default_goal(image_size: tuple[int, int]) -> float:
     """The uncertainty that is aimed at where nobody says, pixels."""
-    return GOAL_PX * max(1.0, max(image_size) / GOAL_SIDE)
+    return GOAL_PX * of_size(image_size)
 
 
 def why_not_enough(

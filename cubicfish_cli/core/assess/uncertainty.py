@@ -16,6 +16,14 @@ PERCENT = 95.0
 """Single places at the very edge, where no corner is near, say little of the rest: the second
 figure is what so much of the field is within."""
 _LARGEST_PX = 1e6
+_SIDE = 2000.0
+# The corners of a cell of the grid: x and y.
+_CELL = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+
+
+def of_size(image_size: tuple[int, int]) -> float:
+    """What limits of pixels, for photos of up to 2000 pixels per side, are multiplied by."""
+    return max(1.0, max(image_size) / _SIDE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,16 +115,11 @@ class UncertaintyGrid:
         place = np.stack([np.interp(own, side, np.arange(len(side))) for own, side in sides])
         first = np.clip(np.floor(place).astype(int), 0, [[len(x) - 2], [len(y) - 2]])
         share = place - first
-        total, weights = np.zeros(len(pixel)), np.zeros(len(pixel))
-        for right in (0, 1):
-            for down in (0, 1):
-                weight = np.abs(1 - right - share[0]) * np.abs(1 - down - share[1])
-                value = sigma[first[1] + down, first[0] + right]
-                weight = np.where(np.isfinite(value), weight, 0)
-                total += weight * np.nan_to_num(value)
-                weights += weight
-        with np.errstate(invalid="ignore"):
-            return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
+        column, row = np.moveaxis(first.T[:, None] + _CELL, -1, 0)
+        value = sigma[row, column]
+        weight = np.abs(1 - _CELL - share.T[:, None]).prod(axis=-1) * np.isfinite(value)
+        total, weights = (weight * np.nan_to_num(value)).sum(axis=1), weight.sum(axis=1)
+        return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
 
     def over(self, pixel: FloatArray) -> PixelUncertainty | None:
         """In figures, over some pixels (N, 2); None where nothing is known of them."""

@@ -20,12 +20,11 @@ from cubicfish_cli.core.assess.fit_record import (
     FitRecord,
     PhotoRecord,
 )
-from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, FieldUncertainty
+from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, FieldUncertainty, of_size
 from cubicfish_cli.core.codes import Code, Severity, words
 from cubicfish_cli.core.finding import Finding, Level, level_of
 from cubicfish_cli.core.types import FloatArray
 
-_SIDE = 2000.0
 # Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere,
 # of which no camera comes that is worth using.
 _ERROR_PX = (1.0, 1.0)
@@ -108,7 +107,7 @@ def verdict(
             None where there is none.
 
     """
-    scale = max(1.0, max(image_size) / _SIDE)
+    scale = of_size(image_size)
     blamed = [one for one in fit.findings if one.severity is not Severity.NOTE]
     causes = [one for one in blamed if one.code not in _NO_ERRORS]
     others = [one for one in blamed if one.code in _NO_ERRORS]
@@ -133,7 +132,7 @@ def evaluation_verdict(
         image_size: (width, height), pixels.
 
     """
-    scale = max(1.0, max(image_size) / _SIDE)
+    scale = of_size(image_size)
     rms, before = errors.rms_px, fit.held_out_rms_px
     before = before if before > 0 else fit.rms_px
     stated = words("camera").evaluation_figures(errors, before)
@@ -162,7 +161,7 @@ def photo_verdicts(
     photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
 ) -> list[tuple[Finding, ...]]:
     """What is told of each photo: its errors, also beside those of the others."""
-    most = _ERROR_PX[1] * max(1.0, max(image_size) / _SIDE)
+    most = _ERROR_PX[1] * of_size(image_size)
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     lost = Counter(corner.image for corner in dropped)

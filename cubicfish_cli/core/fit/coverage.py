@@ -11,7 +11,7 @@ import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis, azimuth
 from cubicfish_cli.core.assess.fit_record import CoverageExtent
-from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX
+from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, of_size
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera
@@ -37,7 +37,7 @@ _RIM_SHARE, _FEWEST_AT_THE_RIM = 0.1, 20
 _MIDDLE = 0.5
 # Beyond the corners the camera may be trusted as long as it is certain, or no more than so many
 # times as uncertain as at their edge; a degree is let in any case.
-_TIMES, _SIDE = 2.0, 2000.0
+_TIMES = 2.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
 
@@ -163,7 +163,7 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     farthest = camera.max_angle_deg
     least = min(covered_deg + _LEAST_MARGIN_DEG, farthest)
     tried = np.append(np.arange(least, farthest, _STEP_DEG), farthest)
-    limit = CERTAIN_PX * max(1.0, max(camera.image_size) / _SIDE)
+    limit = CERTAIN_PX * of_size(camera.image_size)
     around = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
     rings = np.deg2rad(np.append(covered_deg, tried))
     angle, azimuths = np.meshgrid(rings, around, indexing="ij")
