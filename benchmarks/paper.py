@@ -164,7 +164,7 @@ def point_lift(pose: Pose, noise: float, rng: np.random.Generator) -> tuple[int,
         [(normalised(world), true_pixels(pose.camera_points(world)))]
         for world in (OBJECT, ON_PLANES, OFF_PLANES)
     ]
-    return fit.rank, errors_of(fit, *probes)
+    return len(fit.refined[0]) - len(fit.null), errors_of(fit, *probes)
 
 
 def fit_rays(noise: float, rng: np.random.Generator) -> RatioFit:
@@ -184,7 +184,7 @@ def ray_lift(noise: float, rng: np.random.Generator) -> tuple[int, Errors]:
         ]
         for world in (OBJECT, ON_PLANES, OFF_PLANES)
     ]
-    return fit.rank, errors_of(fit, *probes)
+    return len(fit.refined[0]) - len(fit.null), errors_of(fit, *probes)
 
 
 def whole_calibration(noise: float, rng: np.random.Generator) -> tuple[float, float, float] | None:

@@ -158,7 +158,7 @@ MUTATIONS = tuple(
         ),
         (
             "core/fit/cubic_fit.py",
-            "if validity.valid:",
+            "if fault_deg is None:",
             "if True:",
             "core/fit/test_calibrate",
         ),
