@@ -22,7 +22,7 @@ class Lens:
     """
 
     name: ClassVar[str]
-    """In files and in ``--json``."""
+    """In files and in records."""
     label: ClassVar[str]
     """For people."""
     symmetric: ClassVar[bool] = True
