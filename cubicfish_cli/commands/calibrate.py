@@ -371,7 +371,7 @@ def _output(
 
 @as_command(
     "calibrate",
-    "Photos of a known target to a camera and its undistortion map.",
+    "Make a camera and its undistortion map from photos of a known target.",
     "cubicfish calibrate photos/ --target target.yaml",
     "cubicfish calibrate photos/ --board 9x6 --square 25mm --title 'front left'",
     "cubicfish calibrate film.mp4 --target target.yaml",

@@ -105,7 +105,7 @@ def _picture(comparison: Comparison) -> Any:
 
 @as_command(
     "compare",
-    "How far apart two cameras are, in pixels.",
+    "Say how far apart two cameras are, in pixels.",
     "cubicfish compare last_year/camera.yaml calibration/camera.yaml",
     "cubicfish compare a.yaml b.yaml --picture difference.png --max-rms 0.3",
     "cubicfish compare simulated/true_camera.yaml calibration/camera.yaml",

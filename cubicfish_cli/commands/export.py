@@ -149,7 +149,7 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
 
 @as_command(
     "export",
-    "The camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "Write the camera for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
     "cubicfish export --to opencv --max-angle 89",
     "cubicfish export --to kalibr-omni -o camchain.yaml",
     "cubicfish export --to mrcal -m lens_a/camera.yaml",

@@ -89,7 +89,7 @@ def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
 
 @as_command(
     "info",
-    "What a camera is: focal length, field of view, how far to trust it.",
+    "Show a camera: focal length, field of view, how far to trust it.",
     "cubicfish info",
     "cubicfish info lens_a/",
     "cubicfish info camera.yaml --json",

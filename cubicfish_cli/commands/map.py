@@ -169,7 +169,7 @@ def write_maps(
 
 @as_command(
     "map",
-    "The undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
+    "Write the undistortion map alone: for cv2.remap, as an STMap, for ffmpeg.",
     "cubicfish map left.npz --rotate -60,0,0 --hfov 80 --size 800x600",
     "cubicfish map undistort.exr --fit outer",
     "cubicfish map redistort.exr --fit outer --redistort",

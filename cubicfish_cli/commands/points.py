@@ -182,7 +182,7 @@ def project_points(asked: ProjectOptions, *, run: Run = RUN) -> Points:
 
 @as_command(
     "project",
-    "Points in the camera frame to pixels.",
+    "Project points in the camera frame to pixels.",
     "cubicfish project 0.2,0.1,1",
     "cubicfish project points.csv --model lens_a/",
     "echo 0.5,0,1 | cubicfish project",
@@ -235,7 +235,7 @@ def unproject_points(asked: UnprojectOptions, *, run: Run = RUN) -> Points:
 
 @as_command(
     "unproject",
-    "Pixels to unit viewing rays in the camera frame.",
+    "Turn pixels into unit viewing rays in the camera frame.",
     "cubicfish unproject 640,400",
     "echo 640,400 | cubicfish unproject --model lens_a/",
     do=unproject_points,

@@ -225,7 +225,7 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
 
 @as_command(
     "check",
-    "Say what a target is worth, and draw it.",
+    "Check a target before you take photos, and draw it.",
     "cubicfish target check target.yaml",
     "cubicfish target check target.yaml --draw object.svg",
     do=check_target_files,

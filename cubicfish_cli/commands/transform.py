@@ -198,7 +198,7 @@ def transform_files(asked: TransformOptions, *, run: Run = RUN) -> TransformedFi
 
 @as_command(
     "transform",
-    "The camera for another mode of its sensor: cropped, scaled.",
+    "Write the camera for another mode of its sensor: cropped, scaled.",
     "cubicfish transform --crop 320,180,1280x720 -o cropped.yaml",
     "cubicfish transform lens_a/ --scale 0.5 -o binned.yaml",
     do=transform_files,

@@ -260,7 +260,7 @@ def _write_video(
 
 @as_command(
     "undistort",
-    "Photos and videos to pictures in which straight lines are straight.",
+    "Make pictures of photos and videos in which straight lines are straight.",
     "cubicfish undistort photo.png flat.png",
     "cubicfish undistort photos/ flat/ --hfov 90 --size 1920x1080",
     "cubicfish undistort photo.png left.png --rotate -60,0,0 --hfov 80",

@@ -3,6 +3,7 @@
 import re
 import shlex
 import warnings
+from dataclasses import fields
 from pathlib import Path
 
 import click
@@ -17,6 +18,7 @@ from cubicfish_cli.app.extensions import extension_commands
 from cubicfish_cli.app.terminal.main import COMMANDS, cli
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.target import load_target
+from cubicfish_cli.extensions.rigs.rig import Rig, RigFit
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -168,6 +170,7 @@ def test_the_reader_of_camera_yaml_projects_as_the_library_does(
         warnings.simplefilter("ignore", ResourceWarning)  # the example leaves closing to Python
         exec(text, names)
     points = np.random.default_rng(3).normal(size=(300, 3)) * 40
+    points[0] = [0, 0, 40]  # on the axis
     expected = load_camera(calibrated / "camera.yaml").camera.project(points)
     assert 30 < np.isnan(expected[:, 0]).sum() < 270
     np.testing.assert_allclose(names["project"](points), expected, atol=1e-9)  # type: ignore[operator]
@@ -176,6 +179,14 @@ def test_the_reader_of_camera_yaml_projects_as_the_library_does(
     moved = names["near"](points)  # type: ignore[operator]
     np.testing.assert_allclose(names["project"](moved), near, atol=1e-9)  # type: ignore[operator]
     assert np.nanmax(np.abs(near - expected)) > 1e-3
+
+
+def test_the_rig_of_the_program_has_what_it_asks() -> None:
+    text = re.search(r"rig = calibrate_rig.*?^save_rig", ALL[ROOT / "docs/rigs.md"], re.S | re.M)
+    assert text
+    asked = re.findall(r"\brig\.(\w+)(?:\.(\w+))?", text[0])
+    assert {one for one, _ in asked} <= {one.name for one in fields(Rig)}
+    assert {one for of, one in asked if of == "fit"} <= {one.name for one in fields(RigFit)}
 
 
 def test_the_map_is_all_that_opencv_needs(

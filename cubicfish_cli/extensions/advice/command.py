@@ -125,7 +125,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
 
 @as_command(
     "advise",
-    "What to photograph next, and how much it would help.",
+    "Say what to photograph next, and how much it would help.",
     "cubicfish advise",
     "cubicfish advise calibration/ -o advice.svg",
     "cubicfish advise --model camera.yaml --corners corners.csv --target target.yaml",

@@ -101,7 +101,7 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> Imported:
 
 @as_command(
     "import",
-    "Another tool's camera as camera.yaml.",
+    "Write another tool's camera as camera.yaml.",
     "cubicfish import camchain.yaml --camera cam1",
     "cubicfish import calib_results.txt -o lens_a/camera.yaml --max-angle 95",
     "cubicfish import sparse/0/cameras.bin --camera 1",

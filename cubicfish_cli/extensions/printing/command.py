@@ -194,7 +194,7 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
 
 @as_command(
     "print",
-    "Boards on paper, at true scale.",
+    "Print boards on paper, at true scale.",
     "cubicfish target print --object corner --paper A4 -o my-target/",
     "cubicfish target print --object board --type charuco --square 30mm --paper A3",
     "cubicfish target print target.yaml --paper Letter -o pages/",
@@ -204,9 +204,9 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
 def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
     """Print the boards of TARGET, or those of a new target that fits the paper.
 
-    Writes boards.pdf, a board a page, to be printed at 100 %, each with a ruler, the board's name
-    and which way up it is. A new target comes with its target.yaml, and its pages say where they
-    are cut and which edges are joined.
+    Writes boards.pdf, one board per page, to be printed at 100 %, each with a ruler, the board's
+    name and which way up it is. A new target comes with its target.yaml, and its pages say where
+    they are cut and which edges are joined.
     """
     from cubicfish_cli.commands.target import print_size
 

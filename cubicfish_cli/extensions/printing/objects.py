@@ -198,8 +198,8 @@ def _fitting(
         elif asked.counts is not None:
             what = "{}x{} corners".format(*asked.counts)
         raise TargetError(
-            f"a {asked.kind} of {what} does not fit on {paper.name}, a board a page: take larger "
-            "paper, smaller squares or fewer corners"
+            f"a {asked.kind} of {what} does not fit on {paper.name}, one board per page: take "
+            "larger paper, smaller squares or fewer corners"
         )
     return float(best[1]), best[2]
 

@@ -66,7 +66,7 @@ def report_files(asked: ReportOptions, *, run: Run = RUN) -> ReportFiles:
 
 @as_command(
     "report",
-    "One HTML page about a calibration: is it good, and why.",
+    "Make one HTML page about a calibration: is it good, and why.",
     "cubicfish report",
     "cubicfish report calibration/ --photos photos/ -o lens.html",
     "cubicfish report --model camera.yaml --target target.yaml --overwrite",

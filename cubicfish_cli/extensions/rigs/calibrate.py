@@ -301,7 +301,7 @@ def _name_cameras(inputs: Sequence[Path], given: str | None) -> list[str]:
 
 @as_command(
     "calibrate",
-    "Photos of several cameras on one body to where each camera stands.",
+    "Find where cameras stand on one body, from photos of all of them.",
     "cubicfish rig calibrate left/ right/ --target target.yaml",
     "cubicfish rig calibrate left.csv right.csv rear.csv --target target.yaml -o rig",
     "cubicfish rig calibrate left/ right/ --lens left=left_calibration",

@@ -70,7 +70,7 @@ def compare_rig_files(asked: RigCompareOptions, *, run: Run = RUN) -> ComparedRi
 
 @as_command(
     "compare",
-    "How far apart two rigs are, camera by camera.",
+    "Say how far apart two rigs are, camera by camera.",
     "cubicfish rig compare last_year/rig.yaml rig/rig.yaml",
     "cubicfish rig compare last_year rig --json",
     do=compare_rig_files,

@@ -101,7 +101,7 @@ def export_rig_files(asked: RigExportOptions, *, run: Run = RUN) -> ExportedFile
 
 @as_command(
     "export",
-    "A rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
+    "Write a rig for OpenCV, ROS, Kalibr, COLMAP, mrcal and others.",
     "cubicfish rig export --to kalibr-omni -o camchain.yaml",
     "cubicfish rig export rig/rig.yaml --to opencv --pair left,right",
     do=export_rig_files,

@@ -57,7 +57,7 @@ def info_rig_files(asked: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
 
 @as_command(
     "info",
-    "What a rig is: where its cameras stand, and how surely.",
+    "Show a rig: where its cameras stand, and how surely.",
     "cubicfish rig info",
     "cubicfish rig info last_year/rig.yaml --json",
     do=info_rig_files,

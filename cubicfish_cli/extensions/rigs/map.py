@@ -172,7 +172,7 @@ def _row_aligned(view: View | ViewOptions | None) -> View | ViewOptions:
 
 @as_command(
     "map",
-    "Maps of two cameras, after which rows of their pictures agree: stereo.",
+    "Write maps of two cameras that make their rows agree, for stereo.",
     "cubicfish rig map stereo.npz --pair left,right",
     "cubicfish rig map stereo.npz --model rig --view equirectangular",
     do=map_rig_files,

@@ -74,7 +74,7 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
 
 @as_command(
     "report",
-    "One HTML page about a rig: is it good, and why.",
+    "Make one HTML page about a rig: is it good, and why.",
     "cubicfish rig report",
     "cubicfish rig report rig/rig.yaml -o body.html",
     do=report_rig_files,

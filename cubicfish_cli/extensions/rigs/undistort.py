@@ -107,7 +107,7 @@ def undistort_rig_files(asked: RigUndistortOptions, *, run: Run = RUN) -> Undist
 
 @as_command(
     "undistort",
-    "The photos of each shot to one picture of all that they show.",
+    "Make one picture of the photos of each shot.",
     "cubicfish rig undistort left/1.png right/1.png all.png",
     "cubicfish rig undistort shots/ around/ --view cylindrical --hfov 360 --distance 3000",
     do=undistort_rig_files,
