@@ -86,9 +86,11 @@ def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
 
 @pytest.fixture
 def in_time() -> Iterator[None]:
-    """What waits for a file for ever is ended."""
+    """What waits for a file for ever is ended, and fails whatever comes of that."""
+    hung = []
 
     def stop(*_: object) -> None:
+        hung.append(True)
         raise AssertionError("it hangs")
 
     before = signal.signal(signal.SIGALRM, stop)
@@ -96,6 +98,7 @@ def in_time() -> Iterator[None]:
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
+    assert not hung
 
 
 @pytest.fixture
