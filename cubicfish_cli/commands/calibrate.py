@@ -57,7 +57,7 @@ from cubicfish_cli.app.terminal.terminal import (
     result,
     say,
 )
-from cubicfish_cli.app.words.phrases import plural
+from cubicfish_cli.app.words.phrases import counted, plural
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, refuse_existing, write_files
 
@@ -450,7 +450,6 @@ def _print_calibration(made: CalibratedFiles) -> None:
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
     from cubicfish_cli.app.words.camera import pupil_meaning, scope
-    from cubicfish_cli.core.frame_names import counted
 
     fit, more = fitted.fit, list[tuple[str, float, str]]()
     result(

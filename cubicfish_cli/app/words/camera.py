@@ -3,14 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from cubicfish_cli.app.words.phrases import counted, length_words
 from cubicfish_cli.core.assess.camera_facts import CameraFacts, FieldSeen
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord
 from cubicfish_cli.core.assess.pupil import PupilEffect
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
 from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.finding import Finding, Level
-from cubicfish_cli.core.frame_names import counted
-from cubicfish_cli.core.units import length_words
 
 LEVELS: Mapping[Level, str] = {
     "good": "good",

@@ -1,9 +1,17 @@
-"""Plurals, lists and shares in sentences."""
+"""Plurals, lists, shares and lengths in sentences."""
 
+import math
+from collections import Counter
+from collections.abc import Iterable
 from string import Formatter
 from typing import Any
 
+from cubicfish_cli.core.frame_names import film_and_time
+from cubicfish_cli.core.units import MILLIMETRES
 from cubicfish_cli.core.wording import listed
+
+_MOST_FILMS = 3
+_IMPERIAL = ("in", "inch", "inches", "ft")
 
 
 def percent(share: float) -> str:
@@ -14,6 +22,46 @@ def percent(share: float) -> str:
 def plural(number: float, what: str) -> str:
     """``1 photo``, ``2 photos``, ``1,200 photos``."""
     return f"{number:,.0f} {what}{'' if number == 1 else 's'}"
+
+
+def counted(photos: Iterable[str]) -> str:
+    """What photos are, by their names: ``12 photos``, or ``52 frames of garden and 1 photo``.
+
+    Of more than three films only the number is told.
+    """
+    names = [film_and_time(photo) for photo in photos]
+    films = Counter(name[0] for name in names if name is not None)
+    single = len(names) - films.total()
+    parts = []
+    if films:
+        of = ", ".join(films) if len(films) <= _MOST_FILMS else f"{len(films)} films"
+        parts.append(f"{plural(films.total(), 'frame')} of {of}")
+    if single or not films:
+        parts.append(plural(single, "photo"))
+    return " and ".join(parts)
+
+
+def length_words(length: float, units: str) -> str:
+    """A length to two digits in a unit that suits it: ``40 cm``; not metric ones stay as they are.
+
+    Args:
+        length: in ``units``.
+        units: of the length; ``""`` where they are not known.
+
+    """
+    size = 0.0 if units in _IMPERIAL else MILLIMETRES.get(units, 0.0)
+    if length > 0 and size:
+        for name in ("m", "cm", "mm"):
+            own = length * size / MILLIMETRES[name]
+            if own >= (2 if name == "cm" else 1) or name == "mm":
+                return f"{two_digits(own)} {name}"
+    return f"{two_digits(length)} {units}".rstrip()
+
+
+def two_digits(value: float) -> str:
+    """A number, 0 or above, to two digits: ``1100``, ``0.41``."""
+    digits = 1 - math.floor(math.log10(value)) if value > 0 else 0
+    return f"{round(value, digits):.{max(0, digits)}f}"
 
 
 class Sentences(Formatter):

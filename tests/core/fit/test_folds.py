@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from cubicfish_cli.app.words.phrases import counted
 from cubicfish_cli.core.fit.folds import dealt
-from cubicfish_cli.core.frame_names import counted, film_and_time, frame_name
+from cubicfish_cli.core.frame_names import film_and_time, frame_name
 
 
 def frames(film, *seconds):

@@ -3,7 +3,7 @@
 import pytest
 
 from cubicfish_cli.app.difference_picture import round_up
-from cubicfish_cli.core.units import length_words, two_digits
+from cubicfish_cli.app.words.phrases import length_words, two_digits
 
 
 @pytest.mark.parametrize(
