@@ -57,11 +57,9 @@ from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, 
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
 from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged, start_rig
 from cubicfish_cli.extensions.rigs.fit.times import (
-    Clocks,
     Motion,
     Moving,
     Timing,
-    clocks_of,
     on_time,
 )
 from cubicfish_cli.extensions.rigs.fit.views import (
@@ -175,13 +173,13 @@ def calibrate_rig(
     nominal = NominalTarget(target=target and target.moved(-origin), pairs=pairs, scale=scale)
     moved: list[Moved] = []
     while True:
-        fit, pairs, clocks = _fit(singly, joined, poses, nominal, when, level)
+        fit, pairs, timing = _fit(singly, joined, poses, nominal, when, level)
         evidence = RigEvidence(
             names=names,
             fit=fit,
             pairs=pairs.with_world(fit.world.points),
             moved=tuple(moved),
-            clocks=clocks,
+            timing=timing,
             start=start,
             views=replace(joined, lens=fit.lens),
             scale=scale,
@@ -229,12 +227,12 @@ def _fit(
     nominal: NominalTarget,
     when: Motion,
     level: Level,
-) -> tuple[Adjustment[RigLens], Observations, Clocks | None]:
+) -> tuple[Adjustment[RigLens], Observations, Timing | None]:
     """Places, shots and the photos' times first, the lenses held; then all at once.
 
     Returns:
-        The fit, in which photos count by their noise; the pairs, which all count alike; and what
-        the photos' times say of clocks.
+        The fit, in which photos count by their noise; the pairs, which all count alike; and how
+        the photos' times were fitted.
 
     """
     pairs, rough = nominal.pairs, _ROUGH_DECREASE
@@ -270,11 +268,10 @@ def _fit(
             if isinstance(own, CubicFit) and not _is_valid(one.as_camera(own))
         ]
         if not spoilt:
-            return joint, alike, clocks_of(joint, timing)
+            return joint, alike, timing
         for number in spoilt:  # these alone stay as their own photos have them
             lenses[number] = held.lenses[number]
-    fit = _finely(fit, pairs, timing)
-    return fit, alike, clocks_of(fit, timing)
+    return _finely(fit, pairs, timing), alike, timing
 
 
 def _is_valid(camera: CubicCamera) -> bool:
@@ -331,6 +328,7 @@ def _cameras(
         [cone_rays(one.covered, _RAYS) for one in singly],
         evidence.shots,
         [one.runners_up for one in singly],
+        evidence.timing,
     )
     late = sigma = np.full(len(cameras), np.nan)
     if clocks is not None and clocks.in_seconds:

@@ -16,7 +16,7 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.start import RigStart
-from cubicfish_cli.extensions.rigs.fit.times import Clocks
+from cubicfish_cli.extensions.rigs.fit.times import Clocks, Timing, clocks_of
 from cubicfish_cli.extensions.rigs.fit.views import JoinedViews
 
 # Two cameras that fewer shots connect stand where one shot's errors put them.
@@ -72,7 +72,7 @@ class RigEvidence:
         fit: of the rig.
         pairs: its pairs.
         moved: cameras that were found to have moved, as far as that was taken out.
-        clocks: by how much cameras were late, which was taken out; None where it is not known.
+        timing: how its photos' times were fitted; None where they are not.
         start: where it started from.
         views: its views, by which photos and shots are named.
         scale: the target's units in one unit of the pairs.
@@ -84,7 +84,7 @@ class RigEvidence:
     fit: Adjustment[RigLens]
     pairs: Observations
     moved: Sequence[Moved]
-    clocks: Clocks | None
+    timing: Timing | None
     start: RigStart
     views: JoinedViews
     scale: float
@@ -99,6 +99,11 @@ class RigEvidence:
     def shots(self) -> tuple[str, ...]:
         """The shots' names, in the order in which they were taken."""
         return self.views.shots
+
+    @cached_property
+    def clocks(self) -> Clocks | None:
+        """By how much cameras were late, which was taken out; None where it is not known."""
+        return None if self.timing is None else clocks_of(self.fit, self.timing)
 
     @cached_property
     def of_views(self) -> tuple[FloatArray, FloatArray, IntArray]:

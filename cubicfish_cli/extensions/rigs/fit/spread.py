@@ -8,6 +8,7 @@ together, beside that of the first camera, whose frame is the rig's.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cubicfish_cli.core.fit.adjustment import Adjustment
 from cubicfish_cli.core.fit.fit_lens import FitLens
@@ -19,6 +20,10 @@ from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.uncertainty import Gauge, corner_noise_px
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
+from cubicfish_cli.extensions.rigs.fit.times import Timing
+
+# Blocks of time that are left out where that takes a fit anew of each.
+_BLOCKS = 8
 
 
 def place_covariances(
@@ -26,17 +31,20 @@ def place_covariances(
     rays: list[FloatArray],
     shots: Sequence[str],
     runners_up: Sequence[Sequence[tuple[FitLens, float]]],
+    timing: Timing | None,
 ) -> FloatArray:
     """Covariance (C, 6, 6) of camera_from_rig: turn (radians, camera frame), then shift.
 
     The corners' own noise carried through the fit is a lower bound; what shots' shared errors add
-    shows when shots are left out (see ``photo_spread.py``).
+    shows when shots are left out (see ``photo_spread.py``). Where photos have times of their own,
+    blocks of time are, and the rig is fitted anew: how the target moves depends on shots beside.
 
     Args:
         fit: the adjustment, at its optimum.
         rays: for each camera (M, 3) unit rays over its field.
         shots: names of the shots.
         runners_up: for each camera its lens under other priors, and how likely each is the best.
+        timing: how the photos' times were fitted, where they were.
 
     """
     lens = fit.lens
@@ -46,12 +54,15 @@ def place_covariances(
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
     parts = min(len(shots), MOST_CLUSTERS)
     clusters = dealt_out(np.arange(len(shots)), shots, parts) if parts >= MIN_PHOTOS else []
+    clusters = clusters if timing is None else timing.blocks(_BLOCKS)
     leave_one_out = LeaveOneOut(fit, clusters)
     if clusters:
         left_out = np.array([shared[:count] for shared, _, _ in leave_one_out.steps()])
-        influence = leave_one_out.influence()[:, :count]
+        influence, anew = leave_one_out.influence()[:, :count], left_out
+        if timing is not None:
+            anew = np.array([_change(lens, timing.without(fit, own)) for own in clusters])
         found = [
-            _larger(one, _of_shots(left_out @ by.T, influence @ by.T))
+            _larger(one, _of_shots(anew @ by.T, left_out @ by.T, influence @ by.T))
             for one, by in zip(found, by_shared, strict=True)
         ]
     for step in _runner_up_steps(leave_one_out, lens, runners_up):
@@ -112,17 +123,27 @@ def _noise_covariance(fit: Adjustment[RigLens]) -> FloatArray:
     return np.asarray(inverse * corner_noise_px(fit) ** 2)
 
 
-def _of_shots(left_out: FloatArray, influence: FloatArray) -> FloatArray:
+def _change(lens: RigLens, other: RigLens) -> FloatArray:
+    """(K,) the step of the parameters from a rig to another, of the same cameras."""
+    step = other.parameters - lens.parameters
+    for camera in range(1, len(lens.lenses)):
+        turn = other.places.rotation[camera] @ lens.places.rotation[camera].T
+        first = lens.place_columns(camera).start
+        step[first : first + 3] = Rotation.from_matrix(turn).as_rotvec()
+    return np.asarray(step)
+
+
+def _of_shots(anew: FloatArray, left_out: FloatArray, influence: FloatArray) -> FloatArray:
     """Covariance (6, 6) of what changes so, (G, 6), without each cluster of shots.
 
-    The geometric mean of the two, as ``PhotoSpread`` takes it and for its reasons.
+    The geometric mean with the influence, as ``PhotoSpread`` takes it and for its reasons.
     """
-    first, second = (
+    whole, first, second = (
         (change - change.mean(axis=0)).T @ (change - change.mean(axis=0))
-        for change in (left_out, influence)
+        for change in (anew, left_out, influence)
     )
     scale = (np.diagonal(second) / np.maximum(np.diagonal(first), 1e-300)) ** 0.25
-    return np.asarray(variance_of_few(first, len(left_out)) * scale * scale[:, None])
+    return np.asarray(variance_of_few(whole, len(anew)) * scale * scale[:, None])
 
 
 def _larger(noise: FloatArray, of_shots: FloatArray) -> FloatArray:

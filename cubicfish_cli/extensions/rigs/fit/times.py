@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.core.fit.adjustment import Adjustment, linearise
+from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, Adjustment, linearise
 from cubicfish_cli.core.fit.normal_equations import solve_scaled
-from cubicfish_cli.core.fit.statistics import noise_px
+from cubicfish_cli.core.fit.statistics import huber_px, noise_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.motion import paths_between
@@ -36,6 +36,8 @@ _EXPLAINED = 0.8
 # The scatter at first: of the step between shots, or seconds of films.
 _FIRST_SHARE, _FIRST_S = 0.3, 0.03
 _ROUNDS, _LEAST_SHARE, _ROUGH_DECREASE = 8, 1e-3, 1e-5
+# Corners of shots that are left out count so little: enough to place these shots.
+_LEFT_OUT, _ROUNDS_WITHOUT = 1e-6, 2
 # A clock is off where the fit says so at so many standard deviations,
 _SURE = 4.0
 # and what it does to its corners is as large as so much of their noise.
@@ -282,6 +284,22 @@ class Timing:
         path = self.motion.paths(fit, self.shots, times.late)
         return replace(fit, lens=replace(lens, times=replace(times, hold=hold, path=path)))
 
+    def blocks(self, count: int) -> list[IntArray]:
+        """The shots in at most so many blocks of time."""
+        moment = [self.motion.moment.get(name, np.inf) for name in self.shots]
+        return np.array_split(np.argsort(moment, kind="stable"), min(count, len(moment)))
+
+    def without(self, fit: Adjustment[RigLens], shots: IntArray) -> RigLens:
+        """The rig that is fitted without some shots (K,), photos' times and motion too."""
+        out = np.isin(fit.lens.shot[fit.pairs.image], shots)
+        pairs = replace(fit.pairs, weight=fit.pairs.weight * np.where(out, _LEFT_OUT, 1.0))
+        for _ in range(_ROUNDS_WITHOUT):
+            fit = fit.again(
+                pairs, relative_decrease=_ROUGH_DECREASE, damping=WARM_DAMPING, limit=huber_px
+            )
+            fit = self.again(fit)
+        return fit.lens
+
 
 def on_time(
     fit: Adjustment[RigLens], motion: Motion, shots: Sequence[str], photos: Sequence[str]
@@ -357,11 +375,10 @@ def _alone_px(fit: Adjustment[RigLens]) -> float:
     return noise_px(left)
 
 
-def clocks_of(fit: Adjustment[RigLens], timing: Timing | None) -> Clocks | None:
-    """What the times of a fit's photos say of its cameras' clocks; None where they have none."""
+def clocks_of(fit: Adjustment[RigLens], timing: Timing) -> Clocks:
+    """What the times of a fit's photos say of its cameras' clocks."""
     lens, times = fit.lens, fit.lens.times
-    if timing is None or times is None:
-        return None
+    assert times is not None
     in_seconds = timing.motion.in_seconds
     unit, count = noise_px(fit.residual), np.bincount(lens.camera)
     own, before = lens.usual_columns, times.stated
