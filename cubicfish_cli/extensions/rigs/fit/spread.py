@@ -52,9 +52,10 @@ def place_covariances(
     noise = _noise_covariance(fit)
     count = len(fit.lens.parameters)
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
-    parts = min(len(shots), MOST_CLUSTERS)
-    clusters = dealt_out(np.arange(len(shots)), shots, parts) if parts >= MIN_PHOTOS else []
-    clusters = clusters if timing is None else timing.blocks(_BLOCKS)
+    parts, clusters = min(len(shots), MOST_CLUSTERS), []
+    if parts >= MIN_PHOTOS:
+        by_chance = dealt_out(np.arange(len(shots)), shots, parts)
+        clusters = by_chance if timing is None else timing.blocks(_BLOCKS)
     leave_one_out = LeaveOneOut(fit, clusters)
     if clusters:
         left_out = np.array([shared[:count] for shared, _, _ in leave_one_out.steps()])
