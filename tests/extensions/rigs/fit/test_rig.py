@@ -3,26 +3,29 @@
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from simulated import CornerErrors
 from simulated_rig import RigTruth, simulated_rig
 from synthetic_lenses import SineProfile, synthetic_lens
 
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.fit.adjustment import State, adjust, linearise
+from cubicfish_cli.core.fit.adjustment import Adjustment, State, adjust, linearise
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 from cubicfish_cli.core.fit.fit_lens import FreeLens
 from cubicfish_cli.core.fit.folds import dealt_out
+from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.poses import Poses, rotation_from_vector
-from cubicfish_cli.core.fit.subset import select
+from cubicfish_cli.core.fit.subset import select, select_photos
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import renamed, symmetries
 from cubicfish_cli.core.target import Target
+from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.rigs.fit import calibrate as rig_fit
 from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
 from cubicfish_cli.extensions.rigs.fit.evaluate import evaluate_rig
@@ -124,6 +127,40 @@ def test_cameras_stand_where_they_do_and_it_is_known_how_surely() -> None:
     assert (first.rotation == np.eye(3)).all()
     assert not first.translation.any()
     assert not first.covariance.any()
+
+
+def without_shots(fit: Adjustment[RigLens], shots: np.ndarray) -> RigLens:
+    """The rig of a fit that never saw some shots, followed to its end."""
+    lens = fit.lens
+    views = np.flatnonzero(~np.isin(lens.shot, shots))
+    kept, own = np.unique(lens.shot[views], return_inverse=True)
+    rest = replace(lens, camera=lens.camera[views], shot=own)
+    rows = np.flatnonzero(np.isin(fit.pairs.image, views))
+    pairs, world = select_photos(fit.pairs, views), fit.world.select(rows)
+    return adjust(rest, fit.poses[kept], pairs, fit.huber_px, world=world).lens
+
+
+@pytest.mark.slow
+def test_a_rig_without_some_shots_is_nearly_one_step_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    fits: list[Adjustment[RigLens]] = []
+    stated = rig_fit.place_covariances
+
+    def kept(fit: Adjustment[RigLens], *others: Any) -> FloatArray:
+        fits.append(fit)
+        return stated(fit, *others)
+
+    monkeypatch.setattr(rig_fit, "place_covariances", kept)
+    fitted(simulated()[0])
+    (fit,) = fits
+    right, groups = fit.lens.place_columns(1), [np.array([1, 4]), np.array([6]), np.array([0, 9])]
+    unit = np.sqrt(np.diagonal(np.linalg.inv(fit.normal.reduced_shared())))[right]
+    for shots, (step, _, _) in zip(groups, LeaveOneOut(fit, groups).steps(), strict=True):
+        anew = without_shots(fit, shots)
+        turn = anew.places.rotation[1] @ fit.lens.places.rotation[1].T
+        shift = anew.places.translation[1] - fit.lens.places.translation[1]
+        wanted = np.concatenate([Rotation.from_matrix(turn).as_rotvec(), shift]) / unit
+        found = step[right] / unit
+        assert np.linalg.norm(found - wanted) < 0.02 * np.linalg.norm(wanted)
 
 
 @pytest.mark.slow
