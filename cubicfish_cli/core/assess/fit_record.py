@@ -98,7 +98,6 @@ class Departure:
         shift: how far the board's middle moved.
         turn_deg: how far the board turned.
         offset_rms: root mean square length of its corners' own offsets.
-        doubts: nothing any more: what is doubted of boards is among the findings.
 
     """
 
@@ -109,7 +108,6 @@ class Departure:
     shift: float = NAN
     turn_deg: float = NAN
     offset_rms: float = NAN
-    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +158,6 @@ class FitRecord(ErrorStatistics):
         flat: whether all corners lie nearly in one plane.
         prior_weight, prior_spread: how P was held to the reference.
         coverage: share of the valid field that corners cover, 0 to 1.
-        notes: nothing any more: what a person should know is among the findings.
         findings: what is likely wrong with the set-up, with its evidence.
         uncertainty: how far the pixels of distant points may be off, on a grid over the photo.
         dropped: how many corners were left out because they were grossly off.
@@ -191,7 +188,6 @@ class FitRecord(ErrorStatistics):
     prior_weight: float = field(default=NAN, metadata=_RAY)
     prior_spread: float = field(default=NAN, metadata=_RAY)
     coverage: float = field(default=NAN, metadata=_RAY)
-    notes: tuple[str, ...] = field(default=(), metadata=_RAY)
     findings: tuple[Finding, ...] = field(default=(), metadata=_RAY)
     uncertainty: UncertaintyGrid = field(default_factory=UncertaintyGrid, metadata=_RAY)
     dropped: int = 0
