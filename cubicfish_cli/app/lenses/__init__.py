@@ -7,5 +7,6 @@ nearest to a cubic camera, `from_lens.py` the cubic camera nearest to a lens. Wh
 files, and the checks of what is read from them, stand in `file_contents.py`; `foreign_files.py`
 tells which format a file is of. The formats are the tables of the extension's formats.toml.
 
-Beside them stands `point_fit.py`: the paper's literal model, on points instead of rays.
+Beside them stands `point_fit.py`, the fit of the paper's literal model, on points instead of rays
+(`core/lenses/point.py`).
 """

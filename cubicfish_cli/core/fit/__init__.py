@@ -16,23 +16,27 @@ those that depart from their neighbours (`rejection.py`). Photos count by their 
 
 What holds a lens or the target (`prior()`) is a Gram matrix of pseudo-observations, as what
 corners say is (`NormalEquations`): they add up, and what photos put in is taken out again where
-they are left out. `Adjustment` carries the type of its lens; `again` adjusts on from it.
-`RadialReference` and `CameraFit` are adjustments with what else is known of them. What carries
-several cameras (`Body` in `lenses.py`) is known to the extension of rigs alone.
+they are left out. `Adjustment` carries the type of its lens, a `FitLens` (`fit_lens.py`); `again`
+adjusts on from it. `RadialReference` and `CameraFit` are adjustments with what else is known of
+them. A lens that carries several cameras is known to the extension of rigs alone
+(`extensions/rigs/fit/rig_lens.py`).
 
-The target may be fitted in the same adjustment (`deformable_target.py`; as drawn it is one of
-which nothing is free): boards' shapes and places are shared unknowns like the lens, corners' own
-offsets a second family of small blocks beside the poses, of which `normal_equations.py`
-eliminates the larger. `refinement.py` fits each level, and `model_selection.py` takes the richest
-by which held-out photos gain. Before corners are fitted one by one, `orientation.py` asks which
-way round photos show a target that looks the same after a turn (`placement.py`), and a rig's
-cameras are made to agree (`fit/names.py`). `uncertainty.py` carries the corners' noise through
-the normal equations to pixels, `photo_spread.py` adds what photos' shared errors do,
-`coverage.py` says where corners are, and `assess/departure.py` measures by how much a fitted target
-departs from its drawing.
+The target may be fitted in the same adjustment (`deformable_target.py`; as drawn it is one of which
+nothing is free): boards' shapes and places are shared unknowns like the lens, corners' own offsets
+a second family of small blocks beside the poses, of which `normal_equations.py` eliminates the
+larger. `refinement.py` fits each level, and `model_selection.py` takes the richest by which
+held-out photos gain. Before corners are fitted one by one, `orientation.py` asks which way round
+photos show a target that looks the same after a turn (`core/placement.py`), and a rig's cameras are
+made to agree (`extensions/rigs/fit/names.py`). `uncertainty.py` carries the corners' noise through
+the normal equations to pixels, `photo_spread.py` adds what photos' shared errors do, `coverage.py`
+says where corners are, and `core/assess/departure.py` measures by how much a fitted target departs
+from its drawing.
 
 The fit knows nothing of diagnosis. It hands what it knows (`FitEvidence`, or `FailedFit` where
-there is none; `calibration.py`) to a function that its caller gives it, and takes findings back.
+there is none; `calibration.py`) to a function that its caller gives it, and takes findings back:
+`find_faults` of `app/diagnosis/diagnose.py`.
 
-Beside it stands `alignment.py` (the turn between the frames of two cameras).
+Beside it stand `alignment.py` (the turn between the frames of two cameras), `evaluate.py` (a known
+camera on other photos) and `nearest_lens` of `fit_lens.py` (any lens through given pixels). The fit
+of the paper's own lift is `app/lenses/point_fit.py`.
 """

@@ -3,6 +3,8 @@
 `radial.py` is the radial reference, a `Lens` (`lens.py`) as those of other tools above the core
 are. `sphere.py` finds rays of pixels by Newton's method, for these and for `CubicCamera`, which is
 no `Lens`: its parameters are gauged (`CubicFit` in `core/fit/lenses.py`), its field is measured.
-`PointCamera` has no rays at all. What the solver adjusts is a `FitLens` (`core/fit/fit_lens.py`): a
-`FreeLens` of any `Lens`, or with priors `BentFit` and `CubicFit`.
+`lift.py` has the 20 monomials, and `pupil.py` where a near point is seen. `PointCamera`, of the
+paper's own lift, has no rays at all; its fit is `app/lenses/point_fit.py`. What the solver adjusts
+is a `FitLens` (`core/fit/fit_lens.py`): a `FreeLens` of any `Lens`, or with priors `BentFit` and
+`CubicFit`.
 """

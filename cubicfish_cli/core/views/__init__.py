@@ -5,6 +5,7 @@ A `View` says which ray each pixel looks along, from the camera's place (`view.p
 view, and the field that suits it. `maps.py` asks the camera for the pixel of each ray, in blocks of
 rows on two threads. For the cubic camera `cubic_grid.py` does that by a few products of small
 matrices a picture, one way for each kind of view: `tests/core/views/test_projections.py` holds each
-to the plain way. `camera_for_photos` makes the camera of a rescaled photo, so that nothing else
-knows of them.
+to the plain way. `camera_for_photos` (`maps.py`) makes the camera of a rescaled photo, so that
+nothing else knows of them. What people ask of a view, and which one suits a camera, is in
+`app/undistortion/options.py` and `app/undistortion/choose.py`.
 """

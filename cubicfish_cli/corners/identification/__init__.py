@@ -8,9 +8,8 @@ corners are. `app/executors/pool.py` shares photos out to processes. `corners/id
 decides which board each grid is. Markers name their boards' corners at once (`identified.py`).
 Plain boards are named by geometry (`name_grids.py`): all grids as nameless planes give the lens
 (`scene.py`), and with it known every place on the target is tried photo by photo (`search.py`,
-`decide.py`), with what cannot be decided left out, and once more with the boards where they are. A
-diagnosis says what is wrong where grids fit nowhere, and refuses names that would be those of other
-corners. `second_pass.py` then looks where a fitted camera expects more corners, boards without
-markers on a marked target among them. `identification` stands below `fitting` since it needs a
-lens.
+`decide.py`), with what cannot be decided left out, and once more with the boards where they are.
+What is wrong where grids fit nowhere, or are named as other corners, `app/detection.py` asks of
+`app/diagnosis`. `second_pass.py` then looks where a fitted camera expects more corners, boards
+without markers on a marked target among them. All this needs lenses: it imports `core/fit`.
 """
