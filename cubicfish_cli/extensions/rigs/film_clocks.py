@@ -1,7 +1,7 @@
 """Clock offsets between the films of a rig's cameras, from their motion.
 
 A body moves with all of its cameras, so films are still and lively at the same moments. That tells
-their clocks apart to about a frame; the fit does the rest (``fitting/rig/clocks.py``).
+their clocks apart to about a frame; the fit does the rest (``fit/times.py``).
 """
 
 from collections.abc import Sequence
