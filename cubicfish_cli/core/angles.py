@@ -1,9 +1,9 @@
 """Angles of points and offsets, identical to the last bit for identical numbers.
 
-Where vector instructions serve (AVX-512), numpy 1.26 takes the angle of a column of an array by
-another loop if the result happens to lie right behind that array in memory, and the two loops round
-differently; so it does for exp and powers. Since the same work must give the same bytes, columns
-are taken out of their array before such functions see them.
+With vector instructions (AVX-512), numpy 1.26 computes the angles of a column of an array by a
+different loop if the result happens to lie right behind that array in memory, and the two loops
+round differently. The same is true of exp and powers. Since the same work must give the same bytes,
+columns are copied out of their array before such functions see them.
 """
 
 import numpy as np
@@ -20,7 +20,8 @@ def columns(points: npt.ArrayLike) -> FloatArray:
 def unit_rays(points: npt.ArrayLike) -> FloatArray:
     """Points (..., 3) of any length -> unit rays (..., 3); NaN where there is no direction.
 
-    The largest coordinate is divided out first: squares of 1e200 overflow, and of 1e-200 vanish.
+    The largest coordinate is divided out first, since squares of 1e200 overflow and those of 1e-200
+    vanish.
     """
     points = np.asarray(points, float)
     largest = np.max(np.abs(points), axis=-1, keepdims=True)

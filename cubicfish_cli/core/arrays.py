@@ -15,7 +15,7 @@ from cubicfish_cli.core.wording import is_name, quoted
 
 @dataclass(frozen=True, kw_only=True)
 class Refusal:
-    """How what is wrong with a caller's arrays is said.
+    """Checks of arrays that a caller hands over; each raises the same class of error.
 
     Attributes:
         error: the class to raise; its text is one line that names the array and its place.

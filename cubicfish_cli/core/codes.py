@@ -15,7 +15,7 @@ class Severity(StrEnum):
 
 
 class Remedy(StrEnum):
-    """What helps."""
+    """What helps against a finding."""
 
     CORRECT_TARGET = "correct_target"
     CORRECT_PHOTOS = "correct_photos"
@@ -30,10 +30,10 @@ class Remedy(StrEnum):
 
 
 class Code(StrEnum):
-    """What is told."""
+    """The codes of findings."""
 
-    UNKNOWN = "unknown"  # of a file that a newer version wrote
-    # Of a set-up: why corners do not fit as they should.
+    UNKNOWN = "unknown"  # in a file that a newer version wrote
+    # About a set-up: why corners do not fit as they should.
     BOARD_ORDER = "board_order"
     BOARD_NAMES = "board_names"
     BOARD_PLACE = "board_place"
@@ -50,7 +50,7 @@ class Code(StrEnum):
     PHOTO_LENS = "photo_lens"
     REPEATS = "repeats"
     ONE_PLACE = "one_place"
-    # Of a fit: what is against the camera.
+    # About a fit: what is against the camera.
     NO_FIGURES = "no_figures"
     LARGE_ERRORS = "large_errors"
     FEW_CORNERS = "few_corners"
@@ -68,12 +68,12 @@ class Code(StrEnum):
     MANY_UNFIT = "many_unfit"
     A_FEW_FAR_OFF = "a_few_far_off"
     WORSE_THAN_BEFORE = "worse_than_before"
-    # Of a board as fitted: more than paper or plate explains.
+    # About a fitted board: it departs by more than paper or plate explains.
     BENT = "bent"
     STRETCHED = "stretched"
     MOVED = "moved"
     CORNERS_OFF = "corners_off"
-    # Of photos so far: why they are not enough, and what cannot be said of the next.
+    # About the photos so far: why they are not enough, and what cannot be said about the next.
     NOT_CERTAIN = "not_certain"
     NOT_TRUSTED = "not_trusted"
     MIDDLE_UNSEEN = "middle_unseen"
@@ -81,7 +81,7 @@ class Code(StrEnum):
     NO_TARGET = "no_target"
     NO_SIDE = "no_side"
     NO_VIEW = "no_view"
-    # Of photos in a fit.
+    # About photos in a fit.
     TOO_FEW_CORNERS = "too_few_corners"
     DOES_NOT_FIT = "does_not_fit"
     NOISY = "noisy"
@@ -89,7 +89,7 @@ class Code(StrEnum):
     STANDS_OUT = "stands_out"
     NO_ERROR = "no_error"
     OUTLIERS = "outliers"
-    # Of photos in which corners are looked for.
+    # About photos in which corners are searched.
     CANNOT_BE_READ = "cannot_be_read"
     OTHER_SIZE = "other_size"
     PHOTO_TOO_SMALL = "photo_too_small"
@@ -103,7 +103,7 @@ class Code(StrEnum):
     NO_CHECKERBOARD = "no_checkerboard"
     NO_MARKERS = "no_markers"
     TWICE_IN_VIEW = "twice_in_view"
-    # Of grids that were found in them.
+    # About grids that were found in them.
     BY_CONVENTION = "by_convention"
     AMBIGUOUS = "ambiguous"
     SLIDES = "slides"
@@ -112,11 +112,11 @@ class Code(StrEnum):
     TOO_LARGE = "too_large"
     OTHER_COLOURS = "other_colours"
     NO_PLANE = "no_plane"
-    # Why nothing could be done with any of them.
+    # Why no photo could be used.
     NOTHING_NAMED = "nothing_named"
     NO_PHOTO = "no_photo"
     ANOTHER_TARGET = "another_target"
-    # Of a rig's shots.
+    # About a rig's shots.
     SHOT_MISMATCHED = "shot_mismatched"
     CAMERA_MOVED = "camera_moved"
     FEW_COMMON_SHOTS = "few_common_shots"
@@ -131,5 +131,5 @@ class Code(StrEnum):
 
 @cache
 def words(module: str = "catalogue") -> Any:
-    """The module with the sentences: the core has facts, and wording stands above it."""
+    """Import a module of sentences, which stands above the core: the core has facts alone."""
     return import_module(f"cubicfish_cli.app.words.{module}")

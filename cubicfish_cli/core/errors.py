@@ -6,14 +6,14 @@ exit code 1; a library caller can also catch the built-in class it derives from.
 """
 
 MISSING = "does not exist: check the name and the current folder"
-"""What is said of a file that is not there, after its name."""
+"""What a message says about a missing file, after its name."""
 
 
 class CubicfishError(Exception):
     """Base of all errors that this package raises on purpose.
 
     Attributes:
-        what: what is the matter; all of the text where nothing more is known.
+        what: what is wrong; the whole text where nothing more is known.
         do: what to do about it; empty where ``what`` says so.
         about: the file that it is about, which the text begins with; empty where ``what`` names it.
         apart: whether ``what`` is a sentence of its own, after a colon.
@@ -65,4 +65,4 @@ class OutputError(CubicfishError, OSError):
 
 
 class UsageError(CubicfishError, ValueError):
-    """What was asked does not go together."""
+    """Options or arguments do not go together."""

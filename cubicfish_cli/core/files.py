@@ -1,4 +1,4 @@
-"""Writing files so that they appear whole or not at all, and never over another unasked."""
+"""Writing files so that they appear whole or not at all, and never replace others unasked."""
 
 import hashlib
 import os
@@ -18,14 +18,14 @@ _host: ContextVar[str] = ContextVar("host", default="")
 
 
 def on_host() -> str:
-    """`` on node7`` while the work of another machine is done on node7, else nothing."""
+    """The text `` on node7`` while node7 works for another machine, else an empty one."""
     name = _host.get()
     return f" on {name}" if name else ""
 
 
 @contextmanager
 def working_on(name: str) -> Iterator[None]:
-    """Work inside is done for another machine, on the host ``name``: messages say so."""
+    """Mark the work inside as done for another machine on the host ``name``: messages say so."""
     token = _host.set(name)
     try:
         yield
@@ -34,16 +34,17 @@ def working_on(name: str) -> Iterator[None]:
 
 
 Content = str | bytes | Callable[[Path], object]
-"""Of a file: its text, its bytes, or what writes it to a name."""
+"""What a file shall hold: text, bytes, or a function that writes it to the name that it is
+given."""
 
 
 def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> None:
     """Raise :class:`OutputError` when one of ``paths`` may not be replaced, or cannot be written.
 
     Args:
-        paths: what is to be written.
-        overwrite: whether it may be replaced.
-        can_skip: whether the command that asks can leave out what exists.
+        paths: the files that are to be written.
+        overwrite: whether they may be replaced.
+        can_skip: whether the calling command can leave out existing files.
 
     """
     for path in paths:
@@ -53,8 +54,7 @@ def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> No
 def refuse_outside(folder: Path, paths: Iterable[Path]) -> None:
     """Raise :class:`OutputError` when one of ``paths`` leads out of the folder that was named.
 
-    A folder is named by the user, the files in it may be called after what stands in somebody
-    else's file.
+    The user names the folder, but names of files in it may come from somebody else's file.
     """
     for path in paths:
         if not path.is_relative_to(folder) or ".." in path.relative_to(folder).parts:
@@ -82,9 +82,10 @@ _writable: set[Path] = set()
 
 
 def _refuse_unwritable(path: Path) -> None:
-    """Raise :class:`OutputError` when no file can be made where ``path`` is to be.
+    """Raise :class:`OutputError` when no file can be made at ``path``.
 
-    Of a folder that is not there yet, the nearest one above it is tried, once per process.
+    Where its folder does not exist yet, the nearest existing one above it is tried, once per
+    process.
     """
     folder = next(above for above in path.absolute().parents if os.path.lexists(above))
     if folder in _writable:
@@ -134,17 +135,19 @@ def whole_files(
 ) -> Iterator[tuple[Path, ...]]:
     """Yield one temporary name for each path; all become final when the block succeeds.
 
-    Names that are taken are refused before the block starts. When the block fails, nothing
-    is left of any file, and what was to be replaced is there as before.
+    Names that are taken are refused before the block starts. When the block fails, no new file is
+    left, and the files that were to be replaced are as before.
 
-    The first path is the last to become final, and the first to go where it is replaced: also
-    when the process is killed in between, the others are there and its own where it is.
+    The first path becomes final last, and is removed first where it is replaced: even if the
+    process is killed in between, the other files stand beside it wherever it exists, and are its
+    own.
 
     Args:
         paths: the files.
         overwrite: whether they may be replaced.
-        obsolete: files of earlier results that go when the new ones are there, if there are any.
-        folder: where all of them must be, or below it, if they are called after what was read.
+        obsolete: files of earlier results that are removed when the new ones are there.
+        folder: the folder that must hold all of them, at any depth, where their names were read
+            from a file.
 
     Raises:
         OutputError: a file exists and ``overwrite`` is false, cannot be written, or is elsewhere.
@@ -203,7 +206,8 @@ def _replace(together: dict[Path, Path], aside: dict[Path, Path]) -> None:
 
     Args:
         together: path -> its temporary file.
-        aside: these and other paths that go -> where they are kept until all is done.
+        aside: path -> where its file is kept until all is done; these paths and other ones that are
+            removed.
 
     """
     try:
@@ -236,7 +240,7 @@ def _remove(paths: Iterable[Path]) -> None:
 _TEMPORARY = re.compile(
     r"\..*\.(?P<family>[0-9a-f]{12})-(?P<process>[0-9]{1,10})-[0-9a-f]{8}\.part(\.[^.]*)?"
 )
-# A folder of more files than these is not read to its end for what may have been left there.
+# A folder with more files than these is not searched to its end for orphans.
 _MOST_ENTRIES = 20_000
 _STEM_BYTES = 100
 
@@ -244,8 +248,8 @@ _STEM_BYTES = 100
 def temporary_name(path: Path) -> Path:
     """A new name beside ``path`` with its suffix, which says that the file is not finished.
 
-    It is hidden, ``.camera.<family>-<process>-<random>.part.yaml`` for ``camera.yaml``, where the
-    process is the one that calls this: what it leaves when it is killed can be told.
+    It is hidden, ``.camera.<family>-<process>-<random>.part.yaml`` for ``camera.yaml``, and names
+    the calling process, so that files of a killed process can be recognised.
     """
     stem = os.fsencode(path.stem)[:_STEM_BYTES].decode(errors="ignore")
     token = f"{_family()}-{os.getpid()}-{secrets.token_hex(4)}"
@@ -254,11 +258,11 @@ def temporary_name(path: Path) -> Path:
 
 @cache
 def _family() -> str:
-    """12 digits that processes share which can tell of each other whether they are alive."""
+    """12 digits that processes share if each can find out whether the other is alive."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text()
         space = os.readlink("/proc/self/ns/pid")
-    except OSError:  # no Linux: a family of one
+    except OSError:  # not Linux: a family of one
         return secrets.token_hex(6)
     return hashlib.sha256(f"{platform.node()} {boot} {space}".encode()).hexdigest()[:12]
 
@@ -289,7 +293,7 @@ _known_folders: set[str] = set()
 
 
 def _looked_through(folder: Path) -> bool:
-    """Whether this was asked of the folder before: once per process is enough."""
+    """Whether this was called for the folder before: once per process is enough."""
     name = os.path.abspath(folder)
     before = name in _known_folders
     _known_folders.add(name)
@@ -322,10 +326,12 @@ def write_files(
     """Write files, all or none, as :func:`whole_files` does.
 
     Args:
-        files: path -> its text, its bytes, or what writes it to the name that it is called with.
+        files: path -> its text, its bytes, or a function that writes it to the name that it is
+            given.
         overwrite: whether they may be replaced.
-        obsolete: files of earlier results that go when the new ones are there.
-        folder: where all of them must be, or below it, if they are called after what was read.
+        obsolete: files of earlier results that are removed when the new ones are there.
+        folder: the folder that must hold all of them, at any depth, where their names were read
+            from a file.
 
     Returns:
         The paths.

@@ -1,4 +1,4 @@
-"""Finding: the record of anything told, by detection, identification, fit, verdict or advice."""
+"""Finding: the record of what detection, identification, fit, verdict or advice reports."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ _ABOUT = ("images", "boards", "cameras", "shots")
 
 
 class Saying(NamedTuple):
-    """What is said of a finding, and what kind of thing helps."""
+    """The sentences of a finding, and the kind of remedy."""
 
     what: str
     evidence: str
@@ -24,20 +24,20 @@ class Saying(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing that is told of a set-up, a fit, a photo or a grid.
+    """One thing that is reported about a set-up, a fit, a photo or a grid.
 
     Attributes:
-        code: what kind of thing.
-        severity: ``bad`` where the camera is wrong with it, ``care`` where it may be, ``note``
-            where it is not.
+        code: the kind of finding.
+        severity: ``bad`` where it makes the camera wrong, ``care`` where it may, ``note`` where it
+            does not.
         images: names of the photos that it is about; empty for all.
         boards: names of the boards that it is about; empty for all.
-        cameras: of several cameras that are calibrated together, which it is about.
-        shots: and of which shots, or of which photos where these are not of their shot.
-        case: which form of it, where it has several; a key of the catalogue.
-        because: what says so, where that may be several things; a key of the catalogue.
+        cameras: names of the cameras of a rig that it is about.
+        shots: names of the shots that it is about, or of photos that do not belong to their shot.
+        case: the form of the finding, where it has several; a key of the catalogue.
+        because: the kind of evidence, where there are several; a key of the catalogue.
         figures: the numbers and names that its sentences need, plain data.
-        recorded: its sentences as an earlier run made them, for what is read from a file.
+        recorded: its sentences as an earlier run made them, if it was read from a file.
 
     """
 
@@ -54,12 +54,12 @@ class Finding:
 
     @property
     def what(self) -> str:
-        """What is the matter, with figures."""
+        """What is wrong, with figures."""
         return self._said.what
 
     @property
     def evidence(self) -> str:
-        """The figures that say so; empty where ``what`` has them."""
+        """The figures that show it; empty where ``what`` has them."""
         return self._said.evidence
 
     @property
@@ -69,27 +69,27 @@ class Finding:
 
     @property
     def remedy(self) -> Remedy:
-        """What helps, for programs."""
+        """The kind of remedy, for programs."""
         return self._said.remedy
 
     @property
     def asks_for_photos(self) -> bool:
-        """Whether it is mended by taking photos, more or others."""
+        """Whether the remedy is to take photos, more or others."""
         return self.remedy in (Remedy.TAKE_PHOTOS, Remedy.TAKE_AGAIN)
 
     @property
     def why(self) -> str:
-        """What is the matter, and what says so."""
+        """What is wrong, and the evidence."""
         return f"{self.what} ({self.evidence})" if self.evidence else self.what
 
     @property
     def line(self) -> str:
-        """All in one line."""
+        """The whole finding in one line."""
         return f"{self.why}; {self.do}" if self.do else self.why
 
     @property
     def short(self) -> str:
-        """The same where there is little room."""
+        """The finding in fewer words, where there is little room."""
         known = words().has(self.code, "short")
         return replace(self, case="short").what if known else self.line
 
@@ -128,7 +128,7 @@ class Finding:
 
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
-    """A finding as a file has it, in the words of that time; None where it is none."""
+    """Read a finding from a file, with the sentences of that time; None where it is none."""
     severity = _known(Severity, record.get("severity", record.get("level")))
     if severity is None:
         return None

@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from cubicfish_cli.core.types import BoolArray, FloatArray
 
-# Points at a time, against all edges of a polygon at once.
+# Number of points that are compared with all edges of a polygon at once.
 _BLOCK = 4096
 _DIRECTIONS = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]])
-# Newton's method squares the error: a table of so many steps gives 1e-6, two rounds the rest.
+# Newton's method squares the error: a table of so many steps gives 1e-6, and two rounds the rest.
 _TABLE = 1024
 _NEWTON_ROUNDS = 4
 
@@ -79,7 +79,7 @@ def outermost(points: FloatArray) -> FloatArray:
 
 
 def inside_polygon(points: FloatArray, polygon: FloatArray) -> BoolArray:
-    """Which points (N, 2) lie in a polygon (K, 2), by crossings of a ray to the right; NaN not."""
+    """Whether points (N, 2) lie in a polygon (K, 2), by crossings of a ray; false for NaN."""
     ax, ay = polygon.T
     bx, by = np.roll(polygon, -1, axis=0).T
     inside = np.zeros(len(points), bool)
@@ -113,7 +113,7 @@ def kannala_brandt_slope(theta: FloatArray, k: npt.ArrayLike) -> FloatArray:
 
 
 def decentring(x: FloatArray, y: FloatArray, p1: float, p2: float) -> tuple[FloatArray, FloatArray]:
-    """What Brown's decentring (1966) adds to points of a picture of focal length 1: (...,) each."""
+    """The shift of points (...,) each by Brown's decentring (1966), at focal length 1."""
     across, xx, yy = 2 * x * y, x * x, y * y
     return p1 * across + p2 * (3 * xx + yy), p1 * (xx + 3 * yy) + p2 * across
 
@@ -131,13 +131,13 @@ def inverse_of_growing(
     value: npt.ArrayLike,
     end: float,
 ) -> FloatArray:
-    """Where a function that grows from 0 on has given values, by a table and Newton's method.
+    """Invert a function that grows from 0 on, by a table and Newton's method.
 
     Args:
         function: (...,) -> (...,), growing from 0 to ``end``.
         slope: its derivative.
         value: (...,) the values.
-        end: how far it grows.
+        end: up to where the function is to be inverted.
 
     Returns:
         (...,) the arguments; NaN where the value lies beyond that of ``end``.

@@ -1,6 +1,6 @@
 """Observations: corners or points seen in photos, by name, world point and pixel.
 
-Everything between finding corners and fitting a camera is this one record. It keeps one row a
+Everything between finding corners and fitting a camera is this one record. It keeps one row per
 corner in flat arrays, since all the maths runs over all corners at once.
 """
 
@@ -32,7 +32,7 @@ _OF_A_ROW = (
     "certain",
     "tells_error",
 )
-# Stand for as many rows as there are, where nothing is said of weights, world or certainty.
+# Default of weights, world and certainty, in place of as many rows as there are.
 _UNSAID: FloatArray = np.empty(0)
 _ALL: BoolArray = np.ones(0, bool)
 
@@ -44,9 +44,9 @@ Refuse = Callable[[int, str], NoReturn]
 class Observations(Brief):
     """Corners of boards, or points, seen in photos: the paper's pairs M ↔ m.
 
-    What looks for corners knows their names, and their world points once it is known of which
-    target they are (:meth:`with_target`). Measured points without names have their world points
-    from the start (:meth:`from_points`).
+    A detector knows the names of corners; :meth:`with_target` adds their world points once it is
+    known which target they are of. Measured points without names have their world points from the
+    start (:meth:`from_points`).
 
     Attributes:
         image_size: (width, height) of every photo, pixels.
@@ -60,13 +60,13 @@ class Observations(Brief):
         weight: (N,) relative weight; by default 1.
         world: (N, 3) points in the world frame, in the target's units; NaN where they are not
             known, as by default.
-        certain: (N,) whether it is surely this corner; by default all are. Where too little of a
-            board was seen, its corners may be others of the same plane, some squares further on:
-            as good for a lens, but they do not measure the target.
-        tells_error: (N,) whether a fit can tell its error; by default of all. Where each corner of
-            a target has an offset of its own, one that may be another has a point to itself,
-            which goes where it was seen.
-        target: the target that the world points are of; None where they are of none.
+        certain: (N,) whether the name is certain; by default all are. Where too little of a board
+            was seen, its corners may be others of the same plane, some squares further on: as good
+            for a lens, but they do not measure the target.
+        tells_error: (N,) whether a fit can tell the corner's error; by default it can of all. Where
+            each corner of a target has its own offset, an uncertain corner has a point of its own,
+            which moves to where the corner was seen.
+        target: the target that the world points belong to; None where they belong to none.
 
     """
 
@@ -85,7 +85,7 @@ class Observations(Brief):
     target: Target | None = None
 
     def __post_init__(self) -> None:
-        """Fill in what is not said; some of rows that were all certain are certain too."""
+        """Fill in defaults; a selection of rows that are all certain is certain too."""
         rows = np.shape(self.pixel)[:1]
         if self.weight is _UNSAID:
             object.__setattr__(self, "weight", np.ones(rows))
@@ -164,13 +164,13 @@ class Observations(Brief):
 
     @classmethod
     def without_names(cls, *, column: IntArray, **others: Any) -> Observations:
-        """Points without names: ``column`` (N,) is an index that tells them apart; and the rest."""
+        """Points without names; ``column`` (N,) is an index that distinguishes them."""
         board, row = np.full(len(column), -1, np.intp), np.zeros(len(column), np.intp)
         return cls(**others, boards=(), board=board, column=column, row=row)
 
     @classmethod
     def stacked(cls, parts: Sequence[Observations]) -> Observations:
-        """The rows of all parts, one after the other, which list the same photos and boards."""
+        """The rows of all parts, one after the other; the parts list the same photos and boards."""
         rows: dict[str, Any] = {
             name: np.concatenate([getattr(part, name) for part in parts]) for name in _OF_A_ROW
         }
@@ -178,7 +178,7 @@ class Observations(Brief):
 
     @classmethod
     def joined(cls, parts: Sequence[Observations]) -> Observations:
-        """The photos of all parts, one after the other, which are of the same boards."""
+        """The photos of all parts, one after the other; the parts list the same boards."""
         first = np.cumsum([0, *(len(part.images) for part in parts)])
         shifted = [
             replace(part, image=part.image + start)
@@ -211,13 +211,13 @@ class Observations(Brief):
         return self.select(self.image == self.images.index(photo))
 
     def only_seen(self) -> tuple[Observations, IntArray]:
-        """Without the photos that have no rows, and (M,) the index of each other photo here."""
+        """Leave out photos that have no rows; (M,) is the index of each other photo before."""
         photos, image = np.unique(self.image, return_inverse=True)
         images = tuple(self.images[photo] for photo in photos)
         return replace(self, images=images, image=image.astype(np.intp)), photos.astype(np.intp)
 
     def by_photo(self) -> Observations:
-        """The rows sorted by photo, else in their order; no copy where they are."""
+        """The rows sorted by photo, otherwise in their order; no copy where they are sorted."""
         if (np.diff(self.image) >= 0).all():
             return self
         return self.select(np.argsort(self.image, kind="stable"))
@@ -231,11 +231,11 @@ class Observations(Brief):
         return replace(self, world=world, target=None)
 
     def with_target(self, target: Target, refuse: Refuse | None = None) -> Observations:
-        """Give each corner its world point; rows are sorted by photo and else keep their order.
+        """Give each corner its world point; rows are sorted by photo, and keep their order there.
 
         Args:
-            target: what the photos show.
-            refuse: says where a row is from; by default by its photo's name.
+            target: the target that the photos show.
+            refuse: raises the error of a row; by default it names the row's photo.
 
         Raises:
             CorrespondenceError: a board is not in the target, a corner is outside its board, or
@@ -269,13 +269,13 @@ class Observations(Brief):
         return named.by_photo()
 
     def usable(self, refuse: Refuse | None = None) -> Observations:
-        """The same, if pixels lie within the photos, weights can be, and each corner is there once.
+        """Return the same if pixels lie in the photos, weights are valid and no corner repeats.
 
         Args:
-            refuse: says where a row is from; by default by its photo's name.
+            refuse: raises the error of a row; by default it names the row's photo.
 
         Raises:
-            CorrespondenceError: of the first row where it is not so.
+            CorrespondenceError: a row is not usable; the first such row is named.
 
         """
         refuse = refuse or self._refuse
@@ -296,7 +296,7 @@ class Observations(Brief):
         return self
 
     def checked(self, target: Target | None) -> Observations:
-        """The same, ready for a fit: of ``target``, or else of the target that they carry.
+        """Return the same, ready for a fit: of ``target``, or of the target that they carry.
 
         Raises:
             CorrespondenceError: an array is not what it must be, the world points are not known,
@@ -351,7 +351,7 @@ class Observations(Brief):
 
 
 def no_such_board(name: str, target: Target) -> str:
-    """What is said of a board that a target does not have."""
+    """What a message says about a board that a target does not have."""
     return f"board {quoted(name)} is not in the target: {did_you_mean(name, target.board_names)}"
 
 
@@ -363,7 +363,7 @@ def _stack_photos(
     images: Sequence[str] | None,
     weight: Iterable[npt.ArrayLike] | None,
 ) -> tuple[FloatArray, dict[str, Any]]:
-    """What is known of each row of all photos (N, 3), and the attributes that go with it."""
+    """Stack ``known`` (N, 3) of all photos, and the attributes that go with its rows."""
     given: dict[str, list[Any]] = {
         key: _list_arrays(arrays, key, columns)
         for key, arrays, columns in ((name, known, 3), ("pixel", pixel, 2), ("weight", weight, 0))

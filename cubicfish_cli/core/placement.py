@@ -10,7 +10,8 @@ is then explained equally well from another camera position. Some come from a sy
 whole target, such as half a turn of a board with even sides, and are harmless: the turned target
 is the same target. The others are slides along something that shows no end.
 
-Turns of a target after which it looks the same, and what its corners are called then.
+The module also finds the turns of a target after which it looks the same, and the names that its
+corners then have.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -85,7 +86,7 @@ class Placement:
 
     @cached_property
     def wholes(self) -> list[tuple[IntArray, FloatArray]]:
-        """Where each board's pattern, whole, lies on the target.
+        """Find where each board's whole pattern lies on the target.
 
         For each board, (P,) the sides that it covers, colours included, the first of them its own
         upright one, and (P, 4, 3) world points of its outermost corners there.
@@ -104,7 +105,7 @@ class Placement:
         return found
 
     def flips(self, parity: int) -> BoolArray:
-        """(S,) whether a grid's colours are not a side's own where their cells (0, 0) meet.
+        """(S,) whether a grid's colours differ from a side's own where their cells (0, 0) meet.
 
         ``parity`` is +1 when the square down-right of the grid's cell (0, 0) is light, else -1.
         """
@@ -119,7 +120,7 @@ class Placement:
         return matrix, places.mean(axis=1) - matrix @ places[0].mean(axis=0)
 
     def landing(self, matrix: FloatArray, shift: FloatArray) -> IntArray | None:
-        """The sides (B,) that boards cover when they are moved; None where one covers none.
+        """The sides (B,) that boards cover after a motion; None where one board covers none.
 
         Args:
             matrix: (3, 3) a turn, times a scale.
@@ -167,7 +168,7 @@ class Symmetry:
 
     Attributes:
         rotation, shift: (3, 3) and (3,), of points in the target's units.
-        board: (B,) index of the board that each board covers then.
+        board: (B,) index of the board that each board then covers.
         turn: (B, 2, 2) and
         offset: (B, 2): column and row there are turn · (column, row) + offset.
 
@@ -180,12 +181,12 @@ class Symmetry:
     offset: IntArray
 
     def named(self, seen: Observations, target: Target, scale: float = 1.0) -> Observations:
-        """Corners by the names of those whose places they take, and their world points.
+        """Name each corner after the one whose place it takes, with that corner's world point.
 
         Args:
-            seen: corners of the target, which boards are indices into its.
+            seen: corners of the target; ``board`` is an index into the target's boards.
             target: the target.
-            scale: its units in one unit of world points.
+            scale: the target's units in one unit of world points.
 
         """
         cell = np.stack([seen.column, seen.row], axis=-1)[..., None]
@@ -196,9 +197,10 @@ class Symmetry:
 
 
 def symmetries(target: Target) -> tuple[Symmetry, ...]:
-    """All that a target has, but for no motion at all.
+    """All symmetries that a target has, except the identity.
 
-    It is judged as drawn, without the shapes of its boards. Markers and lists of points have none.
+    They are those of the nominal target, without the shapes of its boards. Markers and lists of
+    points have none.
     """
     boards = target.boards
     plain = all(board.has_squares and board.markers is None for board in boards)
@@ -225,12 +227,12 @@ def symmetries(target: Target) -> tuple[Symmetry, ...]:
 
 
 def renamed(seen: Observations, target: Target, motions: Mapping[str, Symmetry]) -> Observations:
-    """The same corners, those of some photos by the names that a motion gives them.
+    """The same corners; in some photos, a motion of the target gives them other names.
 
     Args:
         seen: corners of a target.
         target: the target.
-        motions: of the photos whose corners get other names, by the photos' names.
+        motions: the motions for photos whose corners get other names, by the photos' names.
 
     """
     if not motions:
@@ -247,12 +249,13 @@ def renamed(seen: Observations, target: Target, motions: Mapping[str, Symmetry])
 def best_named(
     seen: Observations, target: Target, squared: Callable[[Observations], FloatArray]
 ) -> Observations:
-    """The same corners, those of each photo by the names under which they are off by least.
+    """The same corners, named in each photo as gives the smallest errors.
 
     Args:
-        seen: corners of a target, their boards indices into its.
+        seen: corners of a target; ``board`` is an index into the target's boards.
         target: the target.
-        squared: (N,) squared errors of these corners by other names, with their world points.
+        squared: gives (N,) squared errors of these corners under other names, with their world
+            points.
 
     """
     namings = [seen, *(motion.named(seen, target) for motion in symmetries(target))]
@@ -266,7 +269,7 @@ def best_named(
 
 
 def chosen(namings: Sequence[Observations], way: IntArray) -> Observations:
-    """The same corners, those of each photo by the names of one of W namings, (M,) below W."""
+    """The same corners; each photo has its names from one of W namings, (M,) below W."""
     rows = way[namings[0].image]
     names: dict[str, Any] = {
         name: np.stack([getattr(one, name) for one in namings])[rows, np.arange(len(rows))]

@@ -82,7 +82,7 @@ def parse_plain_yaml(
 
 
 def _read_documents(path: Path, text: str, error: type[CubicfishError]) -> list[Any]:
-    """The one document that a text holds, if it holds any, made of what the parser meets."""
+    """Build the one document that a text holds, if any, from the parser's events."""
     documents: list[Any] = []
     around: list[Any] = [documents]  # the lists and mappings that are open, the innermost last
     key = None  # of the innermost mapping, while its value is awaited
@@ -128,7 +128,7 @@ def _read_documents(path: Path, text: str, error: type[CubicfishError]) -> list[
 
 
 def _read_scalar(text: str, refuse: Callable[[str], NoReturn]) -> str | float | bool | None:
-    """What text without quotes stands for."""
+    """The value of text without quotes."""
     found = _SCALAR.fullmatch(text)
     kind = found.lastgroup if found else "text"
     if kind == "null":
@@ -145,7 +145,7 @@ def _read_scalar(text: str, refuse: Callable[[str], NoReturn]) -> str | float | 
 
 
 class _Dumper(_SafeDumper):
-    """Writes out parts that are shared twice over, since the reader refuses aliases."""
+    """Writes out parts that occur twice, since the reader refuses aliases."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True
@@ -159,14 +159,14 @@ for _kind, _pattern in _SCALARS.items():
 
 
 def plain_yaml_text(record: Any) -> str:
-    """YAML of plain data, keys in their order, numbers at full precision, inner lists on a line."""
+    """YAML of plain data: keys in their order, numbers in full, inner lists on one line."""
     return yaml.dump(
         record, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1
     )
 
 
 def mapping(path: Path | str, value: Any, what: str) -> dict[str, Any]:
-    """A record, or an error that says what it should be."""
+    """Return a mapping, or raise an error that says what it should be."""
     if not isinstance(value, dict):
         raise CameraFileError(f"{path}: {what} must hold keys and values")
     return value

@@ -33,9 +33,9 @@ from pathlib import Path
 from cubicfish_cli.core.errors import MISSING, CubicfishError
 
 MAX_COORDINATE = 1e9
-"""Of points and pixels: no photo and no object has larger numbers."""
+"""Largest coordinate of points and pixels: no photo and no object has larger ones."""
 MAX_SIDE = 100_000
-"""Of photos, pixels."""
+"""Longest side of photos, pixels."""
 PATIENCE = 2.0
 """Seconds to wait for somebody to write into a pipe."""
 
@@ -43,7 +43,7 @@ PATIENCE = 2.0
 def read_bytes(path: Path, *, max_bytes: int, error: type[CubicfishError]) -> bytes:
     """The contents of a file of at most ``max_bytes``.
 
-    Pipes and devices are read as far; a pipe that nobody writes to is not waited for.
+    Pipes and devices are read up to the same bound; a pipe that nobody writes to is not waited for.
 
     Raises:
         error: the file cannot be read, or is larger.
@@ -85,7 +85,7 @@ def _first_of_pipe(descriptor: int) -> bytes:
     """Wait for a pipe's first bytes, for ever if another program has it open to write.
 
     Raises:
-        OSError: nobody has.
+        OSError: no program has it open to write.
 
     """
     if not hasattr(os, "O_NONBLOCK"):

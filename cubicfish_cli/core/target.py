@@ -49,7 +49,7 @@ class Target(Brief):
 
         Args:
             data: the keys and values.
-            where: what stands at the head of what is said about them.
+            where: what messages about them begin with.
 
         Raises:
             TargetError: a key is missing or unknown, or a value is not usable; one line that
@@ -68,7 +68,7 @@ class Target(Brief):
         return tuple(board.name for board in self.boards)
 
     def with_boards(self, boards: Mapping[int, Board]) -> Target:
-        """The target with other boards in the place of those of these indices."""
+        """The target with other boards in place of those with these indices."""
         changed = (boards.get(index, board) for index, board in enumerate(self.boards))
         return replace(self, boards=tuple(changed))
 
@@ -79,11 +79,11 @@ class Target(Brief):
 
     @property
     def mirrored(self) -> bool:
-        """Whether this is the target as a mirror shows it, as in ``mirrored: true``."""
+        """Whether this is the target as a mirror shows it, as with ``mirrored: true``."""
         return any(board.mirrored for board in self.boards)
 
     def in_mirror(self) -> Target:
-        """The target as a mirror shows it; of that, the target itself."""
+        """The mirror image of the target; the image of an image is the target."""
         return replace(self, boards=tuple(board.in_mirror() for board in self.boards))
 
     def as_printed(self) -> Target:
@@ -141,7 +141,7 @@ def load_target(path: Path) -> Target:
 
 
 def load_target_data(path: Path) -> Any:
-    """The plain data of a target file, whatever they are.
+    """The plain data of a target file, whatever they hold.
 
     Raises:
         TargetError: the file cannot be read, or is of a camera.
@@ -199,7 +199,7 @@ def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
 
 
 def target_text(target: Target) -> str:
-    """The text of a target file: what :func:`cubicfish_cli.core.target.load_target` reads back."""
+    """The text of a target file, which :func:`cubicfish_cli.core.target.load_target` reads back."""
     boards = [board.as_record() for board in target.as_printed().boards]
     mirrored = {"mirrored": True} if target.mirrored else {}
     return plain_yaml_text({"units": target.units, **mirrored, "boards": boards})

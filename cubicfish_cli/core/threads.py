@@ -1,4 +1,4 @@
-"""Threads that libraries take by themselves, where they gain nothing by it."""
+"""Limits for threads that libraries start by themselves where they gain nothing by it."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -9,21 +9,21 @@ from threadpoolctl import ThreadpoolController
 
 
 class Shared:
-    """A state of the process: who enters first makes it, who leaves last ends it.
+    """A state of the process, which the first thread that enters begins and the last one ends.
 
-    Several threads may be inside at once. What ``state()`` gives is for a ``with`` block, and
-    decorates functions.
+    Several threads may be inside at once. ``state()`` is a context manager, and decorates
+    functions.
     """
 
     def __init__(self, begin: Callable[[], Any], end: Callable[[Any], None]) -> None:
-        """Be made by ``begin``, and ended by ``end``, which takes what ``begin`` gave."""
+        """Define the state by ``begin``, and ``end``, which takes what ``begin`` returned."""
         self._begin, self._end = begin, end
         self._lock, self._inside = threading.Lock(), 0
         self._before: Any = None
 
     @contextmanager
     def __call__(self) -> Iterator[None]:
-        """Be inside."""
+        """Enter the state, and leave it after the block."""
         with self._lock:
             if self._inside == 0:
                 self._before = self._begin()
@@ -42,4 +42,4 @@ def _one_thread() -> Any:
 
 
 one_blas_thread = Shared(_one_thread, lambda limits: limits.restore_original_limits())
-"""Matrices of a fit are small: more threads of linear algebra than one only wait for each other."""
+"""One thread of linear algebra: a fit's matrices are small, and more threads would only wait."""

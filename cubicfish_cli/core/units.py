@@ -22,7 +22,7 @@ MILLIMETRES = {
 
 
 def times(units: str | None, others: str | None) -> float | None:
-    """How many of the others one unit is; None where two are named and one is not known."""
+    """How many of the others one unit is; None where both are named and one is not known."""
     if units is None or others is None or units == others:
         return 1.0
     one, other = (MILLIMETRES.get(name.lower()) for name in (units, others))

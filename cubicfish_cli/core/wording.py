@@ -43,7 +43,7 @@ def either(words: Sequence[str]) -> str:
 
 
 def listed(names: Sequence[str], what: str) -> str:
-    """A few names as they are, of many the first ones and how many more.
+    """List a few names; of many, list the first ones and how many more there are.
 
     Args:
         names: at least one.

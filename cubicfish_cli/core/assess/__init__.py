@@ -1,4 +1,4 @@
-"""A fit's record -> what it is worth, how certain the camera is, and its key figures.
+"""A fit's record -> the verdict on it, the camera's uncertainty, and its key figures.
 
 `FitRecord` (`fit_record.py`) is the one record, from the fit to camera.yaml and back; `records.py`
 makes plain data of it. `verdict.py` judges by it, and `camera_facts.py` has the figures whose words

@@ -16,13 +16,13 @@ from cubicfish_cli.core.codes import words
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.point import PointCamera
 
-_STEPS = 512  # pixels that are looked at between the axis and an edge
+_STEPS = 512  # pixels that are tested between the axis and an edge
 _ROUNDED_DEG = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldSeen:
-    """The angle that a photo spans, degrees: to its edges, or as far as it may be trusted.
+    """The field of view of a photo, degrees: to its edges, or as far as the camera may be trusted.
 
     Attributes:
         horizontal, vertical: along the row and the column of the axis's pixel.
@@ -41,12 +41,12 @@ class FieldSeen:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CameraFacts:
-    """A camera in the figures that people ask for first; what is not known is None.
+    """A camera's key figures; None stands for what is not known.
 
     Attributes:
         camera: the camera, of either lift.
-        fit: how well it fits.
-        made_by: where it comes from, plain data; empty where nothing is known.
+        fit: how well the camera fits.
+        made_by: where the camera comes from, plain data; empty where nothing is known.
 
     """
 
@@ -56,27 +56,27 @@ class CameraFacts:
 
     @property
     def origin(self) -> Origin:
-        """Where it comes from, as far as that is plain."""
+        """Where the camera comes from, as far as ``made_by`` says it."""
         return origin_of(self.made_by)
 
     @property
     def title(self) -> str:
-        """What its owner calls it; empty without a name."""
+        """The name that its owner gave the camera; empty without one."""
         return self.origin.title or ""
 
     @property
     def is_measured(self) -> bool:
-        """Whether a fit is on record."""
+        """Whether the record of a fit is known."""
         return math.isfinite(self.fit.rms_px)
 
     @property
     def max_angle_deg(self) -> float | None:
-        """As far from the axis the camera may be trusted."""
+        """Angle from the axis to which the camera may be trusted; None for the ``point`` lift."""
         return self.camera.max_angle_deg if isinstance(self.camera, CubicCamera) else None
 
     @cached_property
     def field(self) -> FieldSeen | None:
-        """The field that a photo shows."""
+        """The field of view of a photo; None for the ``point`` lift."""
         return field_seen(self.camera) if isinstance(self.camera, CubicCamera) else None
 
     @cached_property
@@ -89,30 +89,30 @@ class CameraFacts:
 
     @property
     def axis_sigma(self) -> list[tuple[float, ...] | None]:
-        """One standard deviation of both, from the corners' noise."""
+        """One standard deviation of both figures of :attr:`axis`; None where it is not known."""
         sigma = self.fit.uncertainty
         both = sigma.focal_px, sigma.principal_point_px
         return [own if len(own) == 2 and all(map(math.isfinite, own)) else None for own in both]
 
     @cached_property
     def verdict(self) -> Verdict:
-        """What the calibration is worth, and why: what ``cubicfish calibrate`` prints."""
+        """The verdict, with its reasons, that ``cubicfish calibrate`` prints."""
         return verdict(self.fit, self.camera.image_size, self.camera.outline())
 
     @property
     def line(self) -> str:
-        """All that matters in one line, behind the title."""
+        """The key figures in one line, without the title."""
         return str(words("camera").camera_line(self))
 
 
 def field_seen(camera: CubicCamera) -> FieldSeen:
-    """The angles that a photo of a camera spans."""
+    """Measure the field of view of a camera's photos."""
     width, height = camera.image_size
     left, right, top, bottom = -0.5, width - 0.5, -0.5, height - 0.5
     x, y = camera.project(np.array([0.0, 0.0, 1.0]))
 
     def reach(to_x: float, to_y: float) -> float:
-        """The largest angle from the axis towards a place on the photo's edge, degrees."""
+        """The largest angle from the axis on the way to a place on the photo's edge, degrees."""
         share = np.linspace(0, 1, _STEPS)[:, None]
         way = (1 - share) * [x, y] + share * [to_x, to_y]
         rays = np.concatenate([camera.unproject(way), camera.photo_rays(way[-1:])])

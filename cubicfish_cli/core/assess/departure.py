@@ -1,4 +1,4 @@
-"""By how much a target as fitted departs from its drawing."""
+"""How far a fitted target departs from the nominal one."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from cubicfish_cli.core.target import Target
 
 
 def departures(drawn: Target | None, refined: Target | None) -> tuple[Departure, ...]:
-    """By how much each board departs from its drawing; none of boards that are as drawn."""
+    """How far each board departs from the nominal one; boards that do not are left out."""
     if drawn is None or refined is None:
         return ()
     both = zip(drawn.boards, refined.boards, strict=True)

@@ -1,7 +1,7 @@
-"""What a fit leaves on record: the one type from the fit to camera.yaml, the verdict and the page.
+"""The record of a fit: the one type that the fit, camera.yaml, the verdict and the page share.
 
 Its fields are the keys of ``fit`` in camera.yaml, in their order. A figure that is not known is
-NaN, a count 0, and null or nothing in the file.
+NaN, and an unknown count 0; the file then has null, or no key.
 """
 
 import math
@@ -21,7 +21,7 @@ from cubicfish_cli.core.types import FloatArray
 
 NAN = math.nan
 Lift = Literal["ray", "point"]
-# Of fields that only fits of one lift have.
+# Metadata of fields that only fits of the ``ray`` lift have.
 _RAY: Mapping[str, Any] = {"lift": "ray"}
 _POINT: Mapping[str, Any] = {"lift": "point"}
 
@@ -57,7 +57,7 @@ class PoseRecord:
 
     @property
     def vectors(self) -> FloatArray | None:
-        """(2, 3) both; None where they are no pose."""
+        """Both vectors, (2, 3); None where they are not a pose."""
         if not len(self.rotation_vector) == len(self.translation) == 3:
             return None
         both = np.array([self.rotation_vector, self.translation])
@@ -66,7 +66,7 @@ class PoseRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoRecord:
-    """A photo of a fit: its errors as :class:`ErrorStatistics` has them, and its pose."""
+    """A photo of a fit: its errors, as in :class:`ErrorStatistics`, and its pose."""
 
     image: str = ""
     rms_px: float = NAN
@@ -79,7 +79,7 @@ class PhotoRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class DroppedCorner:
-    """A corner that was left out because it was off by far more than noise."""
+    """An outlier: a corner that was left out because its error was far larger than noise."""
 
     image: str = ""
     board: str | None = None
@@ -90,7 +90,7 @@ class DroppedCorner:
 
 @dataclass(frozen=True, kw_only=True)
 class Departure:
-    """By how much one board as fitted departs from its drawing, in the target's units.
+    """How far a fitted board departs from the nominal one, in the target's units.
 
     Attributes:
         board: its name.
@@ -112,17 +112,17 @@ class Departure:
 
 @dataclass(frozen=True, kw_only=True)
 class CoverageExtent:
-    """What corners say of the field's rim; pixels are NaN where too few corners tell.
+    """How well corners cover the field's rim; pixels are NaN where too few corners lie there.
 
     Attributes:
-        all_around_deg: how far from the axis corners reach in nearly every direction that the
-            photo shows.
-        rim_coverage: share of the directions in which corners reach the rim.
-        extrapolated_deg: how far beyond the corners the field goes, the median over directions.
-        edge_uncertainty_px: one standard deviation of a pixel at the field's edge, median.
-        rim_from_deg: from where on the rim's errors are counted.
+        all_around_deg: angle from the axis up to which corners lie in nearly every direction that
+            the photo shows.
+        rim_coverage: share of the directions in which corners lie near the rim.
+        extrapolated_deg: how far the field goes beyond the corners, the median over directions.
+        edge_uncertainty_px: one standard deviation of a pixel at the field's edge, the median.
+        rim_from_deg: angle from the axis from which on errors count as the rim's.
         rim_rms_px: RMS of the outermost corners, those beyond ``rim_from_deg``.
-        middle_rms_px: RMS of the corners within half of that.
+        middle_rms_px: RMS of the corners within half of that angle.
 
     """
 
@@ -137,32 +137,34 @@ class CoverageExtent:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FitRecord(ErrorStatistics):
-    """What a fit says of itself, beside the errors over all used corners.
+    """The record of a fit: the errors over all used corners, and everything else that it says.
 
     Attributes:
         images: how many photos were used.
         held_out_rms_px: RMS on photos that were left out of the fit.
-        lift: what the cubics are of.
+        lift: whether the cubics are of the unit ray or of the point.
         frame: which points a camera of the lift ``point`` takes.
-        held_out_folds: in how many parts photos were left out; 0 where they were not.
+        held_out_folds: number of folds of the cross-validation; 0 without one.
         companion_rms_px, companion_held_out_rms_px: the same of the radial reference.
-        refine_target: what of the target was fitted.
+        refine_target: how much of the target was fitted.
         held_out_by_level: held-out RMS of every level of ``refine_target`` that was tried.
-        renamed_images: photos that show the target the other way round than they said.
-        departures: by how much the target departs from its drawing, a board each.
+        renamed_images: photos whose corners were renamed, since they show the target the other way
+            round.
+        departures: how far each board of the target departs from the nominal one.
         rank: numerical rank of Φ over the used rays (16 on the sphere), or of the points (20).
         plain_rms_px, reweighted_rms_px: of the two linear solutions of the lift ``point``.
         covered_deg: angle from the axis of the farthest used corner.
-        reach: what corners say of the field's rim.
-        pupil: what it matters that the entrance pupil wanders.
+        reach: how well corners cover the field's rim.
+        pupil: the effect of the moving entrance pupil.
         flat: whether all corners lie nearly in one plane.
-        prior_weight, prior_spread: how P was held to the reference.
+        prior_weight, prior_spread: weight of the prior that ties P to the reference, and the
+            expected asymmetry of its lens.
         coverage: share of the valid field that corners cover, 0 to 1.
-        findings: what is likely wrong with the set-up, with its evidence.
+        findings: what is likely wrong with the set-up, with the evidence.
         uncertainty: how far the pixels of distant points may be off, on a grid over the photo.
-        dropped: how many corners were left out because they were grossly off.
-        dropped_corners: which.
-        unfit_images: photos left out, with the reason.
+        dropped: number of outliers: corners that were left out as grossly wrong.
+        dropped_corners: the outliers themselves.
+        unfit_images: photos that were left out, with the reason.
         per_image: each photo that was used.
 
     """
@@ -197,7 +199,7 @@ class FitRecord(ErrorStatistics):
 
     @property
     def says_nothing(self) -> bool:
-        """Whether nothing is known of the fit, as of an imported camera."""
+        """Whether nothing is known of the fit, as for an imported camera."""
         return self == FitRecord()
 
     @cached_property
@@ -221,7 +223,7 @@ class FitRecord(ErrorStatistics):
         return {name: value for name, value in known.items() if name not in others}
 
     def __repr__(self) -> str:
-        """Its figures in one line."""
+        """The record's figures in one line."""
         if self.says_nothing:
             return "<no fit on record>"
         return f"<fit of {self.corners} corners in {self.images} photos: {self.rms_px:.3f} px RMS>"
@@ -229,7 +231,7 @@ class FitRecord(ErrorStatistics):
 
 @dataclass(frozen=True, kw_only=True)
 class FileRecord:
-    """A file that something was made from, as it was then."""
+    """An input file, as it was when it was read."""
 
     file: str = ""
     sha256: str = ""
@@ -241,10 +243,10 @@ class Origin:
 
     Attributes:
         title: what its owner calls the camera.
-        version: of the program that made it.
-        date: when, ISO 8601.
-        command: that made it.
-        options: its options.
+        version: version of the program that made the calibration.
+        date: when it was made, ISO 8601.
+        command: the command that made it.
+        options: the command's options.
         target: the calibration target's file.
         inputs: the files of the photos, films or tables.
 
@@ -260,10 +262,10 @@ class Origin:
 
 
 def origin_of(made_by: Mapping[str, Any]) -> Origin:
-    """What plain data say of where a calibration comes from, whatever else they hold."""
+    """Read the origin of a calibration from plain data, which may hold other things too."""
     return read_record(Origin, made_by) or Origin()
 
 
 def fit_record(value: object) -> FitRecord:
-    """A fit's record of plain data that may hold anything; what is not known there is not here."""
+    """Read a fit's record from plain data that may hold anything; what they lack is not known."""
     return read_record(FitRecord, value) or FitRecord()

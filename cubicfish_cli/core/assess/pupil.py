@@ -1,4 +1,4 @@
-"""What it matters that the entrance pupil wanders: how far off a near point is seen."""
+"""The effect of the moving entrance pupil: how far it displaces a near point."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,13 @@ _DIRECTIONS = 72
 
 @dataclass(frozen=True, kw_only=True)
 class PupilEffect:
-    """How much farther out the edge of what corners reach is seen near by than far away.
+    """How much farther out a near point at the edge of the corners is seen than a distant one.
 
     Attributes:
-        travel: how far the entrance pupil wanders, in ``units``.
-        distance: of the corners from the camera, the median.
-        units: of both; None where it is not known.
-        rim_px: how much farther out a point at that distance is seen, pixels.
+        travel: travel of the entrance pupil (:mod:`cubicfish_cli.core.lenses.pupil`), in ``units``.
+        distance: median distance of the corners from the camera.
+        units: unit of both; None where it is not known.
+        rim_px: how much farther from the axis a point at that distance is seen, pixels.
 
     """
 
@@ -31,12 +31,12 @@ class PupilEffect:
 
 
 def pupil_effect(camera: CubicCamera, points: FloatArray, covered: float) -> PupilEffect:
-    """Measure it.
+    """Measure the effect of the moving entrance pupil.
 
     Args:
         camera: the camera.
         points: (N, 3) corners in its frame and unit.
-        covered: how far from the axis they reach, radians.
+        covered: angle from the axis up to which there are corners, radians.
 
     """
     distance = float(np.median(np.linalg.norm(points, axis=1)))

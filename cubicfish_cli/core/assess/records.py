@@ -1,7 +1,8 @@
 """Plain data of files <-> frozen records: one reader and one writer, by the fields' types.
 
-The reader takes what may hold anything: what is of another kind than its field counts as not known,
-which is NaN for a figure, the field's default for anything else. The writer writes null for NaN.
+The reader accepts data that may hold anything: a value of another type than its field's counts as
+not known, which is NaN for a figure and the field's default for anything else. The writer writes
+null for NaN.
 """
 
 import math
@@ -22,7 +23,7 @@ LEFT_OUT_IF_EMPTY: Mapping[str, Any] = {"left_out_if_empty": True}
 
 
 def recorded_number(value: object) -> float | None:
-    """A finite number of a record; None where there is something else, or nothing."""
+    """A finite number of a record; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -32,7 +33,7 @@ def recorded_number(value: object) -> float | None:
 
 
 def read_record(kind: type[R], value: object) -> R | None:
-    """A record of plain data; None where they are no mapping, or lack a field without default."""
+    """Read a record from plain data; None where they are no mapping, or lack a required field."""
     if not isinstance(value, Mapping):
         return None
     known = {}
@@ -66,7 +67,7 @@ def plain_record(value: Any) -> Any:
 
 @cache
 def _readers(kind: Any) -> list[tuple[str, _Reader, bool]]:
-    """Name, reader and whether it must be there, of each field."""
+    """List the name and the reader of each field, and whether the field is required."""
     types = get_type_hints(kind)
     return [
         (one.name, _reader(types[one.name]), one.default is one.default_factory is MISSING)
@@ -76,7 +77,7 @@ def _readers(kind: Any) -> list[tuple[str, _Reader, bool]]:
 
 @cache
 def _reader(kind: Any) -> _Reader:
-    """What makes a value of a type of plain data, or None."""
+    """Make the reader of values of a type; it returns None for other plain data."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):  # with None
         (kind,) = (one for one in inner if one is not NoneType)

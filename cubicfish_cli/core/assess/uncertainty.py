@@ -1,4 +1,4 @@
-"""How sure a camera is of its pixels: over the field in two figures, and at pixels of a photo.
+"""How uncertain a camera's pixels are: over the field in two figures, and at pixels of a photo.
 
 The field is where the camera may be trusted, as far as the photo shows it.
 """
@@ -11,10 +11,11 @@ import numpy as np
 from cubicfish_cli.core.types import FloatArray
 
 CERTAIN_PX = 0.5
-"""A camera is certain where its pixels are known to this, in a photo of up to 2000 pixels."""
+"""A camera is certain where one standard deviation is below this, in photos of up to 2000
+pixels."""
 PERCENT = 95.0
-"""Single places at the very edge, where no corner is near, say little of the rest: the second
-figure is what so much of the field is within."""
+"""The second figure is this percentile: single places at the very edge, where no corner is near,
+say little about the rest of the field."""
 _LARGEST_PX = 1e6
 _SIDE = 2000.0
 # The corners of a cell of the grid: x and y.
@@ -22,7 +23,7 @@ _CELL = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 
 
 def of_size(image_size: tuple[int, int]) -> float:
-    """What limits of pixels, for photos of up to 2000 pixels per side, are multiplied by."""
+    """The factor of limits in pixels, which are stated for photos of up to 2000 pixels per side."""
     return max(1.0, max(image_size) / _SIDE)
 
 
@@ -46,13 +47,13 @@ class FieldUncertainty:
 
 @dataclass(frozen=True, kw_only=True)
 class PixelUncertainty(FieldUncertainty):
-    """The same at some pixels, and the largest."""
+    """The same at some pixels, with the largest one."""
 
     max_px: float
 
 
 def summed(sigma: FloatArray) -> FieldUncertainty:
-    """Uncertainty at many places (N,), N above 0, in two figures."""
+    """Sum up the uncertainty at many places (N,), N above 0, in two figures."""
     return FieldUncertainty(
         median_px=float(np.median(sigma)), p95_px=float(np.percentile(sigma, PERCENT))
     )
@@ -65,8 +66,8 @@ class UncertaintyGrid:
     Attributes:
         noise_px: standard deviation of a corner's coordinate.
         median_px, p95_px, max_px: over the grid.
-        focal_px: of the focal lengths along x and y, pixels per radian.
-        principal_point_px: of the centre of symmetry, x and y.
+        focal_px: standard deviation of the focal lengths along x and y, pixels per radian.
+        principal_point_px: standard deviation of the centre of symmetry, x and y.
         x, y: (C,) and (R,) pixels of the grid.
         sigma_px: (R, C) sqrt(var x + var y), pixels; NaN outside the valid field.
 
@@ -84,14 +85,14 @@ class UncertaintyGrid:
 
     @property
     def field(self) -> FieldUncertainty | None:
-        """In two figures; None where they are not known."""
+        """The uncertainty over the field in two figures; None where they are not known."""
         if not math.isfinite(self.median_px + self.p95_px):
             return None
         return FieldUncertainty(median_px=self.median_px, p95_px=self.p95_px)
 
     @property
     def has_grid(self) -> bool:
-        """Whether x and y grow, and values are unknown or pixels."""
+        """Whether there is a grid: x and y increase, and each value is in pixels or unknown."""
         if min(len(self.x), len(self.y)) < 2 or len(self.sigma_px) != len(self.y):
             return False
         if any(len(row) != len(self.x) for row in self.sigma_px):
@@ -104,8 +105,8 @@ class UncertaintyGrid:
         """The uncertainty at pixels (N, 2).
 
         Returns:
-            (N,) pixels: bilinear between the grid's points that lie in the valid field; NaN where
-            none of the four around does. None where there is no grid.
+            (N,) pixels, interpolated bilinearly between those of the four points around that lie in
+            the valid field; NaN where none does. None where there is no grid.
 
         """
         if not self.has_grid:
@@ -122,7 +123,7 @@ class UncertaintyGrid:
         return np.where(weights > 0, total / np.where(weights > 0, weights, 1), np.nan)
 
     def over(self, pixel: FloatArray) -> PixelUncertainty | None:
-        """In figures, over some pixels (N, 2); None where nothing is known of them."""
+        """The uncertainty over some pixels (N, 2); None where it is known at none of them."""
         sigma = self.at(pixel)
         sigma = None if sigma is None else sigma[np.isfinite(sigma)]
         if sigma is None or not len(sigma):
@@ -130,5 +131,5 @@ class UncertaintyGrid:
         return PixelUncertainty(**vars(summed(sigma)), max_px=float(sigma.max()))
 
     def __repr__(self) -> str:
-        """Its figures in one line."""
+        """The grid's figures in one line."""
         return f"<uncertainty: {self.median_px:.3f} px, at most {self.max_px:.3f} px>"

@@ -1,8 +1,8 @@
 """Verdict on a calibration: good, usable with care or not to be trusted, and why.
 
 It reads the plain record that camera.yaml keeps, so that a calibration of last year is judged as
-one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos, whose
-pixels are smaller, may be off by proportionally more of them.
+one of today is. Limits are in pixels of a photo of up to 2000 pixels per side; larger photos have
+smaller pixels, and limits grow in proportion.
 """
 
 import math
@@ -25,36 +25,39 @@ from cubicfish_cli.core.codes import Code, Severity, words
 from cubicfish_cli.core.finding import Finding, Level, level_of
 from cubicfish_cli.core.types import FloatArray
 
-# Corners of a sharp photo are found to a tenth of a pixel; a whole one is a fault somewhere,
-# of which no camera comes that is worth using.
+# Corners of a sharp photo are found to a tenth of a pixel. An error of a whole pixel means that
+# something is wrong, and no camera that comes of it is worth using.
 _ERROR_PX = (1.0, 1.0)
-# A camera that is right to this on photos it never saw is not blamed for being righter on others.
+# A camera with an error below this on photos that it never saw is not blamed for smaller ones
+# elsewhere.
 _RIGHT_PX = 0.25
-# Held-out error over that of the fit, and the held-out error from which that matters.
+# Ratio of the held-out error to that of the fit, and the held-out error from which it matters.
 _OVERFIT = ((1.5, _RIGHT_PX), (3.0, 0.5))
-# Held-out error over the radial reference's, which has a seventh of the parameters.
-# However small both are: a user of a radial lens would have the better camera.
+# Ratio of the held-out error to that of the radial reference, which has a seventh of the
+# parameters. It matters however small both are: a user of a radial lens would have the better
+# camera.
 _BESIDE_COMPANION = ((1.02, 0.0), (2.0, 0.5))
-# Error on other photos over that when the camera was calibrated.
+# Ratio of the error on other photos to that of the calibration, and the error from which it
+# matters.
 _WORSE_THAN_BEFORE = ((2.0, 0.1), (5.0, 0.5))
-# Where a third of the field has no corner, figures of the rest say nothing of it.
+# Where a third of the field has no corner, the figures of the rest say nothing about it.
 COVERAGE = (2 / 3, 0.2)
 _SEEN_SHARE = 0.3
-# How far pixels may be off by all that photos say, of which corners' noise is the least: where a
-# camera counts as certain, and where it is as bad as corners that are off by so much.
+# Uncertainty of the pixels, of which the corners' noise is the smallest part: up to the first limit
+# a camera counts as certain, beyond the second it is as bad as corners with such errors.
 _MEDIAN_UNCERTAINTY_PX = (CERTAIN_PX, 3.0)
 _RIM_UNCERTAINTY_PX = 2 * CERTAIN_PX
 _DROPPED_SHARE = (0.05, 0.2)
 _REJECTED_SHARE = (1 / 3, 1 / 2)
 _FEW_CORNERS = 200
 FEW_PHOTOS = 3
-# Photos of one flat board from which on a lens is known somehow, and well.
+# Fewest photos of one flat board that determine a lens well, and fewest that determine it at all.
 FEW_OF_A_PLANE = (8, 4)
-# Error at the rim over that in the middle, and the error from which that matters.
+# Ratio of the error at the rim to that in the middle, and the error from which it matters.
 _RIM_ERROR = ((2.5, _RIGHT_PX), (math.inf, math.inf))
-# A field that goes so many degrees beyond where corners are all around, and is uncertain there.
+# The field may go so many degrees beyond where corners are all around, if it is uncertain there.
 _EXTRAPOLATED_DEG = 15.0
-# Findings that explain no errors.
+# Findings that do not explain errors.
 _NO_ERRORS = (Code.REPEATS, Code.ONE_PLACE)
 _WORSE_PHOTO = 3.0
 _FEW_CORNERS_IN_PHOTO = 20
@@ -62,12 +65,13 @@ _FEW_CORNERS_IN_PHOTO = 20
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What a fit is worth.
+    """The verdict on a fit.
 
     Attributes:
-        level: the worst of the reasons'; ``good`` without any.
-        figures: the figures that it rests on, in words.
-        reasons: what is against the camera: causes that are known, then the rest, the worst first.
+        level: the level of the worst reason; ``good`` without any.
+        figures: the figures that the verdict rests on, in words.
+        reasons: the findings against the camera: known causes first, then the rest, the worst
+            first.
 
     """
 
@@ -82,7 +86,7 @@ class Verdict:
 
     @property
     def line(self) -> str:
-        """All in one line: the word, and the figures or the first reason."""
+        """The verdict in one line: the word, and the figures or the first reason."""
         return str(words("camera").verdict_line(self))
 
     def as_record(self) -> dict[str, Any]:
@@ -126,8 +130,8 @@ def evaluation_verdict(
     """Judge how a camera does on photos that it was not fitted to.
 
     Args:
-        errors: on these.
-        uncertainty: of the camera where their corners are; None where it is not known.
+        errors: reprojection errors on these photos.
+        uncertainty: uncertainty of the camera at their corners; None where it is not known.
         fit: the record of the camera's own fit.
         image_size: (width, height), pixels.
 
@@ -149,7 +153,7 @@ def evaluation_verdict(
             reasons = _reason(Severity.CARE, Code.A_FEW_FAR_OFF, **figures, p95_px=p95)
         else:
             reasons = _reason(level, Code.WORSE_THAN_BEFORE, **figures)
-    # Poses of these photos take up much of what a camera is off by: small errors alone clear none.
+    # The poses of these photos absorb much of a camera's error: small errors alone clear no camera.
     median_px = math.nan if uncertainty is None else uncertainty.median_px
     level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
     reasons += _reason(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
@@ -160,7 +164,7 @@ def evaluation_verdict(
 def photo_verdicts(
     photos: Sequence[PhotoRecord], dropped: Sequence[DroppedCorner], image_size: tuple[int, int]
 ) -> list[tuple[Finding, ...]]:
-    """What is told of each photo: its errors, also beside those of the others."""
+    """The findings about each photo: its errors, by themselves and beside those of the others."""
     most = _ERROR_PX[1] * of_size(image_size)
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
@@ -186,22 +190,23 @@ def _is_mild(reason: Finding) -> bool:
 
 
 def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) -> list[Finding]:
-    """That one thing, if there is a level of it."""
+    """List this one finding; none where it has no level."""
     return [] if level is None else [Finding(code=code, severity=level, case=case, figures=figures)]
 
 
 def _of_figures(
     of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
-    """One rule after the other, by what they weigh; what is not known breaks none.
+    """Apply one rule after the other, in the order of their weight; an unknown figure breaks none.
 
-    First how wrong the camera is and what says that it cannot be right, then where it is less so.
+    The first rules say how wrong the camera is and why it cannot be right, the later ones where it
+    is less so.
     """
     reach, known = of.reach, of.uncertainty
     held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
     radial = of.companion_held_out_rms_px
     error = float(np.fmax(held_out, rms))
-    if of.says_nothing:  # no calibration of ours, such as an import
+    if of.says_nothing:  # not a calibration of ours, such as an import
         yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")
     elif math.isnan(error):
         yield from _reason(Severity.BAD, Code.NO_FIGURES)
@@ -217,11 +222,11 @@ def _of_figures(
     yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
     uncertain = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
     yield from _reason(uncertain, Code.UNCERTAIN, median_px=known.median_px)
-    if of.flat and photos:  # much of a lens is open in each photo: the others must tell it
+    if of.flat and photos:  # each photo leaves much of a lens open: the others must determine it
         level = _above(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
         yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
-    # What was left out.
+    # The photos and corners that were left out.
     dropped, used = of.dropped, of.corners
     level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
     yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)

@@ -47,7 +47,7 @@ class Board(ABC):
         markers: the markers that it carries, else None.
         spacing: gap between tags / side of a tag; 0 where there are no tags.
         points: (N, 3) world points of a list of points, else None.
-        shape: its deformation against the drawing; None where it is as drawn.
+        shape: its deformation relative to the nominal board; None without one.
         mirrored: whether this is the board as a mirror shows it, see :meth:`in_mirror`.
 
     """
@@ -158,10 +158,10 @@ class Board(ABC):
         return replace(self, first_square=_OTHER[self.first_square], markers=markers)
 
     def in_mirror(self) -> Self:
-        """The board as a mirror in the world's plane z = 0 shows it; of that, the board itself.
+        """The board in a mirror in the world's plane z = 0; twice in a mirror it is itself.
 
-        What a mirror shows is a board like any other. Its columns are counted as the mirror shows
-        them, so column 0 is the last one of the print.
+        A mirror image is a board like any other. Its columns are counted as the mirror shows them,
+        so column 0 is the last one of the print.
         """
         mirror = np.array([1.0, 1.0, -1.0])
         # As many squares are before the first column as behind the last one.
@@ -204,17 +204,17 @@ class Board(ABC):
         return drawn + self._deformation(self.shape, np.asarray(column, int), np.asarray(row, int))
 
     def outline(self) -> FloatArray:
-        """(N, 3) world points that span it: its four outermost corners, or all its points."""
+        """(N, 3) world points that span the board: four outermost corners, or all its points."""
         last_column, last_row = self.columns - 1, self.rows - 1
         return self.world_points([0, last_column, last_column, 0], [0, 0, last_row, last_row])
 
     def _drawn_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
-        """World points of corners of the board as drawn (..., 3)."""
+        """World points of corners of the nominal board (..., 3)."""
         plane = self.plane_points(column, row)
         return self.origin + plane[..., :1] * self.x_axis + plane[..., 1:] * self.y_axis
 
     def _deformation(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
-        """World vectors from the drawn corners to the real ones: (..., 3)."""
+        """World vectors from the nominal corners to the real ones: (..., 3)."""
         local = shape.offsets[row, column].copy()
         plane = self.plane_points(column, row)
         hat, middle = self.normalised(plane)

@@ -17,7 +17,7 @@ SHAPE_KEYS = ("bend", "twist", "stretch", "offsets")
 _MAX_COUNT = 1000
 _MIN_LENGTH, _MAX_LENGTH = 1e-9, 1e9
 _MAX_STRETCH = 0.5
-# How other tools count boards, and how it is done here.
+# Keys with which other tools count boards, and how target.yaml counts them.
 _OTHER_COUNTS = ("squares", "columns", "cols", "rows", "size")
 _CORNERS = "say corners: [columns, rows], counted where four squares meet"
 _OFFSETS = "a list of [column, row, along x_axis, along y_axis, into the board]"
@@ -27,7 +27,7 @@ class Section:
     """One mapping of a target file."""
 
     def __init__(self, where: str, data: dict[str, Any]) -> None:
-        """``where`` stands at the head of what is said about a value."""
+        """Take the mapping; messages about its values begin with ``where``."""
         self.where = where
         self.data = data
 
@@ -56,7 +56,7 @@ class Section:
         return self.data[key]
 
     def checked(self, key: str, value: Any, fits: Callable[[Any], bool], must: str) -> Any:
-        """A value that fits; ``must`` is said of another one."""
+        """A value that fits; another one is refused, and the message says what it ``must`` be."""
         if not fits(value):
             self.refuse(key, f"must be {must}, not {quoted(value)}")
         return value
@@ -83,7 +83,7 @@ class Section:
         return float(self.checked(key, value, _is_positive, "a positive, finite number"))
 
     def counts(self, key: str, what: str) -> tuple[int, int]:
-        """How many along x and along y, two or more of each."""
+        """Numbers along x and along y, two or more each."""
         value = self.required(key, hint=f"[columns, rows], {what}")
         if not isinstance(value, list) or len(value) != 2 or not all(map(_is_whole, value)):
             self.refuse(key, f"must be two whole numbers, [columns, rows], {what}")
@@ -92,16 +92,16 @@ class Section:
         return value[0], value[1]
 
     def flag(self, key: str) -> bool:
-        """True or false, false where nothing is said."""
+        """True or false; false where the key is missing."""
         value = self.data.get(key, False)
         return bool(self.checked(key, value, lambda own: isinstance(own, bool), "true or false"))
 
     def marker_id(self, key: str) -> int:
-        """The id of a marker, 0 where there is none."""
+        """The id of a marker; 0 where the key is missing."""
         return int(self.checked(key, self.data.get(key, 0), _is_id, "a marker's id, 0 or more"))
 
     def numbers(self, key: str, limit: float) -> FloatArray:
-        """Two numbers (2,) within ±limit, along x and along y; zeros where there are none."""
+        """Two numbers (2,) within ±limit, along x and along y; zeros where the key is missing."""
         value = self.data.get(key) or [0.0, 0.0]
         if not are_numbers(value, 2, limit):
             self.refuse(key, f"must be two finite numbers, [along x, along y], within ±{limit:g}")
@@ -141,7 +141,7 @@ class Section:
         return dict(zip(PLACE_KEYS, (origin, *(left @ right)), strict=True))
 
     def shape(self, columns: int, rows: int) -> BoardShape | None:
-        """What a calibration adds to a refined target's board; None where there is nothing.
+        """The deformation of a board in a refined target; None without one.
 
         Raises:
             TargetError: a value is not usable.

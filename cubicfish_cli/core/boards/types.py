@@ -143,7 +143,7 @@ class AprilGrid(Board):
 
 
 class PointList(Board):
-    """World points at any place, ``columns`` of them in one row; another program finds them."""
+    """World points at any place, ``columns`` of them in one row, which another program finds."""
 
     kind = "points"
     own_keys = ("points",)
@@ -151,7 +151,7 @@ class PointList(Board):
 
     @classmethod
     def read_own(cls, section: Section) -> dict[str, Any]:
-        """As :meth:`Board.read_own`; points have their places in themselves."""
+        """As :meth:`Board.read_own`; the points themselves say where they are."""
         value = section.required("points", hint="a list of [x, y, z]")
         if not isinstance(value, list) or len(value) < 2:
             section.refuse("points", "must be a list of at least two points, each [x, y, z]")
@@ -199,11 +199,11 @@ class PointList(Board):
 BOARD_TYPES: dict[str, type[Board]] = {
     own.kind: own for own in (Checkerboard, Charuco, AprilGrid, PointList)
 }
-"""By their names, in the order in which they are told."""
+"""The types by their names, in the order in which messages list them."""
 
 
 def _read_squares(section: Section, usual_first: FirstSquare) -> dict[str, Any]:
-    """The fields of a board of squares; the first one is ``usual_first`` where nothing is said."""
+    """The fields of a board of squares; ``usual_first`` stands for a missing first square."""
     columns, rows = section.counts("corners", "inner corners, not squares")
     square, first = section.length("square", hint="the side of a square"), str(usual_first)
     if "first_square" in section.data:

@@ -1,8 +1,8 @@
 """Levenberg–Marquardt over a lens, the poses of all photos and the target (Zhu & Yin, Eq. 10).
 
-All that an adjustment moves is a :class:`State`; :func:`linearise` has its residuals and their
-derivatives, run by run, and :class:`~cubicfish_cli.core.fit.normal_equations.NormalEquations` what
-they add up to.
+The unknowns of an adjustment are a :class:`State`; :func:`linearise` computes its residuals and
+their derivatives, run by run, and :class:`~cubicfish_cli.core.fit.normal_equations.NormalEquations`
+sums them up.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ L = TypeVar("L", bound=FitLens)
 
 _MAX_ITERATIONS = 100
 _RELATIVE_DECREASE = 1e-10
-# Below this share, what is left to gain is lost in the rounding of the cost.
+# Below this share of the cost, a decrease is lost in the rounding of the cost.
 _ROUNDING = 1e-13
-# Where a straight step leads up, and on from there the cost changes by less than this share, it is
-# the bottom as far as many photos tell: there is always one whose pose rocks between two places.
+# Where a straight step raises the cost and the next one changes it by less than this share, this is
+# the optimum as far as many photos show: there is always one whose pose rocks between two places.
 _IMMATERIAL = 1e-8
-# Of the poses that went astray, at least.
+# Least damping of poses that went astray.
 _FIRM = 1.0
 COLD_DAMPING = 1e-4
 """First damping for a start that may be far from the optimum."""
 WARM_DAMPING = 1e-10
-"""For a start at the optimum of nearly the same pairs."""
+"""First damping for a start at the optimum of nearly the same pairs."""
 
 # Derivatives of so many pairs by so many unknowns fit into a core's cache; larger arrays wait for
 # memory.
@@ -46,7 +46,7 @@ _RUN_PAIRS, _RUN_UNKNOWNS = 1000, 60
 
 @dataclass(frozen=True, eq=False)
 class State(Generic[L]):
-    """All that an adjustment moves.
+    """The unknowns of an adjustment.
 
     Attributes:
         lens: the lens.
@@ -60,7 +60,7 @@ class State(Generic[L]):
     world: DeformableTarget
 
     def moved(self, shared: FloatArray, pose: FloatArray, corner: FloatArray) -> State[L]:
-        """After a step (K,), (M, 6) and (Q, 3)."""
+        """The state after a step (K,), (M, 6) and (Q, 3)."""
         count = len(self.lens.parameters)
         return State(
             self.lens.with_parameters(self.lens.parameters + shared[:count]),
@@ -70,7 +70,7 @@ class State(Generic[L]):
 
     @property
     def size(self) -> tuple[int, int, int]:
-        """How many shared unknowns, poses and free corners."""
+        """The numbers of shared unknowns, poses and free corners."""
         shared = len(self.lens.parameters) + len(self.world.parameters)
         return shared, len(self.poses), len(self.world.offsets)
 
@@ -88,7 +88,7 @@ def huber_cost(distance: FloatArray, scale: float) -> FloatArray:
 def linearise(
     state: State[L], pairs: Observations, huber_px: float
 ) -> Iterator[tuple[slice, Linearised]]:
-    """All pairs with their derivatives, in runs of one camera's: which pairs, and these.
+    """Linearise all pairs in runs, each of one camera: the pairs of the run, and their derivatives.
 
     ``pairs`` and ``huber_px`` are those of :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
     """
@@ -103,9 +103,9 @@ def linearise(
 def _linearised(
     views: Poses, state: State[L], pairs: Observations, run: slice, huber_px: float
 ) -> Linearised:
-    """A run of one camera's pairs, by everything that is free."""
+    """Linearise a run of one camera's pairs by everything that is free."""
     image, body, world = pairs.image[run], state.lens, state.world
-    # One coordinate of all points after the other is the quickest to work on.
+    # Working on one coordinate of all points after the other is fastest.
     rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
     rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
     points = (rotated + views.translation.T[:, image]).T
@@ -135,7 +135,7 @@ def _linearised(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjustment(State[L]):
-    """Where Levenberg–Marquardt stopped.
+    """The result of Levenberg–Marquardt.
 
     Attributes:
         residual: (N, 2) projection less pixel, unweighted, pixels.
@@ -143,7 +143,7 @@ class Adjustment(State[L]):
         iterations: how many steps were tried.
         normal: the normal equations at the end.
         pairs: the pairs.
-        huber_px: from where on the loss was linear.
+        huber_px: the distance from which on the loss was linear.
 
     """
 
@@ -168,10 +168,10 @@ class Adjustment(State[L]):
         damping: float = COLD_DAMPING,
         limit: Callable[[FloatArray], float] = wide_px,
     ) -> Adjustment[L]:
-        """Adjust on from here, with a loss that follows what residuals there are.
+        """Continue the adjustment, with a loss that follows the present residuals.
 
-        The arguments are those of :func:`adjust`; the pairs are by default the same, the target is
-        as free as it was, and ``limit`` says of residuals (N, 2) where the loss turns linear,
+        The arguments are those of :func:`adjust`. By default the pairs are the same and the target
+        is as free as it was; ``limit`` says of residuals (N, 2) where the loss turns linear,
         pixels.
         """
         return adjust(
@@ -202,11 +202,11 @@ def adjust(
         lens: the start; its prior is part of the cost.
         poses: the start, one for each of ``pairs.images``, or of a rig one for each shot.
         pairs: 2D-3D pairs, sorted by photo.
-        huber_px: distance in pixels from which a pair's pull stops growing.
+        huber_px: distance in pixels from which on a pair's pull stops growing.
         world: the target's points and what of them is free; by default ``pairs.world``, fixed.
         max_iterations: steps to try at most.
         relative_decrease: stop when a step lowers the cost by less than this share.
-        damping: of the first step; less near the optimum.
+        damping: damping of the first step; less near the optimum.
 
     Returns:
         The best state found. A step that does not lower the cost is never taken.
@@ -227,7 +227,7 @@ def adjust(
     while iterations < max_iterations:
         step = now.normal.solve(damping, pose_damping)
         gain = now.normal.expected_decrease(step) / max(now.cost, 1e-300)
-        # Far from the optimum, or damped, a step says too little of what is left to gain.
+        # A step from far away, or a damped one, says too little about what is left to gain.
         if near and gain < relative_decrease and damping < COLD_DAMPING:
             break
         iterations += 1
@@ -237,12 +237,12 @@ def adjust(
             iterations += 1
             least = max(relative_decrease, _IMMATERIAL)
             astray = _astray(now, new)
-            if astray.any():  # these alone are held firmly, and stop no others
+            if astray.any():  # these alone are damped firmly, and stop no others
                 pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
                 step = now.normal.solve(damping, pose_damping)
                 new = _evaluated(now.moved(*step), pairs, huber_px)
             elif np.isfinite(new.cost):
-                # A valley that bends: what went straight on is on its side, above its floor.
+                # A bent valley: the straight step ended on its side, above its floor.
                 new = _evaluated(new.moved(*new.normal.solve(damping)), pairs, huber_px)
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
@@ -259,13 +259,13 @@ def adjust(
 
 
 def _evaluated(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
-    """A state with its derivatives at once: nearly every step that is tried is taken.
+    """Evaluate a state and its derivatives at once: nearly every step that is tried is taken.
 
-    Its normal equations are not whole where the cost is infinite.
+    Its normal equations are incomplete where the cost is infinite.
     """
     normal, world = NormalEquations.zeros(*state.size), state.world
     residual, cost = np.empty_like(pairs.pixel), 0.0
-    # A step may lead anywhere: what overflows there has an infinite cost and is turned down.
+    # A step may lead anywhere: an overflow has an infinite cost, and the step is rejected.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for run, terms in linearise(state, pairs, huber_px):
             residual[run] = terms.residual
@@ -290,9 +290,9 @@ def _evaluated(state: State[L], pairs: Observations, huber_px: float) -> Adjustm
 
 
 def _astray(now: Adjustment[L], new: Adjustment[L]) -> BoolArray:
-    """(M,) poses whose cost a step raised by far, where it lowers that of the others; else none.
+    """Find poses (M,) whose cost a step raised by far while it lowered the others'; else none.
 
-    Of many photos there is always one whose pose goes astray.
+    Among many photos there is always one whose pose goes astray.
     """
     count = len(now.poses)
     shot = now.lens.shot_of(now.pairs.image)

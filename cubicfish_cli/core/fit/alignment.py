@@ -13,7 +13,7 @@ from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.types import FloatArray
 
 _HUBER_PX = 1.0
-# Rounds of least squares: each takes the rays that are in both fields under the last rotation.
+# Rounds of least squares: each takes the rays that the last rotation puts into both fields.
 _FIT_ROUNDS = 3
 _FRAME_RAYS = 2000
 Project = Callable[[FloatArray], FloatArray]
@@ -23,19 +23,19 @@ Project = Callable[[FloatArray], FloatArray]
 def turned_onto(
     project: Project, rays: FloatArray, wanted: FloatArray, rotation: Rotation
 ) -> tuple[FloatArray, FloatArray]:
-    """Pixel differences of a lens to pixels under the rotation that makes them smallest.
+    """Pixel differences of a lens from given pixels, under the rotation that makes them smallest.
 
     Args:
         project: the lens.
         rays: (N, 3) unit rays.
         wanted: (N, 2) where they should be seen, NaN where they are not.
-        rotation: one that is near.
+        rotation: a rotation to start from, near the best one.
 
     Returns:
         Differences project(R d) − wanted, (N, 2) pixels, NaN where either has none; and R (3, 3).
 
     """
-    from scipy.optimize import least_squares  # it takes long to load
+    from scipy.optimize import least_squares  # slow to load
 
     common = np.zeros(0, np.intp)
     for _ in range(_FIT_ROUNDS):
@@ -47,7 +47,8 @@ def turned_onto(
         def difference(turn: FloatArray) -> FloatArray:
             turned = (Rotation.from_rotvec(turn) * rotation).apply(rays[common])  # noqa: B023
             found = project(turned) - wanted[common]  # noqa: B023
-            # A ray that leaves the field as R changes pulls neither way, and is no gain either.
+            # A ray that leaves the field as R changes keeps its residual: it neither pulls nor
+            # gains.
             return np.where(np.isnan(found), miss[common], found).ravel()  # noqa: B023
 
         found = least_squares(
@@ -60,11 +61,11 @@ def turned_onto(
 def in_references_frame(
     camera: CubicCamera, poses: Poses, covered: float
 ) -> tuple[CubicCamera, Poses]:
-    """The same camera and poses with the frame turned to where P is nearest to the reference.
+    """Turn the frame of a camera and its poses to where P is nearest to the reference.
 
-    Corners leave the frame's turn open (poses make up for it, P L(R) for the lens), and what P is
-    held to is not quite symmetric, so that the frames of the two lenses, which stand beside each
-    other in one file, differ by a little.
+    Corners do not determine the turn of the frame (poses and P L(R) compensate it), and the lens of
+    P's prior is not quite symmetric. So the frames of P and the reference, which stand beside each
+    other in one file, would differ a little.
 
     Args:
         camera: P with its reference.
@@ -79,7 +80,7 @@ def in_references_frame(
         return camera, poses
     P = camera.P @ lift_rotation(rotation)
     turned = replace(camera, P=P / np.linalg.norm(P))
-    # The cone turns along, by far less than its margin to the farthest corner.
+    # The cone turns too, by far less than its margin to the farthest corner.
     if pole_or_fold_deg(turned.P, turned.max_angle_deg) is not None:
         return camera, poses
     return turned, Poses(

@@ -1,7 +1,7 @@
-"""The lens that P is held to: the reference, decentred, tilted and skewed as real lenses are.
+"""The lens of P's prior: the reference, decentred, tilted and skewed as real lenses are.
 
-No glass is centred to the last micron and no sensor is square to its axis. Where corners are few,
-P can only be as right as what holds it, and a lens of perfect symmetry is off by up to a pixel.
+No glass is centred to the last micron and no sensor is square to its axis. Where corners are few, P
+can only be as exact as its prior, and a perfectly symmetric lens is off by up to a pixel.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StillRays:
-    """Rays that never move, as a radial lens of focal length 1 sees them.
+    """Fixed rays, as a radial lens of focal length 1 sees them.
 
     Attributes:
         theta: (N,) angles from the axis, radians.
@@ -35,7 +35,7 @@ class StillRays:
 
     @classmethod
     def of(cls, rays: FloatArray) -> StillRays:
-        """Of unit rays (N, 3)."""
+        """Prepare unit rays (N, 3)."""
         rho = np.hypot(rays[:, 0], rays[:, 1])
         theta = np.arctan2(rho, rays[:, 2])
         return cls(
@@ -58,10 +58,11 @@ class BentFit(FitLens):
     Attributes:
         values: (13,) fx, fy, cx, cy, k1..k4, p1, p2, t1, t2, skew.
         terms: how many coefficients of the profile are free.
-        noise_px: of a corner's coordinate; the weight of the pull to symmetry follows it.
+        noise_px: standard deviation of a corner's coordinate; the weight of the pull to symmetry
+            follows it.
         spread: expected size of each of p1, p2, t1, t2 and skew: a hundredth is half a degree of
-            tilt. 0 holds the lens to perfect symmetry.
-        anchor: (2,) a point that the principal point is pulled to.
+            tilt. 0 keeps the lens perfectly symmetric.
+        anchor: (2,) a point to which the principal point is pulled.
         anchor_px: how far from it the principal point is expected.
 
     """
@@ -79,7 +80,7 @@ class BentFit(FitLens):
 
     @property
     def parameters(self) -> FloatArray:
-        """(K,) those that are free."""
+        """(K,) the free values."""
         return self.values[self._free]
 
     def with_parameters(self, parameters: FloatArray) -> BentFit:
@@ -100,7 +101,7 @@ class BentFit(FitLens):
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
 
-        What :meth:`pixel_and_slopes` says of them, at a fraction of the cost.
+        They are those of :meth:`pixel_and_slopes`, at a fraction of the cost.
         """
         radius, outwards = rays.theta + rays.odd @ self.values[4:8], rays.direction.T
         pixel, moved, by_values = self._on_sensor(outwards * radius, outwards[:, None])
@@ -110,15 +111,15 @@ class BentFit(FitLens):
     def _on_sensor(
         self, flat: FloatArray, change: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """From the image of the radial lens of focal length 1 to pixels.
+        """Map the image of the radial lens of focal length 1 to pixels.
 
         Args:
             flat: (2, N) a and b of points in the radial lens's image.
-            change: (2, C, N) how they move.
+            change: (2, C, N) their derivatives.
 
         Returns:
-            Pixels (N, 2), how they move (2, C, N), and their derivatives by all values (2, 13, N),
-            those by the profile left out.
+            Pixels (N, 2), their derivatives (2, C, N), and those by all values (2, 13, N), where
+            those by the profile are left out.
 
         """
         p1, p2, t1, t2, skew = self.values[8:]
@@ -128,7 +129,7 @@ class BentFit(FitLens):
         decentred[0] = a + more_a + skew * b
         decentred[1] = b + more_b
         depth = 1 + t1 * decentred[0] + t2 * decentred[1]
-        # A tilt that turns the sensor edge-on is a bad step: its cost turns it down.
+        # A tilt that turns the sensor edge-on is a bad step, which its cost rejects.
         depth[~(depth > 0)] = np.nan
         tilted, focal = decentred / depth, self.values[:2, None, None]
         pixel = (self.values[:2] * tilted.T) + self.values[2:4]
@@ -153,14 +154,14 @@ class BentFit(FitLens):
         return pixel, through_tilt(moved), by_values
 
     def _by_free(self, by_values: FloatArray) -> FloatArray:
-        """(N, 2, K) of derivatives by all values (2, 13, N)."""
+        """Select derivatives by the free values, (N, 2, K), from those by all values (2, 13, N)."""
         free = self._free
         if len(free) < by_values.shape[1]:
             by_values = by_values[:, free]
         return np.ascontiguousarray(by_values.transpose(2, 0, 1))
 
     def prior(self) -> FloatArray:
-        """The pulls to symmetry and to the anchor, weak: see :class:`FitLens`."""
+        """The weak pulls to symmetry and to the anchor: see :class:`FitLens`."""
         aim, spread = np.zeros(len(self.values)), np.full(len(self.values), np.inf)
         spread[8:] = self.spread or np.inf
         aim[2:4], spread[2:4] = self.anchor, self.anchor_px

@@ -1,4 +1,4 @@
-"""2D-3D pairs -> camera: the whole fit, with what it left out and how good it is."""
+"""2D-3D pairs -> camera: the whole fit, with the outliers and the measures of its quality."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,11 +46,11 @@ from cubicfish_cli.core.placement import renamed
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 
-# Eq. 8–9: two equations a pair in 60 homogeneous unknowns.
+# Eq. 8–9: two equations per pair in 60 homogeneous unknowns.
 MIN_PAIRS = 30
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
-# A sheet that is fitted too is bent a little; a target of two boards leaves a plane by far more.
+# A fitted sheet is bent a little; a target of two boards leaves a plane by far more.
 _NEARLY_FLAT = 0.02
 # Beyond this relative uncertainty of the focal length the photos do not determine the lens.
 _MAX_FOCAL_UNCERTAINTY = 0.05
@@ -59,7 +59,7 @@ _NO_CONVERGENCE = "the fit does not converge"
 
 
 class _UndeterminedError(FitError):
-    """The corners fit, and do not determine the lens."""
+    """The corners fit, but do not determine the lens."""
 
 
 @one_blas_thread()
@@ -80,26 +80,25 @@ def calibrate(
 
     Args:
         pairs: 2D-3D pairs of one or more photos of one rigid target.
-        target: the target; without it (pairs that came as such) it stays as it is.
-        refine_target: what of the target is fitted too: ``off``, ``shape`` (boards bend, twist,
-            stretch and move a little), ``points`` (each corner has an offset of its own as
-            well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
-            where it is not certain of any corner which it is.
+        target: the target; without it (for pairs of points) it stays nominal.
+        refine_target: how much of the target is fitted too: ``off``, ``shape`` (boards bend, twist,
+            stretch and move a little), ``points`` (each corner also has an offset of its own), or
+            ``auto``: the richest of these that lowers the held-out error, and ``off`` where no
+            corner's name is certain.
         hold_out: also measure the held-out error (five more fits per level); ``auto`` needs it.
-        diagnose: tells what is likely wrong with the set-up; by default nobody does.
-        progress: called with what is done now, in words, and the share done, 0 to 1.
+        diagnose: finds what is likely wrong with the set-up; by default nothing does.
+        progress: called with the current step, in words, and the share done, 0 to 1.
 
     Raises:
-        FitError: the pairs are too few, all in one photo of one flat board, do not fit the
-            target, or do not determine the lens; where its likely cause is found, the text says
-            it.
+        FitError: the pairs are too few, are all in one photo of one flat board, do not fit the
+            target, or do not determine the lens; the text says the likely cause where one is found.
 
     """
     _refuse_too_little(pairs)
     _refuse_another_size(pairs)
     if refine_target == "auto" and not pairs.certain.any():
-        refine_target = "off"  # corners that may be others say nothing about the target
-    # What the user chose freely, the world's origin and the unit of weights, must not matter.
+        refine_target = "off"  # uncertain corners say nothing about the target
+    # The user's free choices, the world's origin and the unit of weights, must not matter.
     origin, weight = middle(pairs), pairs.weight.mean()
     pairs = with_mean_weight_one(pairs.with_world(pairs.world - origin))
     given, target = target, target and target.moved(-origin)
@@ -155,7 +154,7 @@ def _assess(
     pairs: Observations,
     diagnose: Diagnose | None,
 ) -> Calibration:
-    """How good a fit is, of which that to the target as drawn is known too."""
+    """Assess a fit, of which the fit to the nominal target is known too."""
     nominal, reference, left_out = fit.nominal, fit.reference, fit.held_out
     target, scale = nominal.target, nominal.scale
     used = nominal.pairs_at(fit.level).with_world(reference.pairs.world * scale)
@@ -237,7 +236,7 @@ def _assess(
 
 
 def _refuse_another_size(pairs: Observations) -> None:
-    """Refuse photos whose corners all lie in the upper left quarter of the size that is said."""
+    """Refuse photos whose corners all lie in the upper left quarter of the size that is given."""
     size, farthest = np.array(pairs.image_size), pairs.pixel.max(axis=0)
     if len(pairs.images) > 1 and bool((farthest < size / 2).all()):
         raise FitError(
@@ -273,7 +272,7 @@ def _refuse_undetermined(reference: RadialReference) -> None:
 
 
 def _find_far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera:
-    """The radial lens nearest to P: the reference is fitted to corners, which are near."""
+    """Find the radial lens nearest to P for distant points: the reference fits near corners."""
     if not lens.travel:
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)

@@ -1,4 +1,4 @@
-"""What a fit hands over: the fitted camera, or what is known of why there is none."""
+"""The result of a fit: the fitted camera, or the evidence of why there is none."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ class Calibration(Calibrated):
         pairs: the pairs that were used.
         residual: (N, 2) projection less pixel of those, pixels.
         held_out: cross-validated errors; None when the photos are too few.
-        prior: how P was held to the reference.
-        runners_up: how other photos would have it held, and how likely each is right; none where
-            nothing was left out.
-        unfit: photos left out, with the reason.
+        prior: the prior that ties P to the reference.
+        runners_up: priors that other photos would choose, with their probabilities; none where no
+            photo was left out.
+        unfit: photos that were left out, with the reason.
         target: the target as fitted (the given one where nothing was refined); None for pairs
-            that came without one.
-        renamed: photos that show the target the other way round than they said, as its print
-            says, and the motion of the target that their corners were named anew by.
+            without one.
+        renamed: photos whose corners were renamed since the print shows the target the other way
+            round, and the motion of the target that renames them.
 
     """
 
@@ -58,25 +58,25 @@ class Calibration(Calibrated):
 
     @property
     def refined(self) -> Level:
-        """What of the target was fitted: ``off``, ``shape`` or ``points``."""
+        """How much of the target was fitted: ``off``, ``shape`` or ``points``."""
         return self.fit.refine_target or "off"
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is likely wrong with the set-up, with its evidence."""
+        """What is likely wrong with the set-up, with the evidence."""
         return self.fit.findings
 
     def named(self, corners: Observations) -> Observations:
-        """Corners of the photos by the names that the fit gave them, of the target as fitted."""
+        """The given corners of the photos, under the names of the fit and with its target."""
         return renamed(corners, self.target, self.renamed) if self.target else corners
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """What hypotheses are judged by: each kind has attributes of its own.
+    """The evidence by which hypotheses are judged; each kind has its own attributes.
 
     Attributes:
-        known: what was found before, and comes first.
+        known: earlier findings, which come first.
 
     """
 
@@ -85,11 +85,11 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CornerEvidence(Evidence):
-    """Named corners.
+    """The evidence of named corners.
 
     Attributes:
         pairs: all pairs, in the target's units.
-        target: the drawing; None for pairs that came without one.
+        target: the nominal target; None for pairs without one.
 
     """
 
@@ -99,10 +99,10 @@ class CornerEvidence(Evidence):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FailedFit(CornerEvidence):
-    """Corners of which there is no fit.
+    """The evidence of corners to which no camera could be fitted.
 
     Attributes:
-        fits: whether they do fit one lens and the drawing, so that neither is to blame.
+        fits: whether they do fit one lens and the nominal target, so that neither is to blame.
 
     """
 
@@ -110,7 +110,7 @@ class FailedFit(CornerEvidence):
 
     @cached_property
     def scaled(self) -> tuple[Observations, float]:
-        """The pairs in a unit in which the target is of order 1, and that in the target's."""
+        """The pairs in a unit in which the target is of order 1, and that in the target's units."""
         scale = world_scale(self.pairs)
         pairs = self.pairs.with_world(self.pairs.world / scale)
         return select_photos(pairs, np.arange(len(pairs.images))), scale
@@ -118,14 +118,14 @@ class FailedFit(CornerEvidence):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitEvidence(CornerEvidence):
-    """Corners with their fit.
+    """The evidence of corners with their fit.
 
     Attributes:
-        nominal_fit: the fit to the target as drawn.
+        nominal_fit: the fit to the nominal target.
         fit: the final fit.
-        dropped: each corner that was left out as grossly wrong.
-        departures: by how much boards depart from the drawing, where it was fitted too.
-        uncertainty: what is stated of the camera.
+        dropped: the outliers, each a corner that was left out as grossly wrong.
+        departures: how far boards depart from the nominal ones, where the target was fitted too.
+        uncertainty: the stated uncertainty of the camera.
 
     """
 
@@ -137,4 +137,4 @@ class FitEvidence(CornerEvidence):
 
 
 Diagnose = Callable[[Evidence], Sequence[Finding]]
-"""Tells what is likely wrong with a set-up; the likeliest first where there is no fit."""
+"""Finds what is likely wrong with a set-up; the likeliest comes first where there is no fit."""

@@ -1,7 +1,7 @@
 """Where corners are, how far beyond them the camera is extrapolated, and what that costs.
 
-Squares of the picture say whether its parts hold corners. At the rim, where a lens bends most and
-few corners are, that is too coarse: there each direction from the axis is looked at by itself.
+Squares of the picture show which of its parts hold corners. At the rim, where a lens bends most and
+corners are few, squares are too coarse: each direction from the axis is examined by itself there.
 """
 
 from collections.abc import Callable
@@ -18,38 +18,39 @@ from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import BoolArray, FloatArray
 
-# Cells along the photo's shorter side in which coverage is counted.
+# Cells along the photo's shorter side by which coverage is counted.
 _CELLS = 8
-# A camera beyond 90° sees itself where corners leave a middle so large and round: the farthest of
-# eight sides begins at this many times the angle of the nearest.
+# A camera beyond 90° sees itself where corners leave a hole in the middle that is this wide and
+# round: the largest of the hole's angles in eight directions is at most this many times the
+# smallest.
 _BLIND_DEG, _ROUND = 30.0, 1.5
 Sigma = Callable[[FloatArray], FloatArray]
 
 _DIRECTIONS = 72
-# A corner stands for directions so far to both sides, and in its own for so much of the field more.
+# A corner stands for directions so far to both sides, and for so much more of the field outwards.
 _BESIDE_DEG = 10.0
 _BEYOND = 0.05
 _NEARLY_ALL = 0.9
-# Directions that reach to within this share of where the field's corners end reach its rim.
+# In a direction, corners reach the rim if they end within this share of where all corners end.
 _NEAR = 0.1
-# The rim's errors are those of the outermost corners, the middle's of those within half the field.
+# The rim's errors are those of the outermost corners, the middle's those within half the field.
 _RIM_SHARE, _FEWEST_AT_THE_RIM = 0.1, 20
 _MIDDLE = 0.5
-# Beyond the corners the camera may be trusted as long as it is certain, or no more than so many
-# times as uncertain as at their edge; a degree is let in any case.
+# Beyond the corners the camera may be trusted as long as it is certain, or at most so many times as
+# uncertain as at their edge; one degree is granted in any case.
 _TIMES = 2.0
 _LEAST_MARGIN_DEG = 1.0
 _STEP_DEG = 0.25
 
 
 def blind_angle(points: FloatArray) -> float:
-    """How far from its axis a camera sees itself, radians; 0 where it seems to see other things.
+    """The angle from its axis within which a camera sees itself, radians; 0 where it does not.
 
-    A camera that looks into a mirror is in the middle of its own picture: all around the axis no
-    corner is nearer than by about one angle.
+    A camera that looks into a mirror is in the middle of its own picture: the nearest corners are
+    at about the same angle all around the axis.
 
     Args:
-        points: (N, 3) all corners, camera frame; those that are NaN count for nothing.
+        points: (N, 3) all corners, camera frame; NaN ones are ignored.
 
     """
     points = points[np.isfinite(points[:, 0])]
@@ -64,14 +65,14 @@ def blind_angle(points: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldCells:
-    """What coverage counts: the field where a camera may be trusted, in squares.
+    """The field where a camera may be trusted, in the squares by which coverage is counted.
 
     Attributes:
         cell: side of a square, pixels.
         field: (rows, columns) whether a square's middle lies in the field, and where the camera
             does not see itself.
         hit: (rows, columns) whether a square holds a corner.
-        blind: how far from its axis the camera sees itself, radians.
+        blind: the angle from its axis within which the camera sees itself, radians.
 
     """
 
@@ -114,13 +115,13 @@ def field_cells(camera: CubicCamera | PointCamera, pixel: FloatArray) -> FieldCe
 def coverage_extent(
     camera: CubicCamera, points: FloatArray, residual: FloatArray, sigma: Sigma
 ) -> CoverageExtent:
-    """Look at the rim.
+    """Measure how well corners cover the field's rim.
 
     Args:
         camera: the camera.
         points: (N, 3) the corners of the fit in its frame.
-        residual: (N, 2) their errors, pixels; NaN where one cannot be told.
-        sigma: uncertainty of the pixels of unit rays (M, 3) -> (M,), pixels.
+        residual: (N, 2) their errors, pixels; NaN where the fit cannot tell one.
+        sigma: gives the uncertainty of the pixels of unit rays (M, 3) -> (M,), pixels.
 
     """
     angle = np.rad2deg(angle_from_axis(points))
@@ -155,9 +156,9 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     """How far from the axis the camera may be trusted: beyond its corners while it is certain.
 
     Args:
-        camera: the camera; its own angle is the farthest that is thought of.
-        covered_deg: how far from the axis corners reach.
-        sigma: as :func:`coverage_extent` takes it.
+        camera: the camera; its own angle is the upper limit.
+        covered_deg: angle from the axis up to which there are corners.
+        sigma: as for :func:`coverage_extent`.
 
     """
     farthest = camera.max_angle_deg
@@ -175,7 +176,7 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
 
 
 def _measure_all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
-    """The largest angle up to which corners are nearly all around, where the photo shows it."""
+    """The largest angle up to which corners are nearly all around, as far as the photo shows it."""
     angles = np.arange(1.0, covered, 1.0)
     shown = edge >= angles[:, None]
     near = reached + _BEYOND * covered >= angles[:, None]
@@ -185,7 +186,7 @@ def _measure_all_around(reached: FloatArray, edge: FloatArray, covered: float) -
 
 
 def _measure_rim(angle: FloatArray, residual: FloatArray) -> tuple[float, float, float]:
-    """RMS at the rim and in the middle, and from which angle on the rim is; NaN if too few tell."""
+    """RMS at the rim and in the middle, and where the rim begins; NaN for too few corners."""
     told = np.isfinite(residual[:, 0])
     angle, residual = angle[told], residual[told]
     count = max(_FEWEST_AT_THE_RIM, round(_RIM_SHARE * len(angle)))

@@ -1,13 +1,13 @@
 """Fitting the cubic camera and all poses jointly, from the radial reference.
 
-P is held to the reference, bent as real lenses are, by a weak prior on a cone
-(pseudo-observations): it keeps poles out where no corner is, and fixes the rotation that P could
-otherwise absorb. How symmetric the lens is that holds P, and how firmly it does, are two unknowns
-of each camera: :class:`PriorChoice`.
+A weak prior on a cone (pseudo-observations) ties P to the reference, bent as real lenses are: it
+keeps poles out where there are no corners, and fixes the rotation that P could otherwise absorb.
+How symmetric the prior's lens is, and how firmly the prior ties P to it, are two unknowns of each
+camera: :class:`PriorChoice`.
 
-Asymmetry is real on some lenses and absent on others, and what corners can tell of it depends on
-how many there are and on what errors they share. So both are chosen by what photos that are left
-out say, from the plain radial lens at one end to a nearly free P at the other.
+Asymmetry is real on some lenses and absent on others, and how much of it corners can show depends
+on how many there are and on the errors that they share. So photos that are left out choose both,
+from the plain radial lens at one end to a nearly free P at the other.
 """
 
 from __future__ import annotations
@@ -44,30 +44,30 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.held_out import HeldOut
 
-# Expected relative departure of P3Φ from that of the reference's cubic: so loose that where the
-# optimum is hardly depends on it, and far from a pole.
+# Expected relative departure of P3Φ from that of the reference's cubic: so loose that the optimum
+# hardly depends on it, and far from a pole.
 _DENOMINATOR_SPREAD = 0.3
 # Expected travel of the entrance pupil, as a share of the corners' distance: millimetres at arm's
 # length.
 _TRAVEL_SPREAD = 0.02
-# Pixels that hold it where it is, whatever corners say.
+# Pixels that a unit of travel counts as where the pupil shall not move, whatever corners say.
 _STILL = 1e7
 _STRONGEST = 1e4
 NEAR_DECREASE = 1e-6
 """For fits that only lead to the next one."""
-# Beyond it pixels move by less than a hundredth of what they are uncertain by.
+# Below this, pixels move by less than a hundredth of their uncertainty.
 _LAST_DECREASE = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True)
 class PriorChoice:
-    """What P is held to, and how firmly.
+    """The prior of P: the lens to which it ties P, and how firmly.
 
     Attributes:
-        spread: expected asymmetry of the lens that holds P (see
+        spread: expected asymmetry of the prior's lens (see
             :class:`~cubicfish_cli.core.fit.asymmetric.BentFit`); 0 for a symmetric one.
         weight: weight of the pseudo-observations.
-        central: whether the entrance pupil stands still.
+        central: whether the entrance pupil does not move.
 
     """
 
@@ -81,14 +81,15 @@ class CameraFit(Adjustment[CubicFit]):
     """The cubic lens, all poses and, where it is free, the target, fitted together.
 
     Attributes:
-        reference: the radial fit that P leans on; its pairs have the world points of this fit.
-        prior: how P was held to it.
+        reference: the radial fit to which the prior ties P; its pairs have the world points of this
+            fit.
+        prior: the prior of P.
         max_angle_deg: half-angle of the cone over which P may be trusted.
-        nominal: the target as drawn; its pairs have this fit's names.
-        runners_up: priors that other photos would speak for, and how likely each is the best of
-            all, 0 to 1; none where none was sought.
+        nominal: the nominal target; its pairs have this fit's names.
+        runners_up: priors that other photos would choose, each with the probability that it is the
+            best of all, 0 to 1; none where none was searched.
         held_out: the held-out error; None where it is not known, or photos are too few.
-        rivals: fits of the target at other levels of which the held-out error was asked.
+        rivals: fits of the target at other levels whose held-out error was measured.
 
     """
 
@@ -124,21 +125,21 @@ class CameraFit(Adjustment[CubicFit]):
         return replace(self, reference=self.reference.followed(self.world.points))
 
 
-# From the most symmetric and the firmest on. An asymmetry of 0.01 is far more than any lens on sale
-# has; at a weight of 0.01 P is practically free.
+# From the most symmetric and the firmest prior on. An asymmetry of 0.01 is far more than any lens
+# on sale has; at a weight of 0.01 P is practically free.
 SPREADS = (0.0, 1e-4, 1e-3, 1e-2)
 WEIGHTS = tuple(10.0 ** (1.5 - step / 2) for step in range(8))
 FIRMEST = PriorChoice(spread=SPREADS[0], weight=WEIGHTS[0])
 RADIAL = PriorChoice(spread=0.0, weight=100.0, central=True)
-"""Leaves P nothing but to be the cubic nearest to a radial lens."""
-# What is expected before any photo speaks: most lenses that are sold are better held by less
-# asymmetry than the most that is found in some, and few corners better by a firm prior.
+"""The prior that leaves P no choice but the cubic nearest to a radial lens."""
+# The prior that is expected before any photo is used: most lenses on sale have less asymmetry than
+# the largest that was found, and few corners need a firm prior.
 EXPECTED = PriorChoice(spread=1e-4, weight=WEIGHTS[2])
-# What only leads to a choice need not be known to the last digit.
+# Fits that only lead to a choice need not be exact to the last digit.
 _SCAN_DECREASE = 1e-4
-# A sum of squared errors, pixels², that is rounding.
+# A sum of squared errors, pixels², that is nothing but rounding.
 _NO_ERROR = 1e-16
-# How often photos are drawn anew: how likely a prior is, is known to 0.02 then.
+# Number of bootstrap samples: they give the probability of a prior to 0.02.
 _DRAWS = 500
 
 _PRIORS = [PriorChoice(spread=spread, weight=weight) for spread in SPREADS for weight in WEIGHTS]
@@ -155,11 +156,11 @@ def fit_cubic(
     """Fit P and all poses (Eq. 10) from a reference's lens and poses.
 
     Args:
-        reference: the radial fit to start from and to lean on.
-        prior: how P is held to it.
+        reference: the radial fit to start from, to which the prior ties P.
+        prior: the prior of P.
         start: a fit to the same photos from which to start, where there is one.
         world: the target, where it is free; its points are those of the reference's pairs. By
-            default that of ``start``.
+            default it is that of ``start``.
         relative_decrease: when to stop, as in :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
 
     Raises:
@@ -172,14 +173,14 @@ def fit_cubic(
     nominal = start.nominal if start else NominalTarget(pairs=reference.pairs)
     errors, known = (reference.errors, None) if start is None else (start.errors, start)
     while True:
-        # The most exact start without a pole in sight: a pole among the corners or beside them is
+        # The most exact start without a pole in sight. A pole among the corners or beside them is
         # no reason to give up, since photos and radial lens are right all the same.
         for number, (lens, poses) in enumerate(starts(reference, prior, known, errors)):
             with np.errstate(over="ignore"):
                 pixel = lens.project(poses.apply(reference.pairs.image, points))
             if not np.isfinite(pixel).all() or not np.isfinite(lens.prior()).all():
                 continue
-            # A pole between corners and rays shows in neither; a fit is known to have none.
+            # A pole between corners and rays shows in neither, but a fit is known to have none.
             is_known = known is not None and number == 0
             if is_known or pole_or_fold_deg(lens.P, max_angle_deg) is None:
                 break
@@ -192,7 +193,7 @@ def fit_cubic(
             relative_decrease=max(relative_decrease, NEAR_DECREASE),
             damping=WARM_DAMPING,
         )
-        if relative_decrease < NEAR_DECREASE:  # to the bottom, the loss's scale settled
+        if relative_decrease < NEAR_DECREASE:  # to the optimum, the scale of the loss converged
             least = relative_decrease
             fit = fit.again(relative_decrease=least, damping=WARM_DAMPING, limit=huber_px)
         fault_deg = pole_or_fold_deg(fit.lens.P, max_angle_deg)
@@ -204,7 +205,7 @@ def fit_cubic(
                 max_angle_deg=max_angle_deg,
                 nominal=nominal,
             )
-        # A pole crept in: hold P closer to the reference, which has none.
+        # A pole crept in: tie P more firmly to the reference, which has none.
         prior, known = replace(prior, weight=prior.weight * 10**0.5), None
         if prior.weight > _STRONGEST:
             raise FitError(
@@ -219,12 +220,12 @@ def starts(
 ) -> Iterator[tuple[CubicFit, Poses]]:
     """Lenses and poses from which to start: a known fit, the nearest cubic, and safer ones.
 
-    A solution from the corners themselves is drawn by outliers and may have a pole just outside
+    A solution from the corners themselves is biased by outliers and may have a pole just outside
     them, where Levenberg–Marquardt then stays.
 
     Args:
         reference: the radial fit.
-        prior: how P is held to it.
+        prior: the prior of P.
         start: the known fit, if there is one.
         errors: (N, 2) of the corners, as far as they are known, pixels.
 
@@ -245,14 +246,14 @@ def starts(
 def held(
     lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
 ) -> CubicFit:
-    """The P of a lens with the prior that this reference asks for.
+    """The same P with the prior for this reference.
 
-    One that is left from an earlier fit is for other corners, and for another noise.
+    A prior that is left from an earlier fit is for other corners and another noise.
 
     Args:
         lens: the lens.
         reference: the radial fit.
-        prior: how P is held to it.
+        prior: the choice of the prior.
         errors: (N, 2) of the corners, pixels.
 
     """
@@ -266,14 +267,14 @@ def held(
             near=near,
             lens=bent,
             weight=prior.weight,
-            # So that 16 independent relative changes of P3Φ by its spread count one noise each.
+            # So that 16 independent relative changes of P3Φ by its spread count as one noise each.
             denominator_weight=float(sigma / _DENOMINATOR_SPREAD * np.sqrt(16 / len(near.rays))),
         )
         far = near.lens.with_pixels_of(lens, near.rays)
         lens = replace(far, travel=lens.travel, ray_prior=ray_prior)
     if prior.central:
         return replace(lens, travel=0.0, travel_weight=_STILL)
-    # What a unit of the pupil's travel counts as among corners with these residuals.
+    # What a unit of the pupil's travel counts as, among corners with these residuals.
     points = reference.poses.apply(pairs.image, pairs.world)
     distance = 1 / float(np.mean(1 / np.linalg.norm(points, axis=1)))
     weight = max(noise_px(errors), 1e-3) * np.sqrt(ALIKE) / (_TRAVEL_SPREAD * distance)
@@ -287,24 +288,24 @@ def choose_prior(
     start: CameraFit | None = None,
     everywhere: bool = False,
 ) -> CameraFit:
-    """Fit the cubic under the prior that photos left out speak for.
+    """Fit the cubic under the prior that predicts photos left out best.
 
-    Other priors, and fits without some photos, are one Gauss-Newton step from a fit under one;
-    the best is then fitted in full.
+    Fits under other priors, and without some photos, are one Gauss-Newton step away from a fit
+    under one prior; the best is then fitted in full.
 
     Args:
         reference: the radial fit.
-        groups: photos to be left out together; with fewer than two the prior of ``start``, or the
-            expected one, is kept.
-        start: a fit to the same photos, whose target stays as free as it is and whose prior is
-            where to begin.
-        everywhere: look at all priors from there, as without a start; else at those around.
+        groups: photos that are left out together; with fewer than two groups, the prior of
+            ``start``, or the expected one, is kept.
+        start: a fit to the same photos, whose target stays as free as it is, and whose prior is
+            where the search begins.
+        everywhere: compare all priors, as without a start; else only those around.
 
     Returns:
-        A fit that is good to compare and to go on from, not yet to the last digit.
+        A fit that is good to compare and to continue from, but not exact to the last digit.
 
     Raises:
-        FitError: the prior begun with, or the one chosen, gives no sound camera.
+        FitError: the first prior, or the chosen one, gives no sound camera.
 
     """
     prior = EXPECTED if start is None else start.prior
@@ -325,7 +326,7 @@ def choose_prior(
 
 
 def _find_place(prior: PriorChoice) -> tuple[int, int]:
-    """Indices of the nearest of SPREADS and WEIGHTS."""
+    """Indices of the nearest entries of SPREADS and WEIGHTS."""
     weight = np.abs(np.log(WEIGHTS) - np.log(prior.weight)).argmin()
     return int(np.abs(np.array(SPREADS) - prior.spread).argmin()), int(weight)
 
@@ -336,15 +337,15 @@ def _predict_squares(
     groups: Sequence[IntArray],
     priors: Sequence[PriorChoice],
 ) -> FloatArray:
-    """(priors, M) squared errors of each photo under a fit without it, summed over its corners.
+    """Predict squared errors (priors, M) of each photo under a fit without it, over its corners.
 
-    Under some priors, to first order from a fit under one of them.
+    The fits are under some priors, to first order from a fit under one of them.
 
     Args:
         start: that fit.
-        reference: what P is held to.
+        reference: the radial fit to which the priors tie P.
         groups: photos that are left out together.
-        priors: these, those of one spread together: the order is relied on.
+        priors: the priors; those of one spread stand together.
 
     """
     grams = []
@@ -359,22 +360,22 @@ def _predict_squares(
 def _choose_likeliest(
     priors: Sequence[PriorChoice], squares: FloatArray
 ) -> tuple[PriorChoice, dict[PriorChoice, float]]:
-    """The prior that is taken, and those that would be if other photos had been taken.
+    """Choose the prior that is taken, and those that would be taken for other photos.
 
-    Corners of one photo share their errors: together they count as one corner, whose noise is of
-    that photo alone and unknown: integrated over noise with the prior 1/σ, the likelihood is
-    1 / squared error. So no photo outweighs the others.
+    Corners of one photo share their errors: together they count as one corner, whose noise belongs
+    to that photo alone and is unknown. Integrated over this noise with the prior 1/σ, the
+    likelihood is 1 / squared error. So no photo outweighs the others.
 
-    How likely these are: as often as they are taken when as many photos are drawn from these with
-    repetition (the bootstrap, as Buckland, Burnham & Augustin 1997 weigh models by it).
+    The probability of a prior is how often it is taken when as many photos are drawn from these
+    with repetition (the bootstrap, by which Buckland, Burnham & Augustin 1997 weigh models).
 
     Args:
-        priors: these.
-        squares: of each photo under them, see :func:`_predict_squares`.
+        priors: the priors.
+        squares: the squared errors of each photo under them, see :func:`_predict_squares`.
 
     """
     told = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
-    # Log prior of each, up to a constant: a step in either list is a standard deviation.
+    # Log prior of each, up to a constant: a step in either list is one standard deviation.
     away = np.subtract([_find_place(one) for one in priors], _find_place(EXPECTED))
     expected = -np.square(away).sum(axis=1) / 2
     chosen, photos = int((told.sum(axis=1) + expected).argmax()), told.shape[1]

@@ -1,8 +1,9 @@
-"""The target as least squares sees it: as drawn, or as it really is, with boards that bend, twist,
-stretch and sit a little off their places, and corners that are a little off theirs.
+"""The target in least squares: a nominal one, or a deformable one.
 
-No print is exactly as drawn, and what a target is off by repeats in every photo, so it can be
-told from noise. The overall scale cannot be seen and stays as drawn.
+Boards of a deformable target bend, twist, stretch and lie a little off their places, and corners
+lie a little off theirs. No print is exactly as drawn, and the deviations of a target repeat in
+every photo, which distinguishes them from noise. The overall scale cannot be seen and stays
+nominal.
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ from cubicfish_cli.core.placement import Symmetry
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-# What a board may be off by: one standard deviation of the pull to the drawing, relative to the
-# board's half diagonal (for turns, radians). Prints stretch and walls bend by some thousandths.
+# What a board may deviate by: one standard deviation of the prior, relative to the board's half
+# diagonal (for turns, radians). Prints stretch and walls bend by some thousandths.
 _SHAPE_SPREAD = 0.01
 _PLACE_SPREAD = 0.02
-# What they mostly are off by.
+# What boards usually deviate by.
 _USUAL_SPREAD = 0.003
 _SHAPE_TERMS = 5  # bend x, bend y, twist, stretch x, stretch y
-_STRETCH = 3  # the first of them that stretches
+_STRETCH = 3  # index of the first of them that stretches
 _SHAPE_SPREADS = [_SHAPE_SPREAD] * _STRETCH + [_USUAL_SPREAD] * (_SHAPE_TERMS - _STRETCH)
-_STRETCHED = 1  # of the kinds of parameters
-# The mean stretch of all boards is held to zero this closely: no photo shows the overall scale.
+_STRETCHED = 1  # index of stretches among the kinds of parameters
+# The mean stretch of all boards is kept this close to zero: no photo shows the overall scale.
 _SCALE_SPREAD = 1e-6
 _PLACE_TERMS = 6  # rotation vector, shift
 Level = Literal["off", "shape", "points"]
@@ -48,12 +49,12 @@ class BoardPart:
     Attributes:
         board: index of the board in the target.
         pairs: indices of its pairs.
-        cell: (n,) which of the board's corners each is of, counted row by row.
-        basis: (C, 3, F) world displacement of each of these by each shape parameter; F is 5, or
-            0 for a board that is a list of points.
+        cell: (n,) the board's corner that each pair shows, counted row by row.
+        basis: (C, 3, F) world displacement of each of the board's corners by each shape parameter;
+            F is 5, or 0 for a board that is a list of points.
         shape: the places of the F shape parameters.
-        place: the places of the 6 of rotation and shift; empty for the board that holds still.
-        middle: (3,) about which the board turns.
+        place: the places of the 6 of rotation and shift; empty for the board that stays in place.
+        middle: (3,) the point about which the board turns.
         size: half diagonal, in the world's units.
 
     """
@@ -70,15 +71,16 @@ class BoardPart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DeformableTarget:
-    """World points that follow the boards' shapes and places, and corners' own offsets.
+    """A target whose world points follow the boards' shapes and places, and corners' own offsets.
 
     Attributes:
-        nominal: (N, 3) world point of each pair in the drawing.
-        parts: the boards that were seen; none of a target that stays as drawn.
-        parameters: (S,) relative to each board's half diagonal; zero is the drawing.
+        nominal: (N, 3) nominal world point of each pair.
+        parts: the boards that were seen; none for a target that stays nominal.
+        parameters: (S,) relative to each board's half diagonal; zero is the nominal target.
         spread: (S,) standard deviation of each parameter's pull to zero.
-        noise: standard deviation of a corner's coordinate, pixels: what one spread costs.
-        corner: (N,) which free corner each pair is of; empty when corners have no offsets.
+        noise: standard deviation of a corner's coordinate, pixels: a deviation of one spread costs
+            this.
+        corner: (N,) the free corner that each pair shows; empty when corners have no offsets.
         offsets: (Q, 3) world offset of each free corner; Q is 0 when corners have none.
         offset_spread: standard deviation of the pull of offsets to zero.
 
@@ -100,12 +102,12 @@ class DeformableTarget:
 
     @property
     def free(self) -> bool:
-        """Whether it may depart from its drawing."""
+        """Whether the target may depart from the nominal one."""
         return bool(self.parts)
 
     @cached_property
     def kinds(self) -> IntArray:
-        """(S,) which parameters are of a kind: bends and twists, stretches, places."""
+        """(S,) the kind of each parameter: bends and twists, stretches, places."""
         kinds = np.zeros(len(self.parameters), np.intp)
         for part in self.parts:
             kinds[part.shape.start + _STRETCH : part.shape.stop] = _STRETCHED
@@ -113,15 +115,16 @@ class DeformableTarget:
         return kinds
 
     def with_spreads(self, variance: FloatArray) -> DeformableTarget:
-        """The same target, each kind of parameter pulled to zero as firmly as it shows itself.
+        """The same target, with the prior of each kind of parameter estimated from the parameters.
 
-        Expectation and maximisation: a kind's variance is the mean of what was found squared and
-        of what is left open. Few boards say little of it, so it leans on what prints are like.
-        Stretches stay as firm as they are: prints are known to keep their proportions, and a
-        board that is always held upright shows no photo which of it and the pixels is not square.
+        Expectation and maximisation: the variance of a kind is the mean of the squared estimates
+        and of the variances that are left open. Few boards say little about it, so it is drawn to
+        what is usual of prints. Stretches keep their prior: prints are known to keep their
+        proportions, and if a board is always held upright, no photo shows whether it or the pixels
+        are not square.
 
         Args:
-            variance: (S,) of each parameter, what the pairs leave open.
+            variance: (S,) variance of each parameter that the pairs leave open.
 
         """
         spread = self.spread.copy()
@@ -147,13 +150,13 @@ class DeformableTarget:
         )
 
     def started(self, other: DeformableTarget) -> DeformableTarget:
-        """The same freedom, with shapes and places from where boards have them in another."""
+        """The same free parameters, started with boards' shapes and places in another target."""
         parameters, spread = self.parameters.copy(), self.spread.copy()
         theirs = {part.board: part for part in other.parts}
         for part in self.parts:
             known = theirs.get(part.board, part)
             for own, other_own in ((part.shape, known.shape), (part.place, known.place)):
-                # The board that holds still may be another one.
+                # The board that stays in place may be another one.
                 if known is not part and own.stop - own.start == other_own.stop - other_own.start:
                     parameters[own] = other.parameters[other_own]
                     spread[own] = other.spread[other_own]
@@ -181,10 +184,10 @@ class DeformableTarget:
         )
 
     def chain(self, d_world: FloatArray, run: slice) -> FloatArray:
-        """From d pixel / d world point (n, 2, 3) to d pixel / d parameters (n, 2, S).
+        """Convert d pixel / d world point (n, 2, 3) to d pixel / d parameters (n, 2, S).
 
-        The n pairs are those of ``run``. Turns of a board are small (some hundredths of a radian
-        at most): the derivatives of its shape and of its corners' offsets leave the turn out.
+        The n pairs are those of ``run``. Turns of a board are small (some hundredths of a radian at
+        most): the derivatives of its shape and of its corners' offsets leave the turn out.
         """
         chained = np.zeros((len(d_world), 2, len(self.parameters)))
         d_world = np.ascontiguousarray(d_world)
@@ -204,9 +207,9 @@ class DeformableTarget:
         return chained
 
     def prior(self) -> FloatArray:
-        """Pull of the parameters to zero, and of the mean stretch far more: the overall scale.
+        """The prior of the parameters: pulls to zero, and a far firmer one of the mean stretch.
 
-        (S + 1, S + 1) as a lens's prior is.
+        It is (S + 1, S + 1) like a lens's prior; the mean stretch is the overall scale.
         """
         weight = self.noise / self.spread
         rows = [np.diag(weight)]
@@ -221,13 +224,13 @@ class DeformableTarget:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NominalTarget:
-    """The target as drawn, and its pairs in units in which it is of order 1.
+    """The nominal target, and its pairs in units in which it is of order 1.
 
     Attributes:
-        pairs: pairs whose world points are the drawing's, divided by ``scale``.
-        target: the drawing; None for pairs that came without one.
+        pairs: pairs with nominal world points, divided by ``scale``.
+        target: the nominal target; None for pairs without one.
         scale: the target's units in one unit of ``pairs``.
-        renamed: by which motion of the target photos were named otherwise than they came.
+        renamed: photos whose corners were renamed, and the motion of the target that renames them.
 
     """
 
@@ -237,9 +240,9 @@ class NominalTarget:
     renamed: Mapping[str, Symmetry] = field(default_factory=dict)
 
     def pairs_at(self, level: Level) -> Observations:
-        """The pairs of a fit at a level of the target, which says what tells its error.
+        """The pairs of a fit at a level of the target; ``tells_error`` is set for this level.
 
-        Of a target of which no corner is certain, each tells what its own point leaves of it.
+        If no corner of a target is certain, each one tells the error that its own point leaves.
         """
         certain = self.pairs.certain
         if level != "points" or not certain.any():
@@ -247,7 +250,7 @@ class NominalTarget:
         return replace(self.pairs, tells_error=certain)
 
     def free(self, *, noise: float, offset_spread: float | None = None) -> DeformableTarget:
-        """The target as drawn, free to depart from it.
+        """The deformable target, started as nominal.
 
         Args:
             noise: standard deviation of a corner's coordinate, pixels.
@@ -255,7 +258,7 @@ class NominalTarget:
                 where corners have none.
 
         Raises:
-            ValueError: the drawing is unknown.
+            ValueError: the nominal target is unknown.
 
         """
         pairs, target, parts, spread = self.pairs, self.target, list[BoardPart](), list[float]()
@@ -276,8 +279,8 @@ class NominalTarget:
             noise=noise,
         )
         if offset_spread is not None:
-            # What may be another corner than it is named as has an offset that no other photo
-            # shares: its place stays as uncertain as corners' places are.
+            # An uncertain corner has an offset that no other photo shares: its place stays as
+            # uncertain as corners' places are.
             apart = np.where(pairs.certain, -1, pairs.image)
             keys = np.stack([pairs.board, pairs.row, pairs.column, apart], axis=1)
             unique, corner = np.unique(keys, axis=0, return_inverse=True)
@@ -288,7 +291,7 @@ class NominalTarget:
         return world
 
     def refined(self, world: DeformableTarget) -> Target | None:
-        """The target as fitted, in its own units; the drawing itself where nothing of it is."""
+        """The target as fitted, in its own units; the nominal target where nothing was fitted."""
         if self.target is None or not world.free:
             return self.target
         return self.target.with_boards(
@@ -323,7 +326,7 @@ def _refine_board(
     )
     shape_now = departed if board.shape is None else board.shape.plus(departed)
     if board.points is not None:
-        # A list of points has no axes of its own that could turn: its offsets do.
+        # A list of points has no axes of its own that could turn: its points and offsets do.
         points = middle + (board.points - middle) @ rotation.T + shift
         turned = replace(shape_now, offsets=shape_now.offsets @ rotation.T)
         return replace(board, points=points, shape=turned)

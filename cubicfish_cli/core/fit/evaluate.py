@@ -60,16 +60,16 @@ class Evaluation(Brief):
 
 
 def named_as_refined(camera: CubicCamera, pairs: Observations) -> Observations:
-    """Corners by the names under which a known camera sees them best.
+    """Name corners as a known camera sees them best.
 
-    A target that looks the same after a turn does so no more when its corners are refined.
+    A target that looks the same after a turn no longer does so when its corners are refined.
     """
     target = pairs.target
     if target is None or all(board.shape is None for board in target.boards):
         return pairs
 
     def squared(named: Observations) -> FloatArray:
-        """(N,) squared errors, their photos' poses fitted; 0 outside the camera's field."""
+        """(N,) squared errors with fitted poses; 0 outside the camera's field."""
         squared = np.full(len(named.image), np.inf)
         placed, own, photos = fit_poses(camera.radial, named)
         if placed is not None:
@@ -84,7 +84,7 @@ def named_as_refined(camera: CubicCamera, pairs: Observations) -> Observations:
 
 @one_blas_thread()
 def evaluate(camera: CubicCamera, pairs: Observations) -> Evaluation:
-    """Refit the pose of every photo under a fixed camera and measure what is left.
+    """Refit the pose of every photo under a fixed camera, and measure the errors that remain.
 
     Raises:
         FitError: the photos are of another size than the camera's, none of them can be placed,

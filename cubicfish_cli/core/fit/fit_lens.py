@@ -1,6 +1,6 @@
-"""The lenses as least squares sees them: free parameters, derivatives and prior.
+"""Lenses in least squares: free parameters, derivatives and prior.
 
-And the lens of a model that is nearest to given pixels of rays: one fit for all models.
+The nearest lens of a model to given pixels of rays is found by one fit for all models.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 L = TypeVar("L", bound=Lens)
 
-# What a ray that a lens does not see counts for: a step to such a lens is turned down by its cost.
+# Error of a ray that a lens does not see: its cost rejects a step to such a lens.
 _BLIND_PX = 1e4
 _MOST_STEPS = 200
 
 
 class FitLens:
-    """A lens that least squares can adjust: of one camera, whose photos are shots of their own.
+    """A lens that least squares can adjust: one camera, each of whose photos is a shot of its own.
 
-    A body that carries several cameras overrides how its photos are seen: an adjustment knows the
-    body's pose in each shot.
+    A body that carries several cameras overrides how its photos are seen, since the poses of an
+    adjustment are then the body's, one for each shot.
     """
 
     @property
@@ -76,7 +76,7 @@ class FitLens:
     def by_body(
         self, photos: IntArray, shots: Poses, by_lens: FloatArray, by_view: FloatArray
     ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """From derivatives of n pairs by their camera to those by the body.
+        """Convert derivatives of n pairs by their camera to those by the body.
 
         Args:
             photos: (n,) of one camera.
@@ -85,7 +85,7 @@ class FitLens:
             by_view: (n, 2, 6) by the turn and the shift of the photo's own pose.
 
         Returns:
-            (n, 2, k) by what the body's photos share; (k,) which of its parameters these are; and
+            (n, 2, k) by what the body's photos share; (k,) the indices of these parameters; and
             (n, 2, 6) by the shot's pose.
 
         """
@@ -104,7 +104,7 @@ class FixedLens(FitLens):
         return np.zeros(0)
 
     def with_parameters(self, parameters: FloatArray) -> Self:
-        """Itself: nothing is free."""
+        """Return the lens itself: nothing is free."""
         return self
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -120,7 +120,7 @@ class FreeLens(FitLens, Generic[L]):
     Attributes:
         lens: as it is now.
         free: (F,) which of its parameters are free.
-        units: (F,) what counts as 1 of each.
+        units: (F,) what counts as 1 of each parameter.
 
     """
 
@@ -130,7 +130,7 @@ class FreeLens(FitLens, Generic[L]):
 
     @classmethod
     def of(cls, lens: L, held: Collection[str] = ()) -> Self:
-        """A lens of which everything is free but what its model or ``held`` names."""
+        """A lens whose parameters are all free, except those that its model or ``held`` names."""
         names, kept = lens.parameter_names, {*lens.fixed, *held}
         free = np.array([i for i, name in enumerate(names) if name not in kept], np.intp)
         return cls(lens=lens, free=free, units=lens.units[free])
@@ -163,13 +163,13 @@ def nearest_lens(
     *,
     held: Collection[str] = (),
 ) -> L:
-    """The lens nearest to pixels, least squares over its parameters, from the best of its starts.
+    """The lens nearest to pixels: the best least squares fit from the given starts.
 
     Args:
         starts: lenses of one model.
         rays: (N, 3) unit rays.
         pixel: (N, 2) where they should be seen.
-        held: names of parameters that stay as they start, beside those that the model fixes.
+        held: names of parameters that keep their start values, beside those that the model fixes.
 
     Raises:
         FitError: no lens of the model is near.
@@ -183,8 +183,8 @@ def nearest_lens(
 
 
 def _least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
-    """Cost, and the lens."""
-    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+    """Fit from one start: the cost, and the lens."""
+    from scipy.optimize import least_squares  # slow to load, and seldom needed
 
     def residual(parameters: FloatArray) -> FloatArray:
         miss = start.with_parameters(parameters).project(rays) - pixel

@@ -17,10 +17,10 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 
 FOLDS = 5
 MIN_PHOTOS = 3
-# Photos in which the target lies within this share of the longer side of the same place are one:
-# less than hands and tripods that are moved on purpose ever keep.
+# Photos count as one if the target lies at the same place in them to within this share of the
+# longer side: closer than hands, or tripods that are moved on purpose, ever get.
 SAME_SHARE = 0.002
-# All photos within this share of it are from nearly the same place.
+# All photos count as from nearly the same place if they agree to within this share of it.
 NEAR_SHARE = 0.05
 
 
@@ -48,7 +48,7 @@ def photo_folds(poses: Poses, pairs: Observations, focal: float) -> list[IntArra
 
 
 def dealt_out(group: IntArray, images: Sequence[str], parts: int) -> list[IntArray]:
-    """Indices of the photos of each part, see :func:`dealt`; parts that stay empty are left out."""
+    """Deal photos out into parts, see :func:`dealt`: indices for each part that is not empty."""
     part = dealt(group, images, parts)
     return [np.flatnonzero(part == number) for number in np.unique(part)]
 
@@ -56,11 +56,11 @@ def dealt_out(group: IntArray, images: Sequence[str], parts: int) -> list[IntArr
 def dealt(group: IntArray, images: Sequence[str], parts: int) -> IntArray:
     """Deal groups of photos out into parts: (M,) numbers from 0 -> (M,) numbers below ``parts``.
 
-    By name, so that the order in which photos come does not matter: photos in turn, frames of films
-    in blocks of time, since neighbours share their errors.
+    Groups are dealt out by name, so that the order in which photos come does not matter: photos in
+    turn, frames of films in blocks of time, since neighbours share their errors.
 
     Args:
-        group: which photos stay together.
+        group: (M,) photos with the same number stay together.
         images: names of the photos.
         parts: how many parts; no more than groups.
 
@@ -78,16 +78,16 @@ def dealt(group: IntArray, images: Sequence[str], parts: int) -> IntArray:
 def repeated_groups(
     poses: Poses, pairs: Observations, focal: float, share: float = SAME_SHARE
 ) -> IntArray:
-    """(photos,) which photos are one: numbers from 0, in the order in which they first appear.
+    """Find photos that count as one: (photos,) numbers from 0, in the order of first appearance.
 
-    Where it is not certain which corners a photo shows, its pose may be some squares off: it is
-    compared with all others by where its corners lie in the picture.
+    Where the corners of a photo have no certain names, its pose may be some squares off: the photo
+    is compared with all others by where its corners lie in the picture.
 
     Args:
         poses: camera_from_world of each of ``pairs.images``.
         pairs: pairs of the photos.
         focal: pixels per radian.
-        share: of the longer side, by which the target may lie elsewhere.
+        share: the share of the longer side by which the target may lie elsewhere.
 
     """
     count = len(poses)

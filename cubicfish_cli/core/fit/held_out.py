@@ -1,4 +1,4 @@
-"""Held-out error: what the camera says of photos that did not take part in its fit."""
+"""Held-out error: the reprojection error on photos that did not take part in the fit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 
 # A step expected to lower a fold's cost by a smaller share is taken without evaluating it.
 _FOLD_DECREASE = 1e-4
-# Photos' ratios are never told apart better than this.
+# The ratios of photos are never known better than this.
 _LEAST_SPREAD = 1e-3
 _FEWEST_TO_COMPARE = 2
 _RADIAL_DECREASE = 1e-5
@@ -40,12 +40,12 @@ class HeldOut:
     """Errors on photos left out of the fit, their poses refitted.
 
     Attributes:
-        square: (N,) squared error of the cubic camera at each pair, pixels²; NaN where the camera
-            that did not see the pair's photo does not see the pair either, and where the pair does
-            not tell its error.
+        square: (N,) squared error of the cubic camera at each pair, pixels²; NaN where a pair does
+            not tell its error, or lies outside the field of the camera that was fitted without its
+            photo.
         radial_square: (N,) the same of the radial reference, on the same folds.
         image: (N,) photo of each pair.
-        folds: into how many parts the photos were split.
+        folds: the number of folds of the photos.
 
     """
 
@@ -56,32 +56,32 @@ class HeldOut:
 
     @property
     def rms_px(self) -> float:
-        """Of the cubic camera."""
+        """RMS of the cubic camera, pixels."""
         return float(np.sqrt(np.nanmean(self.square)))
 
     @property
     def companion_rms_px(self) -> float:
-        """Of the radial reference."""
+        """RMS of the radial reference, pixels."""
         return float(np.sqrt(np.nanmean(self.radial_square)))
 
     @cached_property
     def photos_px(self) -> FloatArray:
-        """(M,) RMS of the cubic camera on each photo; NaN where it sees none of it."""
+        """(M,) RMS of the cubic camera on each photo, pixels; NaN where it sees none of it."""
         seen = np.isfinite(self.square)
         count = np.bincount(self.image, seen)
         with np.errstate(invalid="ignore"):
             return np.sqrt(np.bincount(self.image, np.where(seen, self.square, 0)) / count)
 
     def of(self, pairs: IntArray) -> HeldOut:
-        """The error on those of some rows (n,)."""
+        """The errors of some rows (n,)."""
         square, radial_square = self.square[pairs], self.radial_square[pairs]
         return replace(self, square=square, radial_square=radial_square, image=self.image[pairs])
 
     def times(self, other: HeldOut) -> float:
-        """Ratio to the error of another fit of the same photos.
+        """The ratio to the error of another fit of the same photos.
 
-        The geometric mean of that of all corners and of that of the typical photo: one photo on
-        which one fit fails counts, but does not decide.
+        It is the geometric mean of the ratio over all corners and of that of the typical photo: one
+        photo on which one fit fails counts, but does not decide.
         """
         mine, theirs = self.beside(other), other.beside(self)
         photos = np.log(mine.photos_px / theirs.photos_px)
@@ -89,13 +89,13 @@ class HeldOut:
         return float(np.exp((typical + np.log(mine.rms_px / theirs.rms_px)) / 2))
 
     def beside(self, other: HeldOut) -> HeldOut:
-        """The error where the other one is known too: what only one of them tells compares none."""
+        """The errors where the other ones are known too, since only these can be compared."""
         return replace(self, square=np.where(np.isnan(other.square), np.nan, self.square))
 
     def doubt(self, other: HeldOut) -> float:
-        """How likely it is that the other fit predicts other photos better, 0 to 1.
+        """The probability that the other fit predicts other photos better, 0 to 1.
 
-        Student's t of the photos' ratios: photos are drawn at random, their corners are not.
+        It is Student's t of the photos' ratios: photos are drawn at random, their corners are not.
         """
         photos = np.log(self.beside(other).photos_px / other.beside(self).photos_px)
         photos = photos[np.isfinite(photos)]
@@ -110,11 +110,11 @@ def held_out_error(
 ) -> HeldOut | None:
     """Cross-validation by photo: each photo is judged by a camera that never saw it.
 
-    folds.py says which photos are left out together. In each fold reference, P and, at its level,
-    the target are fitted to the other photos; then only the poses of the photos left out are
+    folds.py says which photos are left out together. In each fold the reference, P and, at its
+    level, the target are fitted to the other photos; then only the poses of the photos left out are
     fitted. The cubic's fit starts one first-order step from the fit to all photos, poses and target
-    included; the reference's starts where that fit ended. The priors and their weights are those
-    that the fit to all photos chose.
+    included; the reference's fit starts where that fit ended. The priors and their weights are
+    those that the fit to all photos chose.
 
     Args:
         fit: the fit to all photos.
@@ -140,9 +140,9 @@ def held_out_error(
 
 
 def _judge_fold(fit: CameraFit, test: IntArray, near: State[CubicFit]) -> FloatArray:
-    """(2, n) squared errors on the photos ``test``, pixels²; NaN beyond the field.
+    """Squared errors (2, n) on the photos ``test``, pixels²; NaN beyond the field.
 
-    Of the cubic and the reference fitted to the others, whose fit starts at ``near``.
+    They are those of the cubic and the reference, fitted to the other photos from ``near`` on.
     """
     pairs, world = fit.reference.pairs, near.world
     out = np.isin(pairs.image, test)
@@ -213,6 +213,6 @@ def pose_only_residual(
     fit = adjust(
         lens, poses[photos], own, _WIDE_PX, relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING
     )
-    # Once more, with a loss that follows what the first left.
+    # Once more, with a loss that follows the residuals of the first fit.
     fit = fit.again(relative_decrease=_POSE_DECREASE, damping=WARM_DAMPING)
     return poses.with_photos(photos, fit.poses), fit.residual, index

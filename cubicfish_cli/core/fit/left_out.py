@@ -1,8 +1,8 @@
 """What a fit would have been without some of its photos, to first order.
 
 Near its optimum a fit without a few photos is one Gauss-Newton step away, and the equations of that
-step are those of the whole fit less what these photos put in. So every photo can be left out for
-the price of a small linear system, where a fit anew costs tens of iterations.
+step are those of the whole fit less the contribution of these photos. So every photo can be left
+out at the price of a small linear system, where a new fit costs tens of iterations.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,11 +17,11 @@ from cubicfish_cli.core.fit.normal_equations import Eliminated, NormalEquations
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-# As a share of the diagonal: unknowns that no remaining photo touches stay where they are.
+# As a share of the diagonal: unknowns without any remaining photo stay where they are.
 _DAMPING = 1e-9
 # Least square root of a weight, so that residuals can be divided by it.
 _SMALLEST_ROOT = 1e-6
-# Below this share of the largest, a singular value is rounding.
+# Singular values below this share of the largest one are rounding.
 _RANK = 1e-12
 
 
@@ -29,7 +29,7 @@ class LeaveOneOut:
     """Leaves groups of photos out of a fit, to first order."""
 
     def __init__(self, fit: Adjustment[Any], groups: Sequence[IntArray]) -> None:
-        """Note what is to be left out of which fit.
+        """Prepare to leave groups out of a fit.
 
         Args:
             fit: the fit to all photos, at its optimum.
@@ -47,7 +47,8 @@ class LeaveOneOut:
     def residuals(self, priors: FloatArray | None = None) -> Iterator[tuple[int, FloatArray]]:
         """Residuals of every photo under the fit without its group, its own pose fitted anew.
 
-        All at once for H other priors of the lens, by default for its own alone.
+        They are computed at once for H other priors of the lens, by default for its own prior
+        alone.
 
         Args:
             priors: (H, L + 1, L + 1) the Gram matrix of each.
@@ -63,7 +64,7 @@ class LeaveOneOut:
             yield from self._after(group, *_changed(normal, normal.eliminated(_DAMPING), change))
 
     def held_as(self, lenses: Sequence[FitLens]) -> FloatArray:
-        """Steps (H, K) of the shared unknowns with no photo left out, under others' priors."""
+        """Steps (H, K) of the shared unknowns under other lenses' priors, no photo left out."""
         change = np.array([lens.prior() for lens in lenses]) - self._fit.lens.prior()
         return _changed(self._fit.normal, self._equations_of_all, change)[0].T
 
@@ -86,12 +87,12 @@ class LeaveOneOut:
         return self._fit.normal.eliminated(_DAMPING)
 
     def _seen(self, group: IntArray) -> tuple[Observations, State[Any]]:
-        """The pairs that are seen from some poses, and all that these see of the fit."""
+        """Select the pairs that are seen from some poses, and all unknowns that these depend on."""
         own, fit = np.flatnonzero(np.isin(self._shot, group)), self._fit
         return fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
 
     def _put_in(self, group: IntArray) -> NormalEquations:
-        """What the pairs seen from some poses put into the equations."""
+        """Sum up the contribution of the pairs that are seen from some poses to the equations."""
         pairs, state = self._seen(group)
         normal = NormalEquations.zeros(*state.size)
         for run, terms in linearise(state, pairs, self._fit.huber_px):
@@ -101,12 +102,12 @@ class LeaveOneOut:
     def _after(
         self, group: IntArray, shared: FloatArray, offset: FloatArray
     ) -> Iterator[tuple[int, FloatArray]]:
-        """Residuals (n, 2, H) of what is seen from each pose, which is fitted anew.
+        """Yield the residuals (n, 2, H) of what is seen from each pose, which is fitted anew.
 
         Args:
             group: the poses.
-            shared: (K, H) steps of what is shared.
-            offset: (Q, 3, H) those of free corners.
+            shared: (K, H) steps of the shared unknowns.
+            offset: (Q, 3, H) steps of the free corners.
 
         """
         pairs, state = self._seen(group)
@@ -133,7 +134,7 @@ class LeaveOneOut:
 def _changed(
     normal: NormalEquations, equations: Eliminated, change: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Steps (K, H) and (Q, 3, H) where the lens's prior (H, L + 1, L + 1) changes."""
+    """Solve for steps (K, H) and (Q, 3, H) where the lens's prior (H, L + 1, L + 1) changes."""
     shared, pose, corner = (
         np.repeat(part[..., None], len(change), axis=-1) for part in normal.gradient
     )

@@ -1,4 +1,4 @@
-"""The cubic as least squares sees it, and the pseudo-observations that hold it."""
+"""The cubic in least squares, and the pseudo-observations of its prior."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from cubicfish_cli.core.lenses.lift import evaluate_cubics, lift, sphere_basis
 from cubicfish_cli.core.lenses.pupil import from_pupil, from_pupil_and_slopes
 from cubicfish_cli.core.types import BoolArray, FloatArray
 
-# From a lens that is near, Gauss and Newton get to the nearest one in this many steps.
+# From a lens that is near, Gauss-Newton reaches the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
-# Squared: a share of a parameter's own effect that no other has.
+# Least squared share of a parameter's effect that no other parameter has.
 _TOLD_APART = 1e-13
-# All that an image of things far away depends on, and 1.
+# The columns on which an image of distant points depends, and that of 1.
 _FAR = np.delete(np.arange(49), 47)
 WEIGHT_BEYOND = 0.1
 """Largest weight of pseudo-observations where no corners are."""
@@ -31,7 +31,7 @@ class NearestCubic:
     Attributes:
         rays: (M, 3) unit rays, past the valid cone.
         within: (M,) which of them are as far from the axis as corners are.
-        lens: the cubic; nothing holds it.
+        lens: the cubic, without a prior.
         miss: (M, 2) its pixels less the radial lens's at the rays.
 
     """
@@ -43,17 +43,17 @@ class NearestCubic:
 
     @property
     def weights(self) -> FloatArray:
-        """(M,) what rays count in a linear solution: beyond corners the lens is a guess."""
+        """(M,) weights of rays in a linear solution: beyond corners the lens is a guess."""
         return np.where(self.within, 1.0, WEIGHT_BEYOND)
 
     @cached_property
     def values(self) -> FloatArray:
-        """(M, 16) the basis of cubics on the sphere at the rays, which never move."""
+        """(M, 16) the basis of cubics on the sphere at the rays, which are fixed."""
         return lift(self.rays) @ sphere_basis()
 
     @cached_property
     def still(self) -> StillRays:
-        """The rays as lenses that P is held to see them."""
+        """The rays as the lenses of P's prior see them."""
         return StillRays.of(self.rays)
 
 
@@ -61,14 +61,14 @@ class NearestCubic:
 class RayPrior:
     """Pseudo-observations that tie a lens to the nearest bent one.
 
-    That lens is as free as its kind allows: it follows, so that it is not what corners say
-    about both that is held fast. Where no cubic can follow it, P is held to the cubic that comes
-    nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
+    The bent lens is as free as its kind allows: it follows, so that the prior does not fix what
+    corners say about both lenses. Where no cubic can follow it, the prior ties P to the cubic that
+    comes nearest: a firm prior would otherwise lead to some other lens, which a cubic meets better.
 
     Attributes:
-        near: the rays, and the nearest cubic, whose denominators P's are to stay near.
-        lens: a bent one that is near; the nearest cubic misses it as it misses the radial lens.
-        weight: residuals are multiplied by this, among corners.
+        near: the rays, and the nearest cubic, near whose denominators P's are to stay.
+        lens: a bent lens that is near; the nearest cubic misses it as it misses the radial lens.
+        weight: factor of the residuals, among corners.
         denominator_weight: pixels that a relative change of P3Φ by 1 counts as.
 
     """
@@ -88,17 +88,18 @@ class RayPrior:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """(M,) what the residuals at each ray are multiplied by.
+        """(M,) factors of the residuals at each ray.
 
-        Where no corners are that lens is a guess: there it is enough that no pole comes in,
-        and a firm hold would have P follow the guess at the cost of what corners say.
+        Where there are no corners the bent lens is a guess: it is enough to keep poles out there,
+        and a firm prior would make P follow the guess at the cost of the corners.
         """
         return np.where(self.near.within, self.weight, min(self.weight, WEIGHT_BEYOND))
 
     def nearest(self, pixel: FloatArray) -> tuple[BentFit, tuple[FloatArray, FloatArray]]:
         """The bent lens whose nearest cubic is nearest to pixels (M, 2), finite, at the rays.
 
-        It sees all of them: where steps lead to one that does not, ``lens`` is as near as any.
+        The lens sees all of them: where steps lead to one that does not, ``lens`` is as near as
+        any.
 
         Returns:
             The lens; what it sees (M, 2), and its derivatives by the lens's parameters (M, 2, K).
@@ -119,7 +120,7 @@ class RayPrior:
 
     @cached_property
     def _sees(self) -> tuple[FloatArray, FloatArray]:
-        """What the lens sees of the rays, and its derivatives."""
+        """The lens's pixels of the rays, and their derivatives."""
         return self.lens.seen(self.near.still)
 
 
@@ -128,17 +129,17 @@ class CubicFit(FitLens):
     """The ``ray`` lift in the 16 dimensions that cubics span on the sphere (Eq. 5–7).
 
     P = T C Bᵀ: B is the orthonormal (20, 16) basis, T the Hartley normalisation of pixels. The
-    homogeneous scale is fixed by holding the mean of P3Φ over the prior's rays at 1, which is
+    homogeneous scale is fixed by keeping the mean of P3Φ over the prior's rays at 1, which is
     linear, so 47 parameters are free. The prior also fixes the rotation of the camera frame.
 
     Attributes:
         coefficients: (3, 16) C.
         denominator_basis: (16, 15) the directions in which P3's coefficients may move.
         centre, scale: pixels are (m − centre) / scale inside.
-        ray_prior: the pseudo-observations; None where nothing holds P.
-        travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.core.lenses.pupil`), in the
-            unit of the points: P is for points that are far away.
-        travel_weight: pixels that one of it counts as, in its pull to 0.
+        ray_prior: the pseudo-observations; None without a prior.
+        travel: travel of the entrance pupil (:mod:`cubicfish_cli.core.lenses.pupil`), in the unit
+            of the points: P is for points that are far away.
+        travel_weight: pixels that a travel of 1 counts as, in the prior that pulls it to 0.
 
     """
 
@@ -179,7 +180,7 @@ class CubicFit(FitLens):
         return replace(self, coefficients=coefficients / mean)
 
     def held_to(self, lens: BentFit, weight: float | None = None) -> CubicFit:
-        """The same P, held to another lens, as firmly as it is or otherwise."""
+        """The same P under a prior with another lens, of the same weight or another one."""
         prior = self.ray_prior
         if prior is None:
             return self
@@ -195,13 +196,13 @@ class CubicFit(FitLens):
         return pixel, d_point + by_depth * by_point[:, None, :], d_parameters
 
     def far_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """As :meth:`pixel_and_slopes`, of points far away."""
+        """As :meth:`pixel_and_slopes`, for distant points."""
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
         values = lift(rays) @ sphere_basis()
         pixel, denominator = self._pixel(values)
         _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
-        # One coordinate of all points after the other is the quickest to work on.
+        # Working on one coordinate of all points after the other is fastest.
         across = gradient.transpose(1, 2, 0)
         slope = across[:2] - pixel.T[:, None] * across[2]
         slope *= self.scale / denominator
@@ -216,7 +217,7 @@ class CubicFit(FitLens):
         return self.far(from_pupil(points, self.travel))
 
     def far(self, points: FloatArray) -> FloatArray:
-        """Of points far away."""
+        """Distant points (N, 3) -> pixels (N, 2)."""
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
         return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
@@ -230,19 +231,19 @@ class CubicFit(FitLens):
         return self.priors(np.array([weight]))[0]
 
     def priors(self, weights: FloatArray) -> FloatArray:
-        """(H, 49, 49) what it is to be held more or less firmly, all at once; see :meth:`prior`.
+        """(H, 49, 49) the priors under H weights, all at once; see :meth:`prior`.
 
-        Weighted misses of the nearest lens of the prior's kind, and of its denominators. That
-        lens's own parameters are eliminated (variable projection, Golub & Pereyra 1973; the
-        derivatives are Kaufman's, whose gradient is exact); the lens that is nearest under the
-        weight of today follows linearly.
+        They are weighted differences to the nearest lens of the prior's kind, and to its
+        denominators. That lens's own parameters are eliminated (variable projection, Golub &
+        Pereyra 1973; the derivatives are Kaufman's, whose gradient is exact); the lens that is
+        nearest under the present weight follows linearly.
 
-        Pixels alone leave room for a pole that a zero of both numerators all but cancels
-        (a Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic
-        P3Φ that vanishes somewhere differs widely from one that is positive on the whole cone.
+        Pixels alone leave room for a pole that a zero of both numerators all but cancels (a
+        Froissart doublet): it bends the picture at a few corners and nowhere else. A cubic P3Φ that
+        vanishes somewhere differs widely from one that is positive on the whole cone.
 
         Args:
-            weights: (H,) how firmly; see :attr:`RayPrior.weight`.
+            weights: (H,) weights of the prior; see :attr:`RayPrior.weight`.
 
         """
         prior, pull = self.ray_prior, np.array([1, self.travel]) * self.travel_weight
@@ -253,10 +254,10 @@ class CubicFit(FitLens):
         near = prior.near
         inside, denominator = self._pixel(near.values)
         pixel = inside * self.scale + self.centre
-        if not np.isfinite(pixel).all():  # a bad step: its cost turns it down
+        if not np.isfinite(pixel).all():  # a bad step, which its cost rejects
             return np.full_like(grams, np.inf)
         bent, (seen, by_lens) = prior.nearest(pixel)
-        # What moves P's pixels, what moves the lens's, and the miss.
+        # Derivatives by P's parameters, those by the lens's, and the miss.
         by_own = self._d_parameters(near.values, inside, denominator)
         miss = (pixel - near.miss - seen)[:, :, None]
         rows = np.concatenate([by_own, -by_lens, miss], axis=2)
@@ -278,7 +279,7 @@ class CubicFit(FitLens):
     def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T
         denominator = homogeneous[:, 2]
-        # A pole on the way is a bad step, not an error: its infinite cost turns it down.
+        # A pole on the way is a bad step, not an error: its infinite cost rejects it.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             pixel = homogeneous[:, :2] / denominator[:, None]
         return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
@@ -304,9 +305,9 @@ class CubicFit(FitLens):
 
 
 def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
-    """What parameters follow other things by: (..., K, K) JᵀJ and (..., K, n) Jᵀ of these.
+    """How parameters follow other things: (..., K, K) JᵀJ and (..., K, n) Jᵀ times these.
 
-    Parameters of a narrow lens are hardly told apart; what is lost in rounding stays.
+    Parameters of a narrow lens can hardly be distinguished; those lost in rounding stay.
     """
     index = np.arange(square.shape[-1])
     square[..., index, index] *= 1 + _TOLD_APART
@@ -314,7 +315,7 @@ def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
 
 
 def _through_unit_ray(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
-    """From d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖.
+    """Convert d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖.
 
     Args:
         slope: (2, 3, N).

@@ -1,4 +1,4 @@
-"""How far the target is refined and how P is held: photos left out have the last word."""
+"""Model selection: photos left out decide on the level of the target and on the prior of P."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cubicfish_cli.core.fit.orientation import oriented
 from cubicfish_cli.core.fit.refinement import refine_object
 
 Progress = Callable[[str, float], None]
-# What each is called, and roughly what share of a fit is done when it begins.
+# For each stage its name, and roughly the share of a fit that is done when it begins.
 _STAGES = {
     "start": ("poses and a radial lens", 0.0),
     "cubic": ("the cubic camera", 0.03),
@@ -38,7 +38,7 @@ RefineTarget = Literal["off", "shape", "points", "auto"]
 
 
 def begin(progress: Progress | None, stage: str, done: int = 0, parts: int = 1) -> None:
-    """Say that a stage of a fit begins, or that so many of its parts are done."""
+    """Report that a stage of a fit begins, or that so many of its parts are done."""
     if progress is not None:
         words, share = _STAGES[stage]
         counted = f" ({done + 1} of {parts})" if parts > 1 else ""
@@ -48,13 +48,13 @@ def begin(progress: Progress | None, stage: str, done: int = 0, parts: int = 1) 
 def select_model(
     fit: CameraFit, refine_target: RefineTarget, hold_out: bool, progress: Progress | None
 ) -> CameraFit:
-    """Refine the target up to the level asked for, or as far as held-out photos gain by it.
+    """Refine the target up to the given level, or as far as held-out photos gain by it.
 
     Args:
         fit: the fit to the target as drawn.
-        refine_target: how far.
-        hold_out: whether the held-out error is measured, which ``auto`` goes by.
-        progress: told of each step.
+        refine_target: the level.
+        hold_out: whether to measure the held-out error, which ``auto`` needs.
+        progress: called at each step.
 
     Raises:
         FitError: no sound camera was found.
@@ -71,7 +71,7 @@ def select_model(
     for level in LEVELS[1:]:
         begin(progress, level)
         starts = oriented(reached) if level == "points" else [reached]
-        # How P is held matters where the selection may end.
+        # The prior of P matters where the selection may end.
         may_end = auto or level == refine_target
         if hold_out and may_end:
             tell = partial(begin, progress, f"{level} held out")
@@ -80,7 +80,7 @@ def select_model(
         else:
             reached = refine_object(starts[-1], level, groups if may_end else ())
         judged.append(reached)
-        # Corners may be off their places on a board that is flat and true in its outlines.
+        # A flat board with true outlines may still have corners off their places.
         if not auto or _gains(reached, fit):
             fit = reached
         if level == refine_target:
@@ -89,13 +89,13 @@ def select_model(
 
 
 def _gains(richer: CameraFit, poorer: CameraFit) -> bool:
-    """Whether photos that were left out gain by a richer target."""
+    """Whether a richer target predicts photos that were left out better."""
     more, less = richer.held_out, poorer.held_out
     return more is not None and less is not None and more.times(less) <= _WORTH
 
 
 def better_named(fits: Sequence[CameraFit]) -> CameraFit:
-    """The fit with the likelier names where held-out photos agree, else with those given."""
+    """The fit with the likelier names where held-out photos agree, else with the given ones."""
     given, likelier = fits[0].held_out, fits[-1].held_out
     if given is None or likelier is None or likelier.times(given) > 1:
         return fits[0]
@@ -103,11 +103,11 @@ def better_named(fits: Sequence[CameraFit]) -> CameraFit:
 
 
 def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
-    """The fit with its held-out error, which has the last word on how P is held.
+    """The fit with its held-out error, which has the last word on the prior.
 
     The prior was chosen to first order. Where the cubic is worse than its reference on photos that
-    were left out, its pupil stands still, or it is held as firmly as can be, or both, or it is the
-    cubic nearest to a radial lens, whichever has the least held-out error.
+    were left out, four other priors are tried: without travel of the pupil, the firmest, both, and
+    the one of the cubic nearest to a radial lens. The fit with the least held-out error is taken.
     """
     first = held_out_error(fit, progress)
     best = replace(fit, held_out=first)
@@ -120,7 +120,7 @@ def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
         measured = held_out_error(firm, progress)
         if measured is not None and measured.rms_px < least_px:
             runners_up = {fit.prior: measured.doubt(first)}
-            if prior == central:  # how firmly and how symmetrically is as open as it was
+            if prior == central:  # weight and spread are as open as they were
                 for other, likely in fit.runners_up.items():
                     runners_up[replace(other, central=True)] = likely
             best = replace(firm, runners_up=runners_up, held_out=measured)

@@ -1,8 +1,9 @@
-"""The cubic nearest to a radial lens: what P is held to, and where its fit starts.
+"""The cubic nearest to a radial lens: the centre of P's prior, and the start of its fit.
 
-First by linear least squares (Zhu & Yin 2010, Eq. 8–9): u·P3Φ − P1Φ = 0 and v·P3Φ − P2Φ = 0 weight
-each pair by its unknown denominator P3Φ, which biases the plain solution. Dividing by the previous
-round's denominator (Sanathanan & Koerner 1963) removes that. Then in pixels.
+First it is found by linear least squares (Zhu & Yin 2010, Eq. 8–9), then in pixels. The linear
+equations u·P3Φ − P1Φ = 0 and v·P3Φ − P2Φ = 0 weight each pair by its unknown denominator P3Φ, which
+biases the plain solution. Dividing by the previous round's denominator (Sanathanan & Koerner 1963)
+removes that.
 """
 
 from itertools import product
@@ -27,20 +28,20 @@ MARGIN_DEG = 5.0
 # The prior's cone reaches this far beyond the farthest corner: past the valid cone.
 _PRIOR_MARGIN_DEG = 10.0
 _PRIOR_RAYS = 300
-# Beyond half a turn less this, a ray's azimuth says nothing.
+# This near to half a turn from the axis, a ray's azimuth says nothing.
 _LARGEST_ANGLE_DEG = 175.0
-# Near its fold the reference's profile is flat; the prior stays short of that.
+# Near its fold the reference's profile is flat; the prior stays short of the fold.
 _FOLD_SHARE = 0.98
-# In normalised pixels: what leads least squares to the nearest cubic without a pole on the way.
+# Pull in normalised pixels that leads least squares to the nearest cubic without a pole on the way.
 DENOMINATOR_PULL = 1e-4
 SAFER_PULLS = (1e-2, 1.0, 100.0)
 """Each is safer and less exact than the one before: P3Φ nears a constant."""
-# What rays count where no corners are: as little as keeps poles out. There the radial lens is a
-# guess, of which a profile with many coefficients makes what no cubic can follow.
+# Weights of rays where there are no corners: as small as keeps poles out. The radial lens is a
+# guess there, and a profile with many coefficients makes of it what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
 _FREE = 47  # numbers of P, its scale held
-# Pixels that a ray counts as being off which the lens of a step does not see.
+# Error of a ray that the lens of a step does not see, pixels.
 _UNSEEN_PX = 1e3
 
 
@@ -128,12 +129,12 @@ def linear_cubic(
 
 
 def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float:
-    """Half-angle of the cone that reaches so far beyond the corners, short of a fold, radians.
+    """Half-angle of the cone that reaches so far beyond the corners, but short of a fold, radians.
 
     Args:
         camera: the radial lens.
         covered: angle from the axis of the farthest corner, radians.
-        margin_deg: how far beyond it, degrees.
+        margin_deg: how far the cone reaches beyond the corner, degrees.
 
     """
     return min(
@@ -167,7 +168,7 @@ def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> Nearest
         # The rays reach beyond the valid cone, and no pole may be there either.
         if np.isfinite(miss).all() and pole_or_fold_deg(lens.P, valid_deg) is None:
             return NearestCubic(rays=rays, within=within, lens=lens, miss=miss)
-    # No start is without a pole: the safest, whose P3Φ is nearly constant, and no miss is known.
+    # Every start has a pole: take the safest, whose P3Φ is nearly constant; no miss is known.
     return NearestCubic(rays=rays, within=within, lens=start, miss=np.zeros_like(pixel))
 
 
@@ -189,7 +190,7 @@ def refined_cubic(
         stiffness: pixels that a relative change of P3Φ by 1 counts as, at each ray.
 
     """
-    from scipy.optimize import least_squares  # it takes long to load
+    from scipy.optimize import least_squares  # slow to load
 
     root = np.ones((len(rays), 1)) if weights is None else weights[:, None]
     stiff = stiffness * (lift(rays) @ sphere_basis()) if stiffness else np.zeros((0, 16))

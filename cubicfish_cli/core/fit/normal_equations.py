@@ -19,7 +19,7 @@ from cubicfish_cli.core.types import FloatArray, IntArray
 if TYPE_CHECKING:
     from cubicfish_cli.core.fit.deformable_target import DeformableTarget
 
-# As shares of the diagonal: of the damping that stands for none, and of the least pivot.
+# Shares of the diagonal: the damping that stands for none, and the least pivot.
 _UNDAMPED, _LEAST_PIVOT = 1e-14, 1e-12
 
 
@@ -31,11 +31,11 @@ class Linearised:
         residual: (n, 2) pixels.
         root: (n,) root of each pair's weight, which falls where the loss is linear.
         miss: (n, 2) the residuals.
-        by_shared: (n, 2, k) by those shared unknowns that these pairs depend on.
-        columns: (k,) which of all these are.
+        by_shared: (n, 2, k) by the shared unknowns on which these pairs depend.
+        columns: (k,) the indices of these among all shared unknowns.
         by_pose: (n, 2, 6) by the turn and the shift of the pair's pose.
         by_corner: (n, 2, 3) by the pair's world point; 0 where the target is not free.
-        pose: (n,) which pose that is.
+        pose: (n,) index of the pose of each pair.
 
     """
 
@@ -75,7 +75,7 @@ class NormalEquations:
 
     @classmethod
     def zeros(cls, shared: int, poses: int, corners: int) -> NormalEquations:
-        """Of no pairs, for so many unknowns."""
+        """The equations of no pairs, for so many unknowns."""
         return cls(
             shared=np.zeros((shared, shared + 1)),
             pose=np.zeros((poses, 6, 6)),
@@ -86,7 +86,7 @@ class NormalEquations:
         )
 
     def add(self, terms: Linearised, corner: IntArray) -> None:
-        """Add pairs; ``corner`` (n,) says which free corner each is of, where any are free.
+        """Add pairs; ``corner`` (n,) is the index of the free corner of each, where any are free.
 
         A photo sees each corner once, so among the pairs of one camera no place comes twice.
         """
@@ -108,7 +108,7 @@ class NormalEquations:
             self.pose_corner[terms.pose, :, corner] += both
 
     def held(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
-        """With the pulls of the lens, of the boards and of free corners."""
+        """Add the priors of the lens, of the boards and of free corners."""
         shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
         first = 0
         for prior in (lens_prior, world.prior()):
@@ -121,11 +121,11 @@ class NormalEquations:
         return replace(self, shared=shared, corner=corner, corner_shared=corner_shared)
 
     def without(self, poses: IntArray, put_in: NormalEquations) -> NormalEquations:
-        """The equations less what was seen from some poses, which stay where they are.
+        """Subtract the contribution of the pairs of some poses, which stay where they are.
 
         Args:
             poses: the poses.
-            put_in: what these put into the equations.
+            put_in: the contribution of the pairs that are seen from these.
 
         """
         parts = vars(put_in)
@@ -137,7 +137,7 @@ class NormalEquations:
 
     @property
     def gradient(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(K,), (M, 6) and (Q, 3)."""
+        """The gradient: (K,), (M, 6) and (Q, 3)."""
         return self.shared[:, -1], self.pose_shared[:, :, -1], self.corner_shared[:, :, -1]
 
     def solve(
@@ -159,10 +159,10 @@ class NormalEquations:
         return matrix[:count, :count] - cross.T @ solve_scaled(matrix[count:, count:], cross)
 
     def eliminated(self, damping: float, of_pose: FloatArray | float = 0.0) -> Eliminated:
-        """The damped equations with the larger family of small blocks eliminated.
+        """Eliminate the larger family of small blocks from the damped equations.
 
         Args:
-            damping: of all unknowns.
+            damping: damping of all unknowns.
             of_pose: (M, 1) the least damping of each pose.
 
         """
@@ -190,13 +190,13 @@ class NormalEquations:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Eliminated:
-    """Normal equations of what is left when one family of small blocks is eliminated.
+    """The normal equations that remain when one family of small blocks is eliminated.
 
     Attributes:
         matrix: (D, D), the K shared unknowns first.
         inverse: (n, b, b) of each block that was eliminated.
-        back: (nb, D) these inverses times what the blocks have in common with the rest.
-        keeps_poses: whether it was the corners that were eliminated.
+        back: (nb, D) these inverses times the blocks' coupling to the rest.
+        keeps_poses: whether the corners were eliminated, not the poses.
 
     """
 
@@ -218,7 +218,7 @@ class Eliminated:
             shared: (K, H).
             pose: (M, 6, H).
             corner: (Q, 3, H).
-            changes: (H, L, L) what is to be added to the Hessian of the first L shared unknowns.
+            changes: (H, L, L) what is added to the Hessian of the first L shared unknowns.
 
         """
         kept, gone = (pose, corner) if self.keeps_poses else (corner, pose)
@@ -226,7 +226,7 @@ class Eliminated:
         right = np.vstack([shared, kept.reshape(-1, shared.shape[1])]) - self.back.T @ flat
         if changes is None:
             step = -solve_scaled(self.matrix, right)
-        else:  # what is not changed is eliminated once
+        else:  # the unchanged part is eliminated once
             own = slice(0, changes.shape[1])
             rest = slice(own.stop, None)
             cross = self.matrix[rest, own]
@@ -250,7 +250,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     scale = (1 / np.sqrt(np.maximum(diagonal, least)))[..., None]
     scaled = matrix * scale * np.swapaxes(scale, -1, -2)
     if scaled.ndim == 2 and right.size:
-        # By Cholesky's factor, at a third of the cost, where rounding left it positive definite.
+        # By Cholesky's factor, at a third of the cost, if rounding left it positive definite.
         _, solved, failed = dposv(scaled.T, scale * right, lower=1)
         if not failed:
             return np.asarray(scale * solved)
@@ -263,7 +263,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
 def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
     """Marquardt's scaling: each unknown is damped in its own unit; blocks (n, b, b) by (n, 1)."""
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-    # A direction that no observation touches still needs a pivot.
+    # A direction without any observation still needs a pivot.
     floor = _LEAST_PIVOT * np.max(diagonal, axis=-1, keepdims=True, initial=1e-18)
     damped = matrix.copy()
     index = np.arange(matrix.shape[-1])
@@ -272,7 +272,7 @@ def damped(matrix: FloatArray, damping: float | FloatArray) -> FloatArray:
 
 
 def summed_by(index: IntArray, count: int, left: FloatArray, right: FloatArray) -> FloatArray:
-    """(count, a, C) the sums of leftᵀ right, (n, 2, a), (n, 2, C), over the pairs of an index."""
+    """(count, a, C) sums of leftᵀ right, (n, 2, a) and (n, 2, C), over the pairs of an index."""
     size = left.shape[2]
     places = np.repeat(size * index, 2)[:, None] + np.arange(size)
     # A sparse matrix, whose product sums as it multiplies.

@@ -1,13 +1,14 @@
-"""Which way round photos show a target that looks the same after a turn.
+"""The way round in which photos show a target that looks the same after a turn.
 
-No photo says which end of such a board is which, so the names of its corners are a guess in each.
-The print says it: corners are a little off their drawn places, and that repeats in all photos, one
-way round. Named at random, what corners are off by is averaged away and stays in the residuals.
+A single photo does not show which end of such a board is which, so its corners' names are a guess.
+The print does show it: corners are a little off their nominal places, and these deviations repeat
+in all photos, one way round. If photos are named at random, the deviations average out and stay in
+the residuals.
 
 To first order, every photo pulls at the corners' places by its residuals, its pose fitted anew, in
-one direction by the one name and in another by the other. What is named rightly pulls together: the
-likelihood of a choice, with the corners' places left open, grows with the squared length of the
-sum of all pulls, in the metric of their covariance.
+one direction under the one name and in another under the other. Photos that are named rightly pull
+together: the likelihood of a choice, with the corners' places left open, grows with the squared
+length of the sum of all pulls, in the metric of their covariance.
 """
 
 from collections.abc import Sequence
@@ -25,23 +26,23 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import chosen, symmetries
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-# What corners may be off by, as a share of the target's typical extent.
+# Expected deviation of corners, as a share of the target's typical extent.
 _SPREAD = 1e-3
-# A photo is named otherwise where that is more likely by this factor, its errors as large as its
-# residuals are now.
+# A photo is renamed where that is likelier by this factor (its logarithm), given errors as large as
+# its present residuals.
 _LIKELIER = np.log(10.0)
-# Of corners that are as exact as that, pixels, nothing pulls.
+# Corners that are exact to this, pixels, exert no pull.
 _NO_ERROR = 1e-6
 _STARTS = 30
 _SWEEPS = 50
 
 
 def oriented(fit: CameraFit) -> list[CameraFit]:
-    """A fit below the level ``points``, and again with each photo named as goes with the others.
+    """Fits with each photo named as given, and with photos named consistently with each other.
 
     Returns:
-        The one that was given; then, where other names are likelier, one with other names and the
-        poses that leave all corners where they were.
+        The given fit, below the level ``points``; then, where other names are likelier, one with
+        other names, and the poses that leave all corners where they were.
 
     """
     nominal, target = fit.nominal, fit.nominal.target
@@ -52,7 +53,7 @@ def oriented(fit: CameraFit) -> list[CameraFit]:
     namings = [pairs, *(one.named(pairs, target, scale) for one in motions)]
     turned = [poses, *(poses.of_moved(one.rotation, one.shift / scale) for one in motions)]
     way = _choose_likeliest(fit, namings, turned)
-    # What may be another corner altogether is left as it is.
+    # Photos with uncertain corners keep their names.
     way[pairs.image[~pairs.certain]] = 0
     if not way.any():
         return [fit]
@@ -64,7 +65,7 @@ def oriented(fit: CameraFit) -> list[CameraFit]:
 def _choose_likeliest(
     fit: CameraFit, namings: Sequence[Observations], turned: Sequence[Poses]
 ) -> IntArray:
-    """(M,) which of W ways each photo is named in, 0 where no other is surely better."""
+    """Choose for each photo (M,) one of W namings; 0 where no other is surely better."""
     noise, count = noise_px(fit.residual), len(fit.residual)
     every = replace(fit.nominal, pairs=Observations.stacked(namings))
     free = every.free(noise=noise, offset_spread=_SPREAD).started(fit.world)
@@ -75,13 +76,13 @@ def _choose_likeliest(
         pull, square, own = _measure_pulls(State(fit.lens, poses, world), pairs, fit)
         pulls.append(pull)
         squares.append(square)
-        # By what names photos are seen changes the equations little: they are those of all alike.
+        # The names of photos change the equations little: take those of all photos alike.
         metric += own / len(namings)
     each, square = np.stack(pulls, axis=1), np.stack(squares, axis=1)
     flat = each.reshape(-1, len(metric)).T
     unit = solve_triangular(np.linalg.cholesky(metric), flat, lower=True).T.reshape(each.shape)
     choice = _choose_together(unit, square, 0)
-    # A motion of all photos alike is none: most photos keep the names that they have.
+    # A motion of all photos alike changes nothing: most photos keep the names that they have.
     kept = np.flatnonzero(choice == np.bincount(choice).argmax())[0]
     choice = _choose_together(unit, square, int(kept))
     photos = np.arange(len(choice))
@@ -97,7 +98,7 @@ def _choose_likeliest(
 def _measure_pulls(
     state: State, pairs: Observations, fit: CameraFit
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """How M photos pull at Q corners, their poses fitted anew.
+    """Measure how M photos pull at Q corners, with poses fitted anew.
 
     Returns:
         The pulls (M, 3Q); the squares (M,) of the residuals that no pose takes away; and the
@@ -125,10 +126,10 @@ def _measure_pulls(
 
 
 def _choose_together(pulls: FloatArray, square: FloatArray, kept: int) -> IntArray:
-    """(M,) those of pulls (M, W, D) that leave the least of squares (M, W).
+    """Choose for each photo (M,) one of its pulls (M, W, D) that leave the least squares (M, W).
 
-    They take the square of their sum away. Photo by photo from many starts, as far as it goes; one
-    photo's is kept: the first.
+    The squared length of the sum of pulls is subtracted from the squares. The search goes photo by
+    photo, from many starts, as long as it improves; photo ``kept`` keeps its first name.
     """
     photos, ways, _ = pulls.shape
     every = np.arange(photos)

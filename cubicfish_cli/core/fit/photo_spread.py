@@ -5,12 +5,12 @@ the model misses. The noise of single corners, carried through the fit, knows no
 does is how far the camera moves when a photo is left out: a variance estimate that is robust to
 errors shared within clusters, the photos (Liang & Zeger 1986; Bell & McCaffrey 2002).
 
-Leaving photos out does not show how P should be held either. The squared distances to cameras under
-other priors are added, by how often other photos would have had them chosen (as in the averaging of
-models, Buckland, Burnham & Augustin 1997); likewise where held-out photos cannot tell whether the
-target should be refined further. And in a middle without any corner, where a mirror
-camera sees itself, P and the lens that it is held to are two guesses: they are off by what they
-differ by.
+Leaving photos out does not show which prior of P is right either. The squared distances to cameras
+under other priors are added, weighted by how often other photos would have chosen them (as in the
+averaging of models, Buckland, Burnham & Augustin 1997); likewise where held-out photos cannot
+decide whether the target should be refined further. And in a middle without any corner, where a
+mirror camera sees itself, P and the lens of its prior are two guesses: they are off by their
+difference.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-# More clusters than that say little more, and each costs a linear system.
+# More clusters say little more, and each costs a linear system.
 MOST_CLUSTERS = 24
 _RAYS = 300
 _WITHIN = 0.95  # of one side: 0.9 between both
@@ -46,8 +46,8 @@ class PhotoSpread:
         influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
         runner_up: (R, K) steps to other lenses that may be better (that of a target refined
             further, those of other priors), each times the root of its probability.
-        held_to: the lens that P is held to, in P's frame.
-        empty: angle from the axis within which no corner is or is near, radians.
+        held_to: the lens of P's prior, in P's frame.
+        empty: angle from the axis within which no corner lies, nor near it, radians.
 
     """
 
@@ -81,14 +81,14 @@ class PhotoSpread:
         return np.maximum(self.noise.variance(rays, weights), of_photos) + of_prior + of_guess
 
     def _guessed(self, rays: FloatArray) -> FloatArray:
-        """(N, 2) by how much the two guesses at rays of an empty middle differ; 0 elsewhere."""
+        """(N, 2) the difference of the two guesses at rays of an empty middle; 0 elsewhere."""
         if not self.empty:
             return np.zeros((len(rays), 2))
         differ = self.noise.gauge.lens.far(rays) - self.held_to.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
     def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
-        """(F,) variances from changes (F, G) without each cluster.
+        """Variances (F,) from changes (F, G) without each cluster.
 
         With leverage h, leaving out divides squared residuals by (1 - h)² (HC3), influence by
         nothing (HC0). The product of the two divides by 1 - h, cluster by cluster, which is
@@ -103,9 +103,9 @@ class PhotoSpread:
         return variance_of_few(np.sum(once * none, axis=1), clusters)
 
     def _changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(2N, steps) how the pixels of rays move, the common turn taken out.
+        """How the pixels of rays move (2N, steps), without the common turn.
 
-        By each step of ``left_out``, of ``influence`` and of ``runner_up``.
+        They move by each step of ``left_out``, of ``influence`` and of ``runner_up``.
         """
         change = self.noise.gauge.by_lens(rays)
         left_out, influence, runner_up = (
@@ -116,7 +116,7 @@ class PhotoSpread:
 
 
 def variance_of_few(variance: FloatArray, clusters: int) -> FloatArray:
-    """Variances that were found from some clusters, of any shape, enlarged since these are few.
+    """Enlarge variances, of any shape, that were estimated from only a few clusters.
 
     A variance that is itself estimated from few is below the true one more often than above it.
     It is enlarged so that errors exceed the bound that nine in ten should stay within, 1.645 times
@@ -133,8 +133,8 @@ def photo_spread(
 
     Args:
         fit: the fit, at its optimum.
-        places: (M,) from which place each photo is, counted from 0: those from one place are left
-            out together.
+        places: (M,) the place that each photo is from, counted from 0: photos from one place are
+            left out together.
         doubted: other lenses, and how likely each is the better one, 0 to 1.
 
     """
@@ -160,14 +160,14 @@ def photo_spread(
 
 
 def _step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
-    """(K,) from a lens to another, whose own parameters may be scaled otherwise."""
+    """The step (K,) from a lens to another, whose parameters may be scaled otherwise."""
     _, _, by_lens = lens.far_jacobian(rays)
     change = (other.far(rays) - lens.far(rays)).reshape(-1)
     return np.asarray(np.linalg.lstsq(by_lens.reshape(len(change), -1), change, rcond=None)[0])
 
 
 def _clusters(places: IntArray, pairs: Observations) -> list[IntArray]:
-    """Photos of which some corner tells its error, those from one place together."""
+    """Group the photos in which some corner tells its error, those from one place together."""
     telling = np.unique(pairs.image[pairs.tells_error])
     _, place = np.unique(places[telling], return_inverse=True)
     clusters = min(int(place.max(initial=-1)) + 1, MOST_CLUSTERS)

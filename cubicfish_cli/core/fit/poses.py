@@ -50,19 +50,19 @@ class Poses(Brief):
         )
 
     def __matmul__(self, other: Poses) -> Poses:
-        """First the other's, then these: one by one, or one of either with each of the other."""
+        """Compose with other poses, which act first: one by one, or one of either with each."""
         return Poses(
             rotation=self.rotation @ other.rotation,
             translation=(self.rotation @ other.translation[:, :, None])[:, :, 0] + self.translation,
         )
 
     def inverse(self) -> Poses:
-        """The poses the other way round."""
+        """The inverse poses."""
         turned = self.rotation.transpose(0, 2, 1)
         return Poses(rotation=turned, translation=-(turned @ self.translation[:, :, None])[:, :, 0])
 
     def scaled(self, factor: float) -> Poses:
-        """The same poses in a unit of length of which ``factor`` are one of theirs."""
+        """The same poses in a unit of length, of which ``factor`` are one of theirs."""
         return Poses(rotation=self.rotation, translation=self.translation * factor)
 
     @classmethod
@@ -75,7 +75,7 @@ class Poses(Brief):
 
     @classmethod
     def chosen(cls, ways: Sequence[Poses], way: IntArray) -> Poses:
-        """Of each photo that of W poses which ``way``, (M,) below W, says."""
+        """For each photo the pose of one of W ``ways``: ``way`` (M,) is the index, below W."""
         every = np.arange(len(way))
         return cls(
             rotation=np.stack([one.rotation for one in ways])[way, every],

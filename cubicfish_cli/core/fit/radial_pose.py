@@ -17,12 +17,12 @@ from cubicfish_cli.core.types import FloatArray
 # Fewest points that determine the 8 (6 on a plane) homogeneous unknowns.
 MIN_POINTS = 7
 MIN_POINTS_ON_PLANE = 5
-# Below this ratio of their third to their first extent, points count as lying on one plane.
+# Points with a smaller ratio of their third to their first extent count as lying on one plane.
 _FLAT = 1e-6
-# Below this one they may be too nearly on a plane to be told from one: a sheet that bends a little,
-# a target that was measured. Both kinds of poses are tried.
+# Points with a smaller one may be too nearly on a plane to be distinguished from one: a sheet that
+# bends a little, or a target that was measured. Both kinds of poses are tried.
 _THIN = 0.05
-# A direction that points take up by less than this share is not one of theirs.
+# A direction in which points extend by less than this share is not one of theirs.
 _NOTHING = 1e-9
 
 
@@ -64,8 +64,8 @@ def poses_of_rays(world: FloatArray, rays: FloatArray) -> list[RadialPose]:
     are enough: with five on a plane those have no equation to spare, and any five fit.
 
     Returns:
-        R and all three coordinates of t: of points as on a plane, as off it, or both where they
-        are near one; none where they are too few or degenerate.
+        R and all three coordinates of t: as of points on a plane, off it, or both where they are
+        near one; none where they are too few or degenerate.
 
     """
     frame = _Frame.of(world)
@@ -77,9 +77,9 @@ def poses_of_rays(world: FloatArray, rays: FloatArray) -> list[RadialPose]:
 
 
 def _of_rays(local: FloatArray, rays: FloatArray, size: int) -> RadialPose | None:
-    """The pose by so many coordinates of the points: 2 of those on a plane."""
+    """The pose by so many coordinates of the points: 2 for points on a plane."""
     homogeneous = np.column_stack([local[:, :size], np.ones(len(local))])
-    # Each ray is parallel to its point: their cross product is none.
+    # Each ray is parallel to its point: their cross product is zero.
     equations = np.einsum("nij,nk->nijk", cross_matrix(rays), homogeneous)
     solution = _null_vector(equations.reshape(3 * len(local), -1)).reshape(3, size + 1)
     solution *= _same_way(homogeneous @ solution.T, rays)
@@ -89,7 +89,7 @@ def _of_rays(local: FloatArray, rays: FloatArray, size: int) -> RadialPose | Non
     left, extent, right = np.linalg.svd(columns)
     if extent[1] < _NOTHING * extent[0]:
         return None
-    if size == 2:  # the third column is that of a rotation
+    if size == 2:  # the third column follows from a rotation's first two
         left[:, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))
     rotation = left @ right
     if np.linalg.det(rotation) < 0:
@@ -101,7 +101,7 @@ def _of_rays(local: FloatArray, rays: FloatArray, size: int) -> RadialPose | Non
 class _Frame:
     """World points about their middle, along their own axes, with lengths of order 1.
 
-    Which keeps linear systems well conditioned.
+    This keeps linear systems well conditioned.
     """
 
     local: FloatArray
@@ -113,7 +113,7 @@ class _Frame:
 
     @classmethod
     def of(cls, world: FloatArray) -> _Frame | None:
-        """Of points (N, 3); None where they are too few for any pose, or on one line."""
+        """Normalise points (N, 3); None where they are too few for any pose, or on one line."""
         if len(world) < MIN_POINTS_ON_PLANE:
             return None
         middle = world.mean(axis=0)
@@ -128,7 +128,7 @@ class _Frame:
         return cls(local=local, middle=middle, axes=axes, scale=scale, flat=flat, thin=thin)
 
     def in_world(self, pose: RadialPose) -> RadialPose:
-        """A pose of the local points as one of the points that were given."""
+        """Convert a pose of the local points to one of the given points."""
         rotation = pose.rotation @ self.axes
         moved = rotation[: len(pose.shift)] @ self.middle
         return RadialPose(rotation=rotation, shift=pose.shift / self.scale - moved)

@@ -36,35 +36,35 @@ CHECK_ALL = (
 # A fit whose noise is above this share of the photo's longer side is not accepted.
 _POOR_SHARE = 0.004
 # A start whose photos are off by more than this share of it in the median leads nowhere, and
-# neither does a first fit so many times as noisy as what is accepted.
+# neither does a first fit that is so many times as noisy as an accepted one.
 _HOPELESS_SHARE = 0.1
 _HOPELESS = 4.0
 _FIRST_ITERATIONS = 30
-# Centres that are tried when the middle of the photo does not serve, as shares of its sides.
+# Centres that are tried where the middle of the photo does not serve, as shares of its sides.
 _CENTRE_SHARES = (-0.24, -0.12, 0.0, 0.12, 0.24)
 _CENTRES_TO_FIT = 4
 # Photos that take part in ranking the centres.
 _PHOTOS_FOR_CENTRE = 8
-# A photo is set aside in the first fit when its start is this many times worse than the median.
+# The first fit sets a photo aside when its start is this many times worse than the median.
 _BAD_START = 6.0
 _ROUNDS = 3
-# Photos that are added may make the others this many times as noisy.
+# Added photos may make the others this many times as noisy.
 _PULLED_AWAY = 2.0
 # A profile with fewer coefficients may be noisier by this factor.
 _WORTH_A_TERM = 1.05
 _ALL_TERMS = 4
-# A step that lowers the cost by a smaller share is taken unseen.
+# A step that lowers the cost by a smaller share is taken without evaluating it.
 _NEAR_DECREASE = 1e-8
-# Where another fit follows at once.
+# For fits that another fit follows at once.
 _ROUGH_DECREASE = 1e-5
-# It only holds another lens, and starts the search for the nearest one.
+# For a lens that is only the prior's, and starts the search for the nearest one.
 _BENT_DECREASE = 1e-6
 # A turn of the camera with decentring and tilt does what a shift of the principal point does, to
-# well below any noise. So that the frame is not left to chance, a lens that only holds P stays
-# within about this share of the focal length of the principal point that the corners gave.
+# well below any noise. So that the frame is not left to chance, the prior's lens stays within about
+# this share of the focal length of the principal point that the corners gave.
 _CENTRE_SPREAD = 0.01
 LOST_PX = 10.0
-"""What a corner that a known lens does not see counts as being off, at first."""
+"""The error, at first, of a corner that a known lens does not see."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,7 +72,7 @@ class RadialReference(RadialAdjustment):
     """The Kannala–Brandt lens adjusted to the photos that fit it.
 
     Attributes:
-        unfit: why each photo that was left out was, by name.
+        unfit: why each photo was left out that was, by name.
         focal_uncertainty: standard deviation of the focal length, as a share of it.
 
     """
@@ -93,7 +93,7 @@ class RadialReference(RadialAdjustment):
         return len(self.lens.free) - 4
 
     def followed(self, world: FloatArray) -> RadialReference:
-        """The same lens, and what it is bent to, for world points (N, 3) that moved a little on."""
+        """The same lens and its bent ones, for world points (N, 3) that moved a little."""
         follower = replace(self, pairs=self.pairs.with_world(world))
         follower._bent.update(self._bent)
         follower._cubic.extend(self._cubic)
@@ -110,7 +110,7 @@ class RadialReference(RadialAdjustment):
         """The bent lens nearest to the corners, anchored there, and the poses that go with it.
 
         Args:
-            spread: its expected asymmetry, see :class:`BentFit`.
+            spread: the expected asymmetry, see :class:`BentFit`.
 
         """
         if spread not in self._bent:
@@ -133,12 +133,12 @@ class RadialReference(RadialAdjustment):
 
     @property
     def covered(self) -> float:
-        """Angle from the axis of the farthest corner that is not gross, radians."""
+        """Angle from the axis of the farthest corner that is no outlier, radians."""
         return self.reached[1]
 
     @cached_property
     def reached(self) -> tuple[float, float]:
-        """Angles from the axis of the nearest and of the farthest corner that is not gross.
+        """Angles from the axis of the nearest and the farthest corner that is no outlier, radians.
 
         In the middle of a mirror camera's picture is the camera itself.
         """
@@ -151,8 +151,8 @@ class RadialReference(RadialAdjustment):
 def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference:
     """Fit a Kannala–Brandt lens and the pose of every photo, without any guess.
 
-    Photos that do not fit the lens of the others are tried again with the lens that the others
-    gave; those that still do not fit are left out and named.
+    Photos that do not fit the lens of the others are tried again with that lens; those that still
+    do not fit are left out and named.
 
     Args:
         pairs: 2D-3D pairs.
@@ -195,7 +195,7 @@ def fit_radial(pairs: Observations, *, thorough: bool = True) -> RadialReference
 
 
 def radial_near(camera: RadialCamera, pairs: Observations, poses: Poses) -> RadialReference:
-    """The reference of a calibration that is known, adjusted to its pairs again.
+    """The reference of a known calibration, adjusted to its pairs again.
 
     Args:
         camera: its radial lens.
@@ -211,7 +211,7 @@ def radial_near(camera: RadialCamera, pairs: Observations, poses: Poses) -> Radi
 def refit_radial(reference: RadialReference, pairs: Observations, poses: Poses) -> RadialReference:
     """Adjust a reference to other pairs of the same lens, from known poses.
 
-    Used for pairs without the dropped ones and for the training part of a fold.
+    This serves for pairs without the outliers, and for the training part of a fold.
     """
     return _refit(reference.lens, poses, pairs, reference.errors, reference.unfit)
 
@@ -264,7 +264,7 @@ def _fit_first(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, I
 
 
 def _rank_centres(pairs: Observations) -> Iterator[FloatArray]:
-    """The middle of the photo, and only if that does not serve the best-ranked others."""
+    """The middle of the photo, then the best-ranked other centres, if the middle does not serve."""
     size = np.array(pairs.image_size, float)
     middle = (size - 1) / 2
     yield middle
@@ -290,7 +290,7 @@ def _fit_from_centre(
     camera = RadialCamera.from_parameters(
         [start.focal, start.focal, *centre, 0, 0, 0, 0], pairs.image_size
     )
-    # Two coefficients first: with poses still rough, four would bend to the errors.
+    # Two coefficients first: while poses are rough, four would bend to their errors.
     fit = adjust(
         _free_terms(camera, 2),
         start.poses[used],
@@ -305,7 +305,7 @@ def _fit_from_centre(
 
 
 def _free_terms(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
-    """A lens of which so many coefficients of the profile are free."""
+    """A lens with so many free coefficients of the profile."""
     return FreeLens.of(camera, held=terms_beyond(terms))
 
 
@@ -334,10 +334,10 @@ def _add_missing(
 ) -> tuple[RadialAdjustment, IntArray, dict[int, Finding]]:
     """Add the photos that the start set aside, placed with the lens that the others gave.
 
-    Where these pull the others' corners away from a lens that fitted, those that are placed
-    grossly wrong under that lens are refused: a few corners say little of their photo's pose, and
-    a pose that is far off may turn a good lens into another. A photo that shows for the first time
-    how the lens goes on at the rim pulls nobody away; one that is tried ``again`` has to fit.
+    Where these pull the others' corners away from a lens that fitted, photos that are grossly wrong
+    under that lens are refused: a few corners say little about their photo's pose, and a pose that
+    is far off may turn a good lens into another. A photo that is the first to show how the lens
+    continues at the rim pulls nobody away; one that is tried ``again`` has to fit.
 
     Returns:
         The fit, its photos, and why each photo that could be placed was refused.
@@ -348,7 +348,7 @@ def _add_missing(
     found, _, placed = fit_poses(fit.lens.lens, select_photos(pairs, missing))
     if found is None:
         return fit, used, {}
-    # Those that go astray would hold up all others.
+    # Those that go astray would delay all others.
     firm = np.flatnonzero(~_find_undetermined(found, noise_px(fit.residual)))
     photos = missing[placed]
     if not again:
@@ -367,7 +367,7 @@ def _add_missing(
 def _join_photos(
     fit: RadialAdjustment, used: IntArray, pairs: Observations, poses: Poses, photos: IntArray
 ) -> tuple[RadialAdjustment, IntArray]:
-    """A fit to photos that are used already and to others, whose poses are known roughly."""
+    """Fit photos that are used already and others, whose poses are known roughly."""
     everyone = np.concatenate([used, photos])
     order = np.argsort(everyone, kind="stable")
     poses, everyone = Poses.joined([fit.poses, poses])[order], everyone[order]
@@ -376,9 +376,10 @@ def _join_photos(
 
 
 def _find_bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
-    """Photos of which most corners are off by more than a limit in pixels, with the reason.
+    """Find photos of which most corners are off by more than a limit in pixels, with the reason.
 
-    And those whose corners do not say where they were taken from: they go astray without end.
+    Photos whose corners do not determine where they were taken from are bad too: they go astray
+    without end.
     """
     length = np.hypot(fit.residual[:, 0], fit.residual[:, 1])
     pairs = fit.pairs
@@ -396,10 +397,10 @@ def _find_bad_photos(fit: Adjustment[Any], limit: float) -> dict[int, Finding]:
 
 
 def _find_undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
-    """(M,) photos whose corners, with so many pixels of noise, leave a turn or the distance open.
+    """Find photos (M,) whose corners, at this noise in pixels, leave a turn or the distance open.
 
-    That is, a turn to a radian, or a shift to the distance itself: beyond that a pose is not
-    known at all, and what is linear about it says nothing.
+    Open means a turn to a radian, or a shift to the distance itself: beyond that a pose is not
+    known at all, and its linear approximation says nothing.
     """
     far = np.linalg.norm(fit.poses.translation, axis=1)[:, None]
     unit = np.hstack([np.ones((len(far), 3)), np.repeat(far, 3, axis=1)])
@@ -408,10 +409,10 @@ def _find_undetermined(fit: Adjustment[Any], noise: float) -> BoolArray:
 
 
 def _drop_terms(fit: RadialAdjustment) -> RadialAdjustment:
-    """Take coefficients away until the profile grows over the whole valid cone.
+    """Remove coefficients until the profile grows over the whole valid cone.
 
-    A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits
-    much worse with fewer: it keeps them all, and its valid cone ends at the fold.
+    A lens that really flattens out just beyond its corners (an orthographic fisheye does) fits much
+    worse with fewer coefficients: it keeps them all, and its valid cone ends at the fold.
     """
     terms = len(fit.lens.free) - 4
     worst = _WORTH_A_TERM * noise_px(fit.residual)

@@ -1,6 +1,4 @@
-"""How much of the target is fitted along with the camera: nothing, the boards' shapes and places,
-or each corner's own place as well.
-"""
+"""Fitting the target with the camera: boards' shapes and places, or each corner's place too."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,23 +21,23 @@ from cubicfish_cli.core.types import IntArray
 L = TypeVar("L", bound=FitLens)
 
 _ROUGH_DECREASE = 1e-5
-# Median length of a 3D normal vector of unit standard deviation a component.
+# Median length of a 3D normal vector of unit standard deviation per component.
 _MEDIAN_OF_MAXWELL = 1.53817
 FIRST_SPREAD = 3e-3
-"""Corners' offsets start from this share of the target's typical extent: more than prints have.
-The spread that the data show is found in a few rounds from there, and in hundreds from below: what
-is held firmly shows nothing but that."""
+"""Corners' offsets start from this share of the target's typical extent, which is more than prints
+have. From there the spread that the data show is found in a few rounds, from below in hundreds: a
+firm prior shows nothing but itself."""
 _SMALLEST_SPREAD = 1e-7
 _SPREAD_ROUNDS = 6
 _SPREAD_SETTLED = 0.1
 
 
 def fit_nominal_target(rough: CameraFit, target: Target | None, scale: float) -> CameraFit:
-    """Fit to the target as drawn, photos by their noise, P held as photos left out speak for.
+    """Fit to the nominal target, with photos weighted by their noise, under the chosen prior of P.
 
     Args:
-        rough: a fit to pairs whose world points are the drawing's, divided by ``scale``.
-        target: the drawing; None for pairs that came without one.
+        rough: a fit to pairs with nominal world points, divided by ``scale``.
+        target: the nominal target; None for pairs without one.
         scale: the target's units in one unit of these pairs.
 
     Raises:
@@ -54,32 +52,32 @@ def fit_nominal_target(rough: CameraFit, target: Target | None, scale: float) ->
 
 
 def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> CameraFit:
-    """Let the target depart from its drawing, as far as the pairs say, at the next level.
+    """Let the target depart from the nominal one, as far as the pairs show, at the next level.
 
     Args:
         fit: a fit at a lower level, from whose camera and poses to start.
         level: ``shape`` or ``points``.
-        groups: photos that are left out together to choose how P is held; see
+        groups: photos that are left out together to choose the prior of P; see
             :func:`~cubicfish_cli.core.fit.cubic_fit.choose_prior`.
 
-    The fit is good to compare and to go on from; :func:`to_the_bottom` goes the rest of the way.
+    The fit is good to compare and to continue from; :func:`to_the_bottom` converges it fully.
 
     Raises:
         FitError: no sound camera was found.
-        ValueError: the drawing is unknown.
+        ValueError: the nominal target is unknown.
 
     """
     nominal, spread = fit.nominal, FIRST_SPREAD if level == "points" else None
     free = nominal.free(noise=noise_px(fit.errors), offset_spread=spread).started(fit.world)
     pairs = replace(nominal.pairs_at(level), weight=fit.reference.pairs.weight)
-    # Rough: the reference and all at once come after it. As drawn, residuals are too large to set
-    # the loss's scale by.
+    # Roughly first: the reference and the joint fit follow. Residuals to the nominal target are too
+    # large to set the scale of the loss by.
     lens, poses, limit = fit.lens, fit.poses, 2 * huber_px(np.full((1, 2), free.noise))
     adjusted = adjust(
         lens, poses, pairs, limit, world=free, relative_decrease=1e-3, damping=WARM_DAMPING
     )
     adjusted = estimate_spread(adjusted, pairs)
-    # With the target near its place: the reference anew, how P is held, then all at once.
+    # With the target near its place: the reference again, the prior of P, then the joint fit.
     pairs = weighed(nominal.pairs_at(level), adjusted.residual)
     pairs = pairs.with_world(adjusted.world.points)
     reference = refit_radial(fit.reference, pairs, adjusted.poses)
@@ -89,17 +87,17 @@ def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> C
 
 
 def to_the_bottom(fit: CameraFit) -> CameraFit:
-    """The same fit to the last digit that counts; to lead on or to be compared it need not be."""
+    """Converge a fit to the last digit that counts, which comparisons do not need."""
     found = fit_cubic(fit.reference, fit.prior, start=fit)
     found = replace(found, runners_up=fit.runners_up, held_out=fit.held_out, rivals=fit.rivals)
     return found.followed()
 
 
 def estimate_spread(fit: Adjustment[L], pairs: Observations) -> Adjustment[L]:
-    """Let the spreads of shapes, places and offsets follow the data: the pulls to the drawing.
+    """Let the prior's spreads of shapes, places and offsets follow the data.
 
-    Expectation and maximisation in turn: a variance is what was found plus what the pairs leave
-    open. Loose pulls would leave a board that few photos show wherever their noise puts it.
+    Expectation and maximisation in turn: a variance is the squared estimate plus what the pairs
+    leave open. Loose pulls would leave a board that few photos show wherever their noise puts it.
     """
     for _ in range(_SPREAD_ROUNDS):
         before, noise = fit.world, noise_px(fit.errors)
@@ -126,7 +124,7 @@ def estimate_spread(fit: Adjustment[L], pairs: Observations) -> Adjustment[L]:
 
 
 def _estimate_offset_spread(fit: Adjustment[Any], noise: float) -> float:
-    """Of corners' own offsets; what it was where no corner is seen twice.
+    """Estimate the spread of corners' own offsets; it stays where no corner is seen twice.
 
     Medians stand for means, since a few corners (a smudge, a knock) are off by much more.
     """

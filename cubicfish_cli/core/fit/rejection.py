@@ -15,11 +15,11 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray
 
 _DROP_ROUNDS = 12
-# Enough to tell a corner that is pixels off.
+# Enough to recognise a corner that is pixels off.
 _DROP_DECREASE = 1e-4
 # From so many on, the median of neighbours is none of those that are wrong themselves.
 _FEWEST_NEIGHBOURS = 3
-# A corner stands alone when it is so many times farther off than most neighbours (percent) are.
+# A corner stands alone if it is so many times farther off than most neighbours (percent) are.
 _BEYOND_NEIGHBOURS = 3.0
 _MOST = 75
 _FEW_PHOTOS = 3
@@ -29,7 +29,7 @@ _NOISY_PX = 0.5
 
 
 def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedCorner, ...]:
-    """Pairs (N) that were left out, and by how many pixels (N,) they were off."""
+    """List the pairs (N) that were left out, with their errors (N,), pixels."""
     return tuple(
         DroppedCorner(
             image=pairs.images[pairs.image[index]],
@@ -43,10 +43,10 @@ def dropped_corners(pairs: Observations, error_px: FloatArray) -> tuple[DroppedC
 
 
 def without_gross(reference: RadialReference) -> tuple[CameraFit, Observations, FloatArray]:
-    """Fit to the target as drawn without grossly wrong corners; these, and how far they are off.
+    """Fit to the nominal target without outliers; the outliers, and how far they are off.
 
-    P is held as is expected of any lens. Every round judges all corners anew: a corner that only
-    looked wrong because others had pulled its photo's pose away comes back.
+    P has the prior that is expected of any lens. Every round judges all corners anew: a corner that
+    only looked wrong because others had pulled its photo's pose away comes back.
     """
     everything, poses = reference.pairs, reference.poses
     length = np.hypot(reference.residual[:, 0], reference.residual[:, 1])
@@ -70,9 +70,9 @@ def without_gross(reference: RadialReference) -> tuple[CameraFit, Observations, 
 
 
 def without_noisy(fit: CameraFit) -> CameraFit:
-    """Leave out photos whose corners are much noisier than the others', and say so.
+    """Leave out photos whose corners are much noisier than the others', and report them.
 
-    They are blurred, moving or badly lit; where they would be a third or more, none is.
+    They are blurred, moving or badly lit; where they would be a third or more, none is left out.
     """
     pairs = fit.reference.pairs
     photos = len(pairs.images)
@@ -98,8 +98,8 @@ def without_noisy(fit: CameraFit) -> CameraFit:
 def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
     """(N,) corners that depart from their neighbours by far more than noise: slips of detection.
 
-    What a lens, a pose or a sheet leaves, neighbours share. Noise is that of all corners, their
-    long tails included, or the photo's where it is larger. A corner without neighbours is none.
+    Neighbours share what a lens, a pose or a sheet leaves. The noise is that of all corners, their
+    long tails included, or the photo's where it is larger. A corner without neighbours is no slip.
 
     Args:
         pairs: the pairs, sorted by photo.
@@ -126,7 +126,7 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
 
 
 def without(fit: CameraFit, wrong: BoolArray) -> CameraFit:
-    """The same fit of all corners but some (N,), to be adjusted on; every photo keeps some."""
+    """The same fit without some corners (N,), to be continued; every photo keeps some corners."""
     rows = np.flatnonzero(~wrong)
     pairs, world = fit.reference.pairs.select(~wrong), fit.world.select(rows)
     reference = refit_radial(fit.reference, pairs, fit.reference.poses)

@@ -1,4 +1,4 @@
-"""Poses of all photos without any guess, whatever the lens or under a known one."""
+"""Poses of all photos without any guess, for any lens or a known one."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -27,7 +27,7 @@ NONE_PLACED = (
     "no photo has enough corners to be placed: each needs at least 7 (5 on a flat board) that are "
     "not on one line"
 )
-# While poses are far off, the loss must still feel every corner.
+# While poses are far off, every corner must still count in the loss.
 _WIDE_HUBER_PX = 50.0
 
 
@@ -48,7 +48,7 @@ class Start:
 
     @property
     def score(self) -> float:
-        """Mean of the photos' errors that could be placed at all, pixels; lower is better."""
+        """Mean error of the photos that could be placed at all, pixels; lower is better."""
         placed = np.isfinite(self.error)
         return float(self.error[placed].mean()) if placed.any() else np.inf
 
@@ -74,12 +74,12 @@ def start_at_centre(pairs: Observations, centre: FloatArray) -> Start:
         for poses, own in zip(candidates, photos, strict=True)
     ]
     errors = np.stack([each.min(axis=0) for each in by_candidate])
-    # Any so few corners fit, so they say nothing of the lens, and little of their pose.
+    # So few corners always fit: they say nothing about the lens, and little about their pose.
     spare = np.diff(bounds) > MIN_POINTS_ON_PLANE
     if np.isfinite(errors[spare]).any():
         errors[~spare] = np.inf
     placed = np.isfinite(errors).any(axis=1)
-    # The mean over photos of an error that is capped: one broken photo must not choose.
+    # The mean over photos of an error that is capped: one broken photo must not decide.
     cap = 0.05 * max(pairs.image_size)
     total = np.minimum(errors[placed], cap).mean(axis=0) if placed.any() else np.zeros(len(focals))
     chosen = int(np.argmin(total))
@@ -102,10 +102,10 @@ def _make_unplaced(photos: int) -> Poses:
 
 
 def candidate_poses(world: FloatArray, offset: FloatArray, board: npt.NDArray) -> list[RadialPose]:
-    """Poses from all points, and from the largest board alone.
+    """Find poses from all points, and from the largest board alone.
 
-    Two boards of which one shows few corners are nearly a plane; then the board's own
-    two-fold solution is the steadier one.
+    Two boards of which one shows few corners are nearly a plane; the board's own two-fold solution
+    is steadier then.
     """
     candidates = radial_poses(world, offset)
     names, counts = np.unique(board, return_counts=True)
@@ -170,7 +170,7 @@ def fit_poses(
 def _find_known_poses(
     world: FloatArray, offset: FloatArray, angle: FloatArray, board: IntArray
 ) -> list[RadialPose]:
-    """Candidate poses with their depths, from directions and angles of some points."""
+    """Find candidate poses with their depths, from directions and angles of some points."""
     found = [
         replace(pose, shift=np.append(pose.shift, depth_shift(pose, world, angle)[0]))
         for pose in candidate_poses(world, offset, board)

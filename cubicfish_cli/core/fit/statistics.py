@@ -1,8 +1,8 @@
 """Reprojection errors in numbers. RMS is always sqrt(mean(dx² + dy²)) over corners.
 
-How large an error is noise, of all corners and of each photo's, and from where on it is gross.
-Photos differ in sharpness and light, and a sheet bends in some. What in corners' errors changes
-from each corner to the next is their own noise.
+The module tells which part of an error is noise, of all corners and of each photo's, and from which
+size on an error is gross. Photos differ in sharpness and light, and a sheet bends in some. The part
+of corners' errors that changes from each corner to the next is their own noise.
 """
 
 from collections.abc import Sequence
@@ -16,24 +16,24 @@ from cubicfish_cli.core.fit.subset import with_mean_weight_one
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-# Median of the length of a 2D normal vector of unit standard deviation a component.
+# Median of the length of a 2D normal vector of unit standard deviation per component.
 _MEDIAN_OF_RAYLEIGH = 1.17741
-# The same of 95 in a hundred.
+# The same for the 95th percentile.
 _MOST, _MOST_OF_RAYLEIGH = 95, 2.44775
-# The Huber loss leaves errors within this many standard deviations alone: of normal ones, all but
-# three in ten thousand.
+# The Huber loss leaves errors within this many standard deviations alone: all but three in ten
+# thousand normal ones.
 _HUBER_SIGMAS = 4.0
-# While it is not known yet whether it is the fewer that are wrong: photos of another lens, a board
+# While it is not known yet whether the wrong ones are the minority: photos of another lens, a board
 # that moved.
 _WIDE_SIGMAS = 8.0
 _SMALLEST_HUBER_PX = 0.1
 # A corner is dropped when it is off by more than both of these.
 GROSS_PX = 3.0
 _GROSS_SIGMAS = 12.0
-# Errors of neighbouring corners that go together make a fit so much worse than their noise.
+# A fit so much worse than the corners' noise has errors that neighbouring corners share.
 _BEYOND_NOISE = 1.5
 ALIKE = 10
-"""Corners of one photo share their errors: about so many of them say what one would."""
+"""Corners of one photo share their errors: about so many of them count as one."""
 _POSE = 6
 # Fewer photos do not show how much photos differ.
 _FEWEST_PHOTOS = 3
@@ -62,7 +62,8 @@ def photo_records(
     """Each photo's errors and its camera_from_world.
 
     Args:
-        pairs: of the photos; where none of a photo's tells its error, its errors are NaN.
+        pairs: pairs of the photos; a photo's errors are NaN where none of its pairs tells its
+            error.
         residual: (N, 2) projection less pixel, pixels.
         poses: camera_from_world of each photo.
 
@@ -81,7 +82,7 @@ def photo_records(
 
 
 def noise_px(residual: FloatArray) -> float:
-    """Robust standard deviation a component, from the median length: (N, 2) -> pixels."""
+    """Robust standard deviation per component, from the median length: (N, 2) -> pixels."""
     if not len(residual):
         return 0.0
     return float(np.median(np.hypot(residual[:, 0], residual[:, 1])) / _MEDIAN_OF_RAYLEIGH)
@@ -96,7 +97,7 @@ def noise_by_photo(image: IntArray, residual: FloatArray, photos: int) -> FloatA
 
 
 def tail_px(residual: FloatArray) -> float:
-    """Standard deviation a component as 95 in a hundred residuals (N, 2) have it, pixels.
+    """Standard deviation per component from the 95th percentile of residuals (N, 2), pixels.
 
     Real finders' errors have longer tails than a normal distribution of the median's.
     """
@@ -107,22 +108,22 @@ def tail_px(residual: FloatArray) -> float:
 
 
 def huber_px(residual: FloatArray) -> float:
-    """Where the Huber loss turns linear, pixels: it follows the noise of these residuals."""
+    """The length where the Huber loss turns linear, pixels: it follows the noise of residuals."""
     return max(_SMALLEST_HUBER_PX, _HUBER_SIGMAS * noise_px(residual))
 
 
 def wide_px(residual: FloatArray) -> float:
-    """Where it turns linear at first, pixels."""
+    """The length where the Huber loss turns linear at first, pixels."""
     return max(_SMALLEST_HUBER_PX, _WIDE_SIGMAS * noise_px(residual))
 
 
 def gross_px(residual: FloatArray) -> float:
-    """From which length on a residual is gross, pixels."""
+    """The length from which on a residual is gross, pixels."""
     return max(GROSS_PX, _GROSS_SIGMAS * noise_px(residual))
 
 
 def stray_px(noise: FloatArray) -> FloatArray:
-    """From which length on what sets a corner off from its neighbours is no noise, pixels."""
+    """The length from which on a corner's difference from its neighbours is no noise, pixels."""
     return np.maximum(_SMALLEST_HUBER_PX, _GROSS_SIGMAS * noise)
 
 
@@ -152,9 +153,9 @@ def _find_beside(pairs: Observations, steps: Sequence[tuple[int, int]]) -> IntAr
 
 
 def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
-    """Standard deviation a coordinate of what is not smooth in residuals (N, 2), pixels.
+    """Standard deviation per coordinate of the part of residuals (N, 2) that is not smooth, pixels.
 
-    What a wrong lens, pose or target leaves changes little from corner to corner, noise changes
+    The effect of a wrong lens, pose or target changes little from corner to corner, noise changes
     fully: second differences along the rows keep the noise and lose the rest. 0 when unknown.
     """
     if not len(residual) or (pairs.board < 0).any():
@@ -171,7 +172,7 @@ def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
 
 
 def times_noise(pairs: Observations, residual: FloatArray) -> float | None:
-    """How many times the corners' own noise residuals (N, 2) are; None where it is not known."""
+    """Ratio of residuals (N, 2) to the corners' own noise; None where that is not known."""
     noise = local_noise_px(pairs, residual)
     return noise_px(residual[pairs.tells_error]) / noise if noise else None
 
@@ -183,11 +184,11 @@ def within_noise(pairs: Observations, residual: FloatArray) -> bool:
 
 
 def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
-    """(M,) what a corner of each photo weighs, the mean over corners 1: one over its variance.
+    """(M,) weight of a corner of each photo, the mean over corners 1: one over its variance.
 
-    Empirical Bayes: photos' log variances are drawn to their mean, by as much as the scatter that
-    so few independent errors leave is larger than what photos truly differ by. Photos that
-    differ by no more than this scatter weigh the same, as much as a photo that tells no error does.
+    Empirical Bayes: photos' log variances are drawn to their mean, by how much larger the scatter
+    of so few independent errors is than the true differences of the photos. Photos that differ by
+    no more than this scatter weigh the same, as much as a photo that tells no error does.
 
     Args:
         pairs: the pairs, with the weights that they came with.
@@ -215,7 +216,7 @@ def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
 
 
 def weighed(pairs: Observations, residual: FloatArray) -> Observations:
-    """The pairs, each photo's weights times what :func:`photo_weights` says of its residuals.
+    """The pairs, with each photo's weights times :func:`photo_weights` of its residuals.
 
     Their mean is 1: priors and noise are measured by it, whatever weights the pairs came with.
     """

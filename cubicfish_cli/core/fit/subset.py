@@ -9,7 +9,7 @@ from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 
 def select(pairs: Observations, keep: BoolArray) -> tuple[Observations, IntArray]:
-    """The pairs where ``keep`` (N,) is true, photos without any left out.
+    """Select the pairs where ``keep`` (N,) is true; photos without any are left out.
 
     Returns:
         The pairs, and for each of their photos its index in ``pairs.images``.
@@ -39,15 +39,16 @@ def middle(pairs: Observations) -> FloatArray:
 
 
 def with_mean_weight_one(pairs: Observations) -> Observations:
-    """The same pairs with weights whose mean is 1: they are relative, so their unit is nothing.
+    """The same pairs with weights whose mean is 1: weights are relative, and have no unit.
 
-    Before the fit, and once for all photos: a factor on all weights would pass for less noise.
+    It is called before the fit, once for all photos: a factor on all weights would look like less
+    noise.
     """
     return replace(pairs, weight=pairs.weight / pairs.weight.mean())
 
 
 def flatness(world: FloatArray) -> float:
-    """Third over first extent of points (N, 3): 0 on a plane."""
+    """Ratio of the third to the first extent of points (N, 3): 0 on a plane."""
     if len(world) < 3:
         return 0.0
     extent = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)

@@ -1,4 +1,4 @@
-"""How far the camera itself may be off: corners' noise carried through the fit to pixels.
+"""How uncertain the camera is: the corners' noise, propagated through the fit to pixels.
 
 The question is mrcal's ("projection uncertainty"): how far would the pixel of a distant point move
 if the same photos were taken again with other noise, and lens, target and poses fitted anew? The
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.fit.photo_spread import PhotoSpread
 
 GRID = (13, 9)  # columns and rows over the photo
-_STEP = 1e-3  # of a difference that stands for a derivative, radians
-# More of them hardly change the turn that is taken out.
+_STEP = 1e-3  # step of a difference that stands for a derivative, radians
+# More corners hardly change the turn that is taken out.
 _MOST_CORNERS = 5000
 _FEW_RAYS = 11  # a radial lens and its turn have so many unknowns
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gauge:
-    """A lens, and the turn that it has in common with poses, which is taken out.
+    """A lens, and the turn that it shares with poses, which is taken out.
 
     A turn of the lens and the opposite turn of all poses leave every pixel where it is. So lenses
-    are turned to agree as well as they can at corners. What is left depends neither on the frame of
-    the target nor on how well single poses are known: no corner's weight counts.
+    are turned to agree as well as they can at corners. The rest depends neither on the frame of the
+    target nor on how well single poses are known: no corner's weight counts.
 
     Attributes:
         lens: the lens.
@@ -54,29 +54,29 @@ class Gauge:
 
     @classmethod
     def over(cls, lens: CubicFit, points: FloatArray, times: float = 1.0) -> Gauge:
-        """Over corners (N, 3), camera frame, each of which stands for some."""
+        """Take the turn out over corners (N, 3), camera frame; each counts ``times`` times."""
         turned, by_lens = _differentiate_far(lens, points)
         return cls(lens=lens, by_turn=times * turned.T @ turned, by_both=times * turned.T @ by_lens)
 
     def __add__(self, other: Gauge) -> Gauge:
-        """Over the corners of both."""
+        """Take the turn out over the corners of both."""
         return replace(
             self, by_turn=self.by_turn + other.by_turn, by_both=self.by_both + other.by_both
         )
 
     def by_lens(self, rays: FloatArray) -> FloatArray:
-        """(2N, K) pixels of distant points (N, 3) by the lens's parameters, the turn taken out."""
+        """(2N, K) derivatives of distant points' pixels (N, 3) by the lens, without the turn."""
         turned, by_lens = _differentiate_far(self.lens, rays)
         return np.asarray(by_lens - turned @ self.turn)
 
     @cached_property
     def turn(self) -> FloatArray:
-        """(3, K) the turn by the lens's parameters."""
+        """(3, K) derivatives of the turn by the lens's parameters."""
         return np.asarray(np.linalg.lstsq(self.by_turn, self.by_both, rcond=None)[0])
 
 
 def _differentiate_far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pixels of distant points by the camera's turn (2N, 3) and by the lens (2N, K)."""
+    """Derivatives of distant points' pixels, by the camera's turn (2N, 3) and by lens (2N, K)."""
     _, by_point, by_lens = lens.far_jacobian(points)
     turned = (-by_point @ cross_matrix(points)).reshape(-1, 3)
     return turned, by_lens.reshape(len(turned), -1)
@@ -84,7 +84,7 @@ def _differentiate_far(lens: CubicFit, points: FloatArray) -> tuple[FloatArray, 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Covariance of the lens, as seen without the turn that poses and lens share.
+    """Covariance of the lens, without the turn that poses and lens share.
 
     Attributes:
         gauge: what takes the turn out.
@@ -101,7 +101,7 @@ class Uncertainty:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
         by_lens = self.gauge.by_lens(rays)
         variance = np.sum((by_lens @ self.lens) * by_lens, axis=1).reshape(-1, 2).sum(axis=1)
-        # Rounding may leave nothing of it where photos hardly say anything: that is not known.
+        # Rounding may leave nothing of it where photos hardly say anything: then it is not known.
         return np.sqrt(np.where(variance >= 0, variance, np.nan))
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
@@ -120,10 +120,10 @@ def covariance(gauge: Gauge, hessian: FloatArray, noise_px: float) -> Uncertaint
 
 
 def corner_noise_px(fit: Adjustment[Any]) -> float:
-    """Standard deviation of a coordinate of a corner that weighs 1, as residuals show it, pixels.
+    """Standard deviation per coordinate of a corner of weight 1, as residuals show it, pixels.
 
     Corners count by their weights, and as far as the loss lets them pull: a noisy photo and a few
-    slips have hardly a say in the fit, and are no measure of what it is uncertain by.
+    slips hardly influence the fit, and are no measure of its uncertainty.
     """
     own = fit.pairs.tells_error
     length = np.minimum(np.hypot(fit.errors[:, 0], fit.errors[:, 1]), fit.huber_px)
@@ -132,10 +132,10 @@ def corner_noise_px(fit: Adjustment[Any]) -> float:
 
 
 def _count_unknowns(fit: Adjustment[Any]) -> float:
-    """How many unknowns residuals went into: what a prior holds counts for less than one.
+    """Number of unknowns that residuals determine: one with a firm prior counts for less.
 
-    The trace of what data say, over what data and priors say (as of ridge regression's degrees of
-    freedom); of corners' offsets as if all else were known, which is a little too many.
+    It is the trace of what data say over what data and priors say (the degrees of freedom of ridge
+    regression); for corners' offsets as if all else were known, which is a little too many.
     """
     normal, world, own = fit.normal, fit.world, fit.pairs.tells_error
     hessian, lens = normal.reduced_shared(), len(fit.lens.parameters)
@@ -153,11 +153,11 @@ def _count_unknowns(fit: Adjustment[Any]) -> float:
 
 
 def common_gauge(fit: CameraFit) -> Gauge:
-    """What takes the turn out that the lens of a fit shares with poses, over its corners."""
+    """What takes out the turn that a fit's lens shares with poses, over the fit's corners."""
     pairs = fit.reference.pairs
     count = len(pairs.image)
     some = np.arange(count)
-    if count > _MOST_CORNERS:  # at random: every so many could be one column of a board
+    if count > _MOST_CORNERS:  # at random: every n-th could be one column of a board
         some = np.random.default_rng(0).choice(count, _MOST_CORNERS, replace=False)
     points = fit.poses.apply(pairs.image[some], pairs.world[some])
     return Gauge.over(fit.lens, points, count / len(some))
@@ -171,7 +171,7 @@ def camera_uncertainty(fit: CameraFit) -> Uncertainty:
 def field_grid(
     camera: CubicCamera, blind: float = 0.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where uncertainty over the field is counted.
+    """The grid on which uncertainty over the field is counted.
 
     Returns:
         x (C,) and y (R,) of a grid over the photo, and its rays (R, C, 3), NaN outside the valid
@@ -203,7 +203,8 @@ def _measure_centre_sigma_px(
 ) -> FloatArray:
     """One standard deviation of the centre of symmetry: (2,) pixels.
 
-    How the centre of the nearest radial lens, free to turn, moves with the pixels of the field.
+    It shows how the centre of the nearest radial lens, free to turn, moves with the pixels of the
+    field.
 
     Args:
         uncertainty: of the camera.

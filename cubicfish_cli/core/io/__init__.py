@@ -1,5 +1,5 @@
-"""The two files that parts meet at, camera.yaml and corners.csv.
+"""The two files at which parts meet, camera.yaml and corners.csv.
 
 `camera_yaml.py` has `Calibrated`, which both a fit and its file are; `observations_csv.py` has
-corners.
+corners, which other detectors may write too.
 """

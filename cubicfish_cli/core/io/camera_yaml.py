@@ -36,7 +36,7 @@ from cubicfish_cli.core.reading import MAX_SIDE, read_text
 from cubicfish_cli.core.types import FloatArray
 
 FORMAT_VERSION = 1
-# A calibration of some ten thousand photos; nobody's camera file is larger.
+# Enough for a calibration of some ten thousand photos; no camera file is larger.
 _MAX_BYTES = 64 * 1024 * 1024
 _RADIAL = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 _KEYS = (
@@ -62,8 +62,8 @@ class CameraRecord(CameraFacts):
         """The text of its camera.yaml.
 
         Args:
-            made_by: plain data on where it comes from, beside what is known already; the version
-                is added.
+            made_by: plain data on where the camera comes from, beside what is known; the version is
+                added.
 
         Raises:
             CameraFileError: ``made_by`` is not plain data.
@@ -84,7 +84,7 @@ class CameraRecord(CameraFacts):
 
         Args:
             path: the file.
-            made_by: plain data on where it comes from; the version is added.
+            made_by: plain data on where the camera comes from; the version is added.
             overwrite: whether an existing file may be replaced.
 
         Raises:
@@ -95,15 +95,15 @@ class CameraRecord(CameraFacts):
         write_text(Path(path), self.text(made_by), overwrite=overwrite)
 
     def __str__(self) -> str:
-        """The camera's figures, and what it is worth."""
+        """The camera's key figures and the verdict."""
         return f"{self.line}\n{self.verdict.line}" if self.is_measured else self.line
 
     def __repr__(self) -> str:
-        """The camera's figures, no arrays."""
+        """The camera's key figures, no arrays."""
         return f"<{type(self).__name__}: {self.line}>"
 
     def _repr_html_(self) -> str:
-        """The same for a notebook."""
+        """The text of ``str()`` for a notebook."""
         return "<br>".join(map(escape, str(self).splitlines()))
 
 
@@ -125,7 +125,7 @@ class Calibrated(CameraRecord):
             (...,) pixels; NaN outside the photo and the camera's field.
 
         Raises:
-            CameraFileError: the file does not say.
+            CameraFileError: the file has no uncertainty.
             CorrespondenceError: ``pixel`` has another shape.
 
         """
@@ -147,14 +147,14 @@ class Calibrated(CameraRecord):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CameraFile(Calibrated):
-    """What a camera.yaml holds; it answers what the fit answered."""
+    """The content of a camera.yaml, with the properties and methods of a fresh calibration."""
 
     camera: CubicCamera
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PointCameraFile(CameraRecord):
-    """What a camera.yaml of the ``point`` lift holds; see :class:`CameraFile`."""
+    """The content of a camera.yaml of the ``point`` lift; see :class:`CameraFile`."""
 
     camera: PointCamera
 
@@ -198,7 +198,7 @@ def camera_text(
 
 
 def unit_norm(P: FloatArray) -> FloatArray:
-    """P with Frobenius norm 1; left to the last bit when it has that already."""
+    """P with Frobenius norm 1; unchanged to the last bit when it has that norm already."""
     norm = np.linalg.norm(P)
     if abs(norm - 1) < 1e-12:
         return P
@@ -207,10 +207,10 @@ def unit_norm(P: FloatArray) -> FloatArray:
 
 
 def _plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
-    """Data that YAML holds without more ado.
+    """Copy plain data, which YAML can hold.
 
     Raises:
-        CameraFileError: they are of another kind.
+        CameraFileError: ``made_by`` holds other data.
 
     """
     try:

@@ -92,8 +92,8 @@ def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = F
 def corners_text(corners: Observations) -> str:
     """The text of corners.csv, pixels (N, 2) a corner per line; numbers read back exactly.
 
-    Where all names are certain, as nearly always, it is a file of version 1, which every reader
-    understands; else of version 2, with the column ``certain``.
+    Where all names are certain, as they nearly always are, it is a file of version 1, which every
+    reader understands; otherwise it is of version 2, with the column ``certain``.
     """
     columns = [
         _names(corners.images, corners.image),
@@ -148,7 +148,7 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
 
 
 def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
-    """The image size from the file's first line, from the caller, or from both if they agree."""
+    """The image size, from the file's first line, the caller, or both if they agree."""
     if not table.comment.startswith("cubicfish"):
         if given is None:
             raise CorrespondenceError(
@@ -176,7 +176,7 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
 
 
 def _certain(table: Table) -> dict[str, Any]:
-    """Whether each name is certain, where that is said."""
+    """Whether each name is certain, if the table has that column."""
     if _CERTAIN not in table.columns:
         return {}
     certain = table.integers(_CERTAIN)

@@ -26,16 +26,16 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.units import times
 from cubicfish_cli.core.wording import Brief
 
-# Pixel -> ray is exact to this many pixels; what does not get there is NaN.
+# Pixel -> ray is exact to this many pixels; a pixel for which no ray is as exact gets NaN.
 UNPROJECT_TOLERANCE_PX = 1e-6
-# Pixels at a time: their intermediate arrays then stay in the processor's cache.
+# Number of pixels at a time, whose intermediate arrays stay in the processor's cache.
 _BLOCK = 8192
 # A ray this close beyond the edge of the cone is rounding, not a ray outside.
 _EDGE_SLACK_RAD = 1e-9
 _CHECK_RAYS = 6000
-# Farther from the axis a fisheye's circle may end within the photo.
+# Beyond this angle from the axis, a fisheye's image circle may end within the photo.
 _FILLED_RAD = np.pi / 2
-# Of the angle in which the field ends: to some billionths of a radian.
+# Bisections of the angle at which the field ends: exact to some billionths of a radian.
 _HALVINGS = 30
 
 
@@ -48,9 +48,9 @@ class CubicCamera(Brief):
         P: (3, 20), columns in the paper's order (:data:`cubicfish_cli.core.lenses.lift.MONOMIALS`).
         max_angle_deg: half-angle of the cone about +z where P may be trusted.
         radial: the Kannala–Brandt reference, in the same camera frame.
-        pupil_travel: how far the entrance pupil wanders (:mod:`cubicfish_cli.core.lenses.pupil`); P
-            is for points that are far away, and near ones are seen farther from the axis.
-        units: what that is in; None where it is not known.
+        pupil_travel: travel of the entrance pupil (:mod:`cubicfish_cli.core.lenses.pupil`); P is
+            for distant points, and near ones are seen farther from the axis.
+        units: unit of the travel; None where it is not known.
 
     """
 
@@ -62,14 +62,14 @@ class CubicCamera(Brief):
     units: str | None = None
 
     def in_units(self, units: str | None) -> CubicCamera:
-        """The same for points in another unit; central where two are named and one not known."""
+        """The same for points in another unit; central if both are named and one is unknown."""
         factor = times(self.units, units)
         if factor == 1:
             return self
         return replace(self, pupil_travel=self.pupil_travel * (factor or 0.0), units=units)
 
     def scaled(self, factor: float) -> CubicCamera:
-        """The same for points in another unit, so many of which are one of ``units``."""
+        """The same for points in another unit, of which ``factor`` make one of ``units``."""
         return replace(self, pupil_travel=self.pupil_travel * factor, units=None)
 
     def project(self, points: npt.ArrayLike, *, near: bool = False) -> FloatArray:
@@ -77,7 +77,7 @@ class CubicCamera(Brief):
 
         Args:
             points: of any length where they are far away.
-            near: how near they are counts: they are in ``units``.
+            near: whether the distance of the points counts; they are then in ``units``.
 
         """
         points = _numbers(points, 3)
@@ -94,11 +94,11 @@ class CubicCamera(Brief):
     def project_jacobian(
         self, points: npt.ArrayLike, *, near: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Pixels and how they move with the points, for an optimisation of the caller's own.
+        """Pixels and their derivatives by the points, for an optimisation of the caller's own.
 
         Args:
             points: (..., 3) in the camera frame, as :meth:`project` takes them.
-            near: likewise.
+            near: as for :meth:`project`.
 
         Returns:
             Pixels (..., 2) and d pixel / d point (..., 2, 3), pixels per unit of the points; both
@@ -219,7 +219,7 @@ def _numbers(given: npt.ArrayLike, count: int) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _edge(camera: CubicCamera, count: int) -> FloatArray:
-    """See :meth:`CubicCamera.edge`: all that tell of a camera's field ask for the same."""
+    """Find :meth:`CubicCamera.edge`, cached since everything about a camera's field needs it."""
     around = np.linspace(0, 2 * np.pi, count, endpoint=False)
     near, far = np.zeros(count), np.full(count, np.deg2rad(camera.max_angle_deg))
     width, height = camera.image_size
@@ -242,7 +242,7 @@ def pole_or_fold_deg(P: npt.ArrayLike, angle_deg: float) -> float | None:
     """How near to the axis P (3, 20) has a pole or a fold, or is mirrored, within a cone.
 
     Args:
-        P: the camera's.
+        P: the camera's matrix.
         angle_deg: half-angle of the cone.
 
     Returns:
@@ -253,11 +253,11 @@ def pole_or_fold_deg(P: npt.ArrayLike, angle_deg: float) -> float | None:
     rays = _checked(float(angle_deg))
     homogeneous, gradient = evaluate_cubics(P, rays)
     numerators, denominator = homogeneous.T[:2], homogeneous.T[2]
-    # One coordinate of all rays after the other is the quickest to work on.
+    # Working on one coordinate of all rays after the other is fastest.
     across, (x, y, z) = gradient.transpose(1, 2, 0), rays.T
     # d(u, v) = (d(P1Φ, P2Φ) − (u, v) d(P3Φ)) / P3Φ; times P3Φ² it stays finite at a pole.
     u, v = across[:2] * denominator - numerators[:, None] * across[2]
-    # Of a turn of the ray, which has no part along it: d · (∇u × ∇v).
+    # The determinant of a turn of the ray, which has no component along it: d · (∇u × ∇v).
     determinant = (
         x * (u[1] * v[2] - u[2] * v[1])
         + y * (u[2] * v[0] - u[0] * v[2])
@@ -271,7 +271,7 @@ def pole_or_fold_deg(P: npt.ArrayLike, angle_deg: float) -> float | None:
 
 @lru_cache(maxsize=4)
 def _checked(angle_deg: float) -> FloatArray:
-    """Rays of a cone, (N, 3): a fit asks for the same many times."""
+    """Rays of a cone, (N, 3), cached since a fit needs the same ones many times."""
     angle = np.deg2rad(angle_deg)
     rim = ray_at(np.full(720, angle), np.linspace(0, 2 * np.pi, 720, endpoint=False))
     rays = np.vstack([[[0.0, 0.0, 1.0]], cone_rays(angle, _CHECK_RAYS), rim])

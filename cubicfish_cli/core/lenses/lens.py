@@ -1,4 +1,4 @@
-"""What a fit asks of a lens model that has parameters."""
+"""The interface of a lens model with parameters, as fits need it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,21 +22,21 @@ class Lens:
     """
 
     name: ClassVar[str]
-    """In files and in records."""
+    """Name in files and in records."""
     label: ClassVar[str]
-    """For people."""
+    """Name for people."""
     symmetric: ClassVar[bool] = True
     """Whether it is symmetric about its own axis, up to an affine map of its picture."""
     fixed: ClassVar[tuple[str, ...]] = ()
-    """Parameters that no fit moves."""
+    """Parameters that no fit changes."""
     limits: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Where tools accept a parameter, the ends included."""
+    """Range in which tools accept a parameter, the ends included."""
 
     image_size: tuple[int, int]
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """(K,) a name for each parameter; of arrays they are counted from 1."""
+        """(K,) a name for each parameter; entries of arrays are numbered from 1."""
         raise NotImplementedError
 
     @property
@@ -70,7 +70,7 @@ class Lens:
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Camera-frame points (..., 3), any length -> pixels (..., 2).
 
-        NaN where the model has no pixel; straight behind, where none is told from others, too.
+        NaN where the model has no pixel, and straight behind, where it has no single one.
         """
         raise NotImplementedError
 
@@ -80,10 +80,10 @@ class Lens:
 
     @property
     def also(self) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
-        """Other ways in which readers of the model's files find pixels, by what to call them."""
+        """Other ways in which readers of the model's files find pixels, by their names."""
         return {}
 
     @property
     def outline(self) -> FloatArray:
-        """(K, 2) pixels: around where the lens is valid; without rows where nothing is known."""
+        """(K, 2) pixels around the valid field of the lens; no rows where nothing is known."""
         return np.zeros((0, 2))

@@ -22,9 +22,9 @@ _PRODUCTS = tuple(combinations_with_replacement(range(4), 2))
 
 
 def _steps() -> list[tuple[int, int, int]]:
-    """Monomials of degree 2 and 3: which, which one of a degree less, times which coordinate.
+    """Monomials of degree 2 and 3: index, that of one of a degree less, times which coordinate.
 
-    The coordinate is the last of those in it that it has the fewest of: squares come first.
+    The coordinate is the last one of those with the smallest power: squares come first.
     """
     place = {tuple(exponents): k for k, exponents in enumerate(EXPONENTS.tolist())}
     found = []

@@ -63,7 +63,7 @@ class PointCamera(Brief):
         """Points (..., 3) in :attr:`frame` -> pixels (..., 2); all of them count as near.
 
         NaN outside the volume of the corners, at a pole, and off the boards where the rank is
-        below 20; :meth:`refuse_off_boards` says the latter aloud.
+        below 20; :meth:`refuse_off_boards` raises an error for the latter.
         """
         local = self._local(points)
         values = lift(np.where(np.isfinite(local), local, 0))
@@ -75,7 +75,7 @@ class PointCamera(Brief):
         return np.where(inside[..., None], pixel, np.nan)
 
     def refuse_off_boards(self, points: npt.ArrayLike) -> None:
-        """Refuse points (..., 3) of which the corners said nothing.
+        """Refuse points (..., 3) about which the corners said nothing.
 
         Raises:
             FitError: a finite point is off the boards and the rank is below 20.

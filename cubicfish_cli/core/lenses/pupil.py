@@ -1,18 +1,18 @@
-"""The entrance pupil of a fisheye wanders: where a near point is seen depends on its distance.
+"""The entrance pupil of a fisheye moves: where a near point is seen depends on its distance.
 
 Rays that come in from the side enter the lens farther forward, so no one point is the centre of
 projection. Those at an angle θ from the axis meet it t·(θ/sin θ − 1) in front of where rays near
 the axis do (Gennery 2006, "Generalized Camera Calibration Including Fish-Eye Lenses", of whose
 series this is the first term; θ is that of the point as seen from the origin, which is enough and
-needs no iteration). Of boards at arm's length these millimetres are pixels; of what is
-far away they are nothing.
+needs no iteration). For boards at arm's length these millimetres are pixels; for distant points
+they are nothing.
 """
 
 import numpy as np
 
 from cubicfish_cli.core.types import FloatArray
 
-# Sines of angles from the axis below this are of rays along it, for which the pupil stands still.
+# Rays whose sine of the angle from the axis is below this count as along it: no pupil moves there.
 _ON_AXIS = 1e-6
 
 
@@ -36,7 +36,7 @@ def from_pupil(points: FloatArray, travel: float) -> FloatArray:
 def from_pupil_and_slopes(
     points: FloatArray, travel: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The same, and how the depths move.
+    """The points of :func:`from_pupil`, and the derivatives of their depths.
 
     Args:
         points: (N, 3) in the camera frame.
@@ -50,7 +50,7 @@ def from_pupil_and_slopes(
     with np.errstate(divide="ignore", invalid="ignore"):
         along = points / length[:, None]
         steepness = (sine - angle * along[:, 2]) / (sine**2 * length)
-    # The angle grows with what leads away from the axis.
+    # The direction in which the angle grows: away from the axis.
     outward = along * (along[:, 2] / sine)[:, None]
     outward[:, 2] -= 1 / sine
     moved = points.copy()
@@ -59,14 +59,14 @@ def from_pupil_and_slopes(
 
 
 def pupil_profile(rays: FloatArray) -> FloatArray:
-    """Where on the axis rays (..., 3) enter the lens, if the pupil travels by 1: z (...)."""
+    """Where on the axis rays (..., 3) enter the lens if the pupil travels by 1: z (...)."""
     return _profile(rays)[0]
 
 
 def _profile(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """θ/sin θ − 1 of points (..., 3), their lengths, sin θ and θ: (...)."""
     across = np.hypot(points[..., 0], points[..., 1])
-    length = np.hypot(across, points[..., 2])  # of any size: squares run over
+    length = np.hypot(across, points[..., 2])  # of any size: squares would overflow
     with np.errstate(divide="ignore", invalid="ignore"):
         sine = np.maximum(across / length, _ON_AXIS)
         angle = np.arctan2(sine, points[..., 2] / length)

@@ -76,7 +76,7 @@ class RadialCamera(Lens):
         """Largest angle to which r(θ) grows, radians, at most π."""
         k1, k2, k3, k4 = self.k
         slope = np.array([9 * k4, 7 * k3, 5 * k2, 3 * k1, 1.0])
-        # Nothing against 1 up to π; np.roots would divide by it.
+        # Coefficients that are nothing beside 1 up to π; np.roots would divide by them.
         slope[np.abs(slope) < _NO_TERM] = 0
         roots = np.roots(slope)
         squares = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots.real))].real
@@ -89,7 +89,7 @@ class RadialCamera(Lens):
         rho = np.hypot(x, y)
         theta = np.arctan2(rho, z)
         radius = self.profile(theta)
-        # Both ways are worked out everywhere, the one that serves is taken.
+        # Both formulas are evaluated everywhere, and the one that is valid is taken.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             scale = np.where(rho > _NEAR_AXIS, radius / rho, 1 / z)
             pixel = np.stack(
@@ -100,7 +100,7 @@ class RadialCamera(Lens):
         return np.where(seen[..., None], pixel, np.nan)
 
     def pixel_and_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :class:`Lens`: any angle's, also beyond :attr:`max_angle`."""
+        """See :class:`Lens`; for any angle, also beyond :attr:`max_angle`."""
         return project_jacobian(self.parameters, points)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
@@ -148,12 +148,12 @@ def project_jacobian(
     safe_z = np.where(axis, np.where(z == 0, 1, z), 1)
     # pixel = f * (x, y) * g + c, where g = r(θ)/ρ depends on ρ and z alone
     g = np.where(axis, 1 / safe_z, radius / safe_rho)
-    # On the axis it is multiplied by x² and y², which are nothing there.
+    # On the axis it is multiplied by x² and y², which are 0 there.
     dg_drho_over_rho = np.where(axis, 0, (slope * z / norm_squared - g) / safe_rho**2)
     dg_dz = -slope / norm_squared
     pixel = np.stack([fx * x * g + cx, fy * y * g + cy], axis=-1)
 
-    # One coordinate of all points after the other is the quickest to work on.
+    # Working on one coordinate of all points after the other is fastest.
     d_point = np.empty((2, 3, len(points)))
     across = x * y * dg_drho_over_rho
     d_point[0, 0], d_point[0, 1], d_point[0, 2] = g + x * x * dg_drho_over_rho, across, x * dg_dz

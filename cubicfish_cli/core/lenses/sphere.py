@@ -55,9 +55,9 @@ def rays_of_pixels(
 
     Args:
         pixel: (N, 2) finite pixels.
-        starts: (N, 3) unit rays, roughly those.
+        starts: (N, 3) unit rays to start from, roughly the right ones.
         pixel_and_slope: the lens.
-        tolerance_px: a ray counts that is seen this near to its pixel.
+        tolerance_px: a ray counts if it is seen this near to its pixel.
 
     Returns:
         (N, 3) unit rays, NaN where none was found.
@@ -91,7 +91,7 @@ def _step_on_sphere(rays: FloatArray, slope: FloatArray, miss: FloatArray) -> Fl
         step = np.stack([d * miss[:, 0] - b * miss[:, 1], a * miss[:, 1] - c * miss[:, 0]], -1)
         step /= (a * d - b * c)[:, None]
         length = np.hypot(step[:, 0], step[:, 1])
-        # 0.3 rad a step keeps Newton from jumping across the sphere when it starts far away.
+        # 0.3 rad per step keeps Newton from jumping across the sphere when it starts far away.
         step *= np.minimum(1, 0.3 / np.maximum(length, 1e-300))[:, None]
         moved = rays + (basis @ step[:, :, None])[:, :, 0]
         return moved / np.linalg.norm(moved, axis=-1, keepdims=True)

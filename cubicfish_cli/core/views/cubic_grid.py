@@ -1,8 +1,8 @@
 """Fast evaluation of the cubic camera over a whole picture, for each kind of view.
 
-A row of P over unit rays, f = Σ p_ijk X^i Y^j Z^k, becomes over a picture's columns x and rows y
-a few products of small matrices, since each kind of view lets X, Y and Z be written by functions
-of x alone and of y alone. The rotation of the view is put into P beforehand: Φ(R d) = L(R) Φ(d).
+A row of P over unit rays, f = Σ p_ijk X^i Y^j Z^k, becomes a few products of small matrices over a
+picture's columns x and rows y, since in each kind of view X, Y and Z are products of functions of x
+alone and of y alone. The rotation of the view is put into P beforehand: Φ(R d) = L(R) Φ(d).
 Whatever factor the three rows of P share cancels in the pixel's ratios.
 """
 
@@ -33,12 +33,12 @@ class CubicGrid(ABC):
 
     @abstractmethod
     def outside(self, rows: slice) -> npt.NDArray[np.bool_] | None:
-        """Where the rows (h, W) leave the camera's cone or the view; None for nowhere."""
+        """Where the rows (h, W) leave the camera's cone or the view; None where they do nowhere."""
 
     def fill(
         self, rows: slice, map_x: npt.NDArray[np.float32], map_y: npt.NDArray[np.float32]
     ) -> None:
-        """Put the pixels of the rows into two of (h, W), NaN outside the camera's cone."""
+        """Write the pixels of the rows into two arrays (h, W), NaN outside the camera's cone."""
         outside = self.outside(rows)
         u, v, w = self.homogeneous(rows)
         if outside is not None:
@@ -52,7 +52,7 @@ def grid_of(camera: CubicCamera, view: View) -> CubicGrid | None:
     """The fast way for this kind of view, if there is one."""
     if isinstance(view, PlaneView):
         if camera.pupil_travel:
-            return None  # what is near is seen elsewhere than P alone says
+            return None  # near points are seen elsewhere than P alone says
         width, height = view.size
         return _FlatGrid(camera, view.camera_from_pixel, np.arange(width), np.arange(height))
     if not isinstance(view, CentralView):
@@ -85,7 +85,7 @@ class _FlatGrid(CubicGrid):
         """Prepare for M (3, 3), columns x (W,) and rows y (H,)."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         gram = matrix.T @ matrix
-        turned = camera.P @ lift_rotation(matrix)  # holds for every linear map, not turns alone
+        turned = camera.P @ lift_rotation(matrix)  # holds for every linear map, not only for turns
         even, odd = _flat_coefficients(turned, gram)
         powers = x ** np.arange(4)[:, None]
         self._even = even @ powers
@@ -124,7 +124,7 @@ class _FlatGrid(CubicGrid):
 
     def outside(self, rows: slice) -> npt.NDArray[np.bool_] | None:
         cosine = self._least_cosine
-        # The cone, or what it leaves out where it is wider than 180°, is convex: corners tell.
+        # The cone, or its complement where it is wider than 180°, is convex: the corners decide.
         ends = np.ix_([rows.start, rows.stop - 1], [0, -1])
         along = self._along_y[ends[0]] + self._along_x[ends[1]]
         square = self._square_y[ends[0]] + self._square_x[ends[1]]
@@ -147,7 +147,7 @@ def _flat_coefficients(P: FloatArray, gram: FloatArray) -> tuple[FloatArray, Flo
         (2, 0, gram[1, 1]),
     )
     for i, j, k, column in _MONOMIALS:
-        # A monomial of degree m is left with n^(3 - m), of which n² is a polynomial again.
+        # A monomial of degree m is multiplied by n^(3 - m), of which n² is a polynomial again.
         missing = 3 - (i + j + k)
         part = even if missing % 2 == 0 else odd
         if missing < 2:
@@ -281,7 +281,7 @@ def _stereographic_coefficients(P: FloatArray) -> FloatArray:
 class _EquidistantGrid(CubicGrid):
     """Unit rays (s x, s y, cos θ), θ² = x² + y² and s = sin θ / θ: f is entire in x and y.
 
-    So f is its own interpolation at a few Chebyshev nodes a side, and that is one matrix product
+    So f is its own interpolation at a few Chebyshev nodes per side, which is one matrix product
     too.
     """
 
@@ -326,6 +326,6 @@ def _interpolation(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     at_nodes = np.polynomial.chebyshev.chebvander(node, count - 1)
     to_coefficients = at_nodes.T * (2 / count)
     to_coefficients[0] /= 2
-    # What lies farther than a half turn is no part of the view.
+    # Places farther away than a half turn are no part of the view.
     at_x = np.polynomial.chebyshev.chebvander(np.clip(x / reach, -1, 1), count - 1)
     return node * reach, at_x @ to_coefficients

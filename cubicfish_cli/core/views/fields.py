@@ -1,9 +1,9 @@
-"""What a camera sees of views, and the field of a view that suits it.
+"""How much of a view a camera sees, and the field of view that suits it.
 
-Two scales are found from what the camera really sees, which is the rays within its cone whose
+Two scales follow from the region that the camera sees, which is the rays within its cone whose
 pixels lie in the photo: at ``inner`` no pixel of the picture is empty, at ``outer`` nothing is
-lost. That region is connected, so the border of the picture tells: inside it everywhere, no pixel
-is empty; nowhere, nothing is lost.
+lost. The region is connected, so the border of the picture decides: if all of the border lies in
+the region, no pixel is empty; if none of it does, nothing is lost.
 """
 
 import math
@@ -26,11 +26,11 @@ Fit = float | Literal["inner", "outer", "whole"]
 _MOST_FOCAL_SIDES = 60.0  # a field of one degree
 _BISECTIONS = 40
 _REGION_RAYS = 4000
-_GRID = 64  # pixels along a side that are looked at
-# Pixels inside the photo by this much stay inside whatever the map's rounding does.
+_GRID = 64  # sampled pixels along a side
+# Pixels inside the photo by this much stay inside, however the map rounds.
 _SAFE_PX = 1e-3
-# A view looks along the camera's axis where its middle row shows hardly more than the cone, and
-# cameras that see all round have no such row.
+# A view looks along the camera's axis if its middle row shows hardly more than the cone; cameras
+# that see all round have no such row.
 _ALONG = 1.002
 _ALL_ROUND_DEG = 179.0
 
@@ -83,12 +83,12 @@ def fit_view(camera: Camera, view: CentralView, share: float) -> tuple[CentralVi
 def cropped(camera: Camera, view: CentralView) -> CentralView:
     """The smallest view of a scale that shows all that the camera sees, with even sides.
 
-    A camera beyond 180° sees all round a pole of a view along its axis: all of that would be
-    mostly empty. What it sees of the view's middle row is shown then.
+    A camera beyond 180° sees all round a pole of a view along its axis, and a picture of all that
+    would be mostly empty. The view then shows what the camera sees of its middle row.
 
     Args:
         camera: the camera.
-        view: of a kind that shows every direction at a finite place, and of any size.
+        view: any size, of a kind that shows every direction at a finite place.
 
     Raises:
         ViewError: the camera sees nothing.
@@ -99,7 +99,7 @@ def cropped(camera: Camera, view: CentralView) -> CentralView:
     most = np.maximum(2, 2 * np.floor(view.focal * widest / 2)).astype(int)
     half = np.abs(PROJECTIONS[view.kind].offsets(region @ view.camera_from_view)).max(axis=0)
     size = np.minimum(2 * np.ceil(view.focal * half).astype(int) + 2, most)
-    while True:  # the region is of single rays: what lies between them shows at the border
+    while True:  # the region has single rays: what lies between them appears at the border
         view = replace(view, size=(int(size[0]), int(size[1])))
         border = _border(view.size, 0.5)
         seen = border[sees(camera, view.rays(border))]
@@ -118,21 +118,21 @@ def cropped(camera: Camera, view: CentralView) -> CentralView:
 
 
 def sees(camera: PointProjector, rays: FloatArray, *, margin: float = 0.0) -> BoolArray:
-    """Whether the camera's photo holds the rays (..., 3), by ``margin`` pixels at least."""
+    """Whether rays (..., 3) lie in the camera's photo, at least ``margin`` pixels from its edge."""
     return in_picture(camera.project(rays), camera.image_size, margin)
 
 
 def in_picture(pixel: FloatArray, size: tuple[int, int], margin: float = 0.0) -> BoolArray:
-    """Whether pixels (..., 2) lie in a picture, by ``margin`` within the outer pixels' middles."""
+    """Whether pixels (..., 2) lie in a picture, by ``margin`` within the outer pixels' centres."""
     with np.errstate(invalid="ignore"):
         inside = (pixel >= margin) & (pixel <= np.array(size) - 1 - margin)
     return np.asarray(inside.all(axis=-1))
 
 
 def seen_field_deg(camera: PointProjector, view: CentralView) -> tuple[float, float]:
-    """How much of a view's field the camera sees: along its middle row, and its middle column.
+    """How much of a view's field the camera sees, along its middle row and its middle column.
 
-    Of what :attr:`~.view.CentralView.hfov_deg` and ``vfov_deg`` span, degrees.
+    They are parts of :attr:`~.view.CentralView.hfov_deg` and ``vfov_deg``, degrees.
     """
     fields = []
     for axis, side in enumerate(view.size):
@@ -197,7 +197,7 @@ def _border(size: tuple[int, int], margin: float) -> FloatArray:
 
 
 def _inner(camera: Camera, view: CentralView) -> tuple[float, bool]:
-    """The least focal length at which no pixel is empty, and whether it is the view's own limit."""
+    """The least focal length without an empty pixel, and whether the view's limit sets it."""
     border = np.vstack([_border(view.size, 0.0), [view.middle]])
 
     def no_empty(focal: float) -> bool:
@@ -215,7 +215,7 @@ def _inner(camera: Camera, view: CentralView) -> tuple[float, bool]:
 
 
 def _outer(camera: Camera, view: CentralView) -> tuple[float, bool]:
-    """The largest focal length at which nothing is lost, and whether some is at any."""
+    """The largest focal length at which nothing is lost, and whether something is at any."""
     border, region = _border(view.size, 0.5), _region(camera)
 
     def nothing_lost(focal: float) -> bool:
@@ -229,7 +229,7 @@ def _outer(camera: Camera, view: CentralView) -> tuple[float, bool]:
 
 
 def _bisect(holds: Callable[[float], bool], *, good: float, bad: float) -> float:
-    """The focal length at the edge of what holds, on the good side."""
+    """The focal length at the edge of where something holds, on the good side."""
     for _ in range(_BISECTIONS):
         middle = math.sqrt(good * bad)
         if holds(middle):

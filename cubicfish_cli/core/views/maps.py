@@ -1,6 +1,6 @@
 """View and camera -> the map that ``cv2.remap`` takes.
 
-A camera for photos that are an exact rescale of the calibrated ones.
+The module also makes the camera for photos that are an exact rescale of the calibrated ones.
 
 A pixel's centre is at its whole coordinates, so a photo scaled by s has pixel (x + 1/2)·s − 1/2
 where the original has x. Leaving the half out shifts a half-size picture by a quarter pixel.
@@ -28,7 +28,7 @@ OUTSIDE = -1.0
 _PIXELS_PER_BLOCK = 65_536
 _PIXELS_FOR_THREADS = 250_000
 _THREADS = 2
-_EDGE_LOOKS = 200  # along a side of the photo
+_EDGE_LOOKS = 200  # samples along a side of the photo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -43,8 +43,8 @@ class UndistortMap(Brief):
         valid: (H, W) whether the photo has the pixel and the camera may be trusted there.
         view: what is rendered.
         image_size: (width, height) of the photos that the map is for.
-        redistorts: whether it is the other way round: the result is the camera's photo, and what
-            it is for are pictures of the view.
+        redistorts: whether the map is the inverse: it makes the camera's photo from a picture of
+            the view.
 
     """
 
@@ -123,15 +123,15 @@ def build_map(camera: PointProjector, view: View) -> UndistortMap:
 
 
 def seen_near(camera: PointProjector) -> Callable[[FloatArray], FloatArray]:
-    """What takes points to pixels where how near they are counts."""
+    """A camera's projection of points whose distance counts."""
     return partial(camera.project, near=True) if isinstance(camera, CubicCamera) else camera.project
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholePhoto:
-    """A camera that is asked for all of its photos, also where it is not calibrated.
+    """A camera that shows all of its photos, also where it is not calibrated.
 
-    Beyond the cone where P may be trusted it goes on as its radial reference does, outwards from
+    Beyond the cone where P may be trusted it continues as its radial reference does, outwards from
     where P sees the cone's edge.
 
     Attributes:

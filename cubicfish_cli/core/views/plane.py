@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
 
 _SQUARE_TOLERANCE = 1e-6
-# Where the scale of the photo is looked up, along each side of the plane's part.
+# Number of places along each side of the plane's part at which the photo's scale is measured.
 _LOOKS = 15
 _STEP = 1e-3
 # Without a scale from the user the picture is no larger than this.
@@ -53,7 +53,7 @@ def build_plane(
             default a square.
 
     Raises:
-        ViewError: there is no such board, it has no plane, the pose is none, or the camera does
+        ViewError: there is no such board, it has no plane, the pose is not one, or the camera does
             not see the plane, or sees it from behind, where the picture would be mirrored.
 
     """

@@ -42,18 +42,18 @@ Field = tuple[float, bool]
 MAX_SIDE = 32_766
 """cv2.remap counts pixels in 16 bits."""
 
-# What a picture sensibly shows where its scale grows without bounds towards the limit: offsets at
-# 80° and 160° from the middle.
+# Largest offsets of pictures whose scale grows without bounds towards the limit: a sensible one
+# ends at 80° or 160° from the middle.
 _FLAT = math.tan(math.radians(80.0))
 _PLANET = 2 * math.tan(math.radians(80.0))
-# The seam of a full turn may be met by rounding.
+# Rounding may put a direction this much beyond the seam of a full turn.
 _SLACK = 1e-9
 # A picture's very edge lies beyond the seam, so that the seam itself is in the picture.
 _BEYOND = 1 - 1e-6
 
 
 class PointProjector(Protocol):
-    """What shows points: a camera, or P of points."""
+    """Projects points: a camera, or P of the ``point`` lift."""
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -64,7 +64,7 @@ class PointProjector(Protocol):
 
 
 class Camera(PointProjector, Protocol):
-    """What shows directions: rays of any length, NaN beyond a cone about +z."""
+    """Projects directions: rays of any length, NaN beyond a cone about +z."""
 
     @property
     def max_angle_deg(self) -> float:
@@ -287,7 +287,8 @@ class CentralView(View):
         """The focal length at which the picture shows all that its kind sensibly can."""
         most = PROJECTIONS[self.kind].most
         focal = [side / 2 / end for side, end in zip(self.size, most, strict=True)]
-        # Towards the limit of what is endless nearly all pixels go to the rim; other kinds end.
+        # Near the limit of an endless kind, nearly all pixels go to the rim; other kinds have an
+        # end.
         return max(focal) if self.kind in _ENDLESS else min(focal) * _BEYOND
 
     def half_field(self, offset: float, axis: int) -> float:
@@ -318,7 +319,7 @@ class CentralView(View):
 
     @property
     def camera_matrix(self) -> FloatArray:
-        """(3, 3) focal length and middle of the picture; of a pinhole where that is flat."""
+        """(3, 3) focal length and middle of the picture: a pinhole's for a perspective view."""
         x, y = self.middle
         return np.array([[self.focal, 0, x], [0, self.focal, y], [0, 0, 1]])
 
@@ -415,7 +416,7 @@ FACES: Mapping[str, tuple[float, float]] = {
 
 
 def face_views(side: int, rotation: Rotation = (0.0, 0.0, 0.0)) -> dict[str, CentralView]:
-    """The faces of a cube turned by ``rotation``: flat views of 90°, ``side`` pixels square."""
+    """Faces of a cube turned by ``rotation``: perspective views of 90°, ``side`` pixels square."""
     front = CentralView(kind="perspective", size=(side, side), focal=side / 2, rotation=rotation)
     views = {}
     for name, angles in FACES.items():
