@@ -25,7 +25,7 @@ import numpy as np
 
 from cubicfish_cli.core.fit.adjustment import WARM_DAMPING, adjust
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.cubic_fit import held, starts
+from cubicfish_cli.core.fit.cubic_fit import starts, with_prior
 from cubicfish_cli.core.fit.statistics import huber_px
 from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.target import load_target
@@ -47,7 +47,7 @@ def costs(fit) -> list[float]:
         world = cubic.world
         looser = [weight for weight in LOOSER if weight < prior.weight]
         for tried in (*(replace(prior, weight=weight) for weight in looser), prior):
-            lens = held(lens, reference, tried, cubic.errors)
+            lens = with_prior(lens, reference, tried, cubic.errors)
             end = adjust(
                 lens,
                 poses,

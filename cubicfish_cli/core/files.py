@@ -97,11 +97,11 @@ def _refuse_unwritable(path: Path) -> None:
         os.close(os.open(trial, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
         os.unlink(trial)
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise _explain_unwritable(path, error) from error
     _writable.add(folder)
 
 
-def _unwritable(path: Path, error: OSError) -> OutputError:
+def _explain_unwritable(path: Path, error: OSError) -> OutputError:
     return OutputError(
         f"cannot be written{on_host()} ({error.strerror or error}): check the folder, its "
         "permissions and the free space",
@@ -159,7 +159,7 @@ def whole_files(
     for path in paths:
         refuse_existing(path, overwrite=overwrite)
     for folder in {path.parent for path in paths}:
-        if not _looked_through(folder):
+        if not _was_searched(folder):
             remove_orphans(folder)
     temporaries = tuple(temporary_name(path) for path in paths)
     aside = {path: temporary_name(path) for path in (*paths, *obsolete)} if overwrite else {}
@@ -183,7 +183,7 @@ def whole_files(
     except OSError as error:
         at_fault = {str(name) for name in (error.filename, error.filename2) if name is not None}
         path = next((path for path in (*paths, *obsolete) if str(path) in at_fault), path)
-        raise _unwritable(path, error) from error
+        raise _explain_unwritable(path, error) from error
     finally:
         _remove((*temporaries, *aside.values()))
 
@@ -289,14 +289,14 @@ def _is_alive(process: int) -> bool:
     return True
 
 
-_known_folders: set[str] = set()
+_searched_folders: set[str] = set()
 
 
-def _looked_through(folder: Path) -> bool:
+def _was_searched(folder: Path) -> bool:
     """Whether this was called for the folder before: once per process is enough."""
     name = os.path.abspath(folder)
-    before = name in _known_folders
-    _known_folders.add(name)
+    before = name in _searched_folders
+    _searched_folders.add(name)
     return before
 
 
@@ -355,5 +355,5 @@ def write_files(
                 except CubicfishError:  # some are OSErrors too
                     raise
                 except OSError as error:
-                    raise _unwritable(path, error) from error
+                    raise _explain_unwritable(path, error) from error
     return list(files)

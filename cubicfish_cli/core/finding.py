@@ -55,22 +55,22 @@ class Finding:
     @property
     def what(self) -> str:
         """What is wrong, with figures."""
-        return self._said.what
+        return self._sentences.what
 
     @property
     def evidence(self) -> str:
         """The figures that show it; empty where ``what`` has them."""
-        return self._said.evidence
+        return self._sentences.evidence
 
     @property
     def do(self) -> str:
         """What to do about it; empty where there is nothing to do."""
-        return self._said.do
+        return self._sentences.do
 
     @property
     def remedy(self) -> Remedy:
         """The kind of remedy, for programs."""
-        return self._said.remedy
+        return self._sentences.remedy
 
     @property
     def asks_for_photos(self) -> bool:
@@ -118,7 +118,7 @@ class Finding:
         return record
 
     @cached_property
-    def _said(self) -> Saying:
+    def _sentences(self) -> Saying:
         if self.recorded is not None:
             return self.recorded
         about: dict[str, Any] = {"images": self.images, "boards": self.boards}
@@ -129,15 +129,15 @@ class Finding:
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
     """Read a finding from a file, with the sentences of that time; None where it is none."""
-    severity = _known(Severity, record.get("severity", record.get("level")))
+    severity = _read_word(Severity, record.get("severity", record.get("level")))
     if severity is None:
         return None
     what, evidence, do, case = (str(record.get(key, "")) for key in (*Saying._fields[:3], "case"))
-    about: dict[str, Any] = {key: _names(record.get(key)) for key in _ABOUT}
+    about: dict[str, Any] = {key: _read_names(record.get(key)) for key in _ABOUT}
     figures = record.get("figures")
-    remedy = _known(Remedy, record.get("remedy")) or Remedy.CHECK
+    remedy = _read_word(Remedy, record.get("remedy")) or Remedy.CHECK
     return Finding(
-        code=_known(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
+        code=_read_word(Code, record.get("code", record.get("cause"))) or Code.UNKNOWN,
         severity=severity,
         **about,
         case=case,
@@ -146,14 +146,14 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
     )
 
 
-def _names(value: object) -> tuple[str, ...]:
+def _read_names(value: object) -> tuple[str, ...]:
     return tuple(map(str, value)) if isinstance(value, list) else ()
 
 
 _Word = TypeVar("_Word", Code, Severity, Remedy)
 
 
-def _known(kind: type[_Word], word: object) -> _Word | None:
+def _read_word(kind: type[_Word], word: object) -> _Word | None:
     return next((one for one in kind if one.value == word), None)
 
 

@@ -33,7 +33,7 @@ _OF_A_ROW = (
     "tells_error",
 )
 # Default of weights, world and certainty, in place of as many rows as there are.
-_UNSAID: FloatArray = np.empty(0)
+_DEFAULT: FloatArray = np.empty(0)
 _ALL: BoolArray = np.ones(0, bool)
 
 Refuse = Callable[[int, str], NoReturn]
@@ -78,8 +78,8 @@ class Observations(Brief):
     column: IntArray
     row: IntArray
     pixel: FloatArray
-    weight: FloatArray = field(default_factory=lambda: _UNSAID)
-    world: FloatArray = field(default_factory=lambda: _UNSAID)
+    weight: FloatArray = field(default_factory=lambda: _DEFAULT)
+    world: FloatArray = field(default_factory=lambda: _DEFAULT)
     certain: BoolArray = field(default_factory=lambda: _ALL)
     tells_error: BoolArray = field(default_factory=lambda: _ALL)
     target: Target | None = None
@@ -87,13 +87,13 @@ class Observations(Brief):
     def __post_init__(self) -> None:
         """Fill in defaults; a selection of rows that are all certain is certain too."""
         rows = np.shape(self.pixel)[:1]
-        if self.weight is _UNSAID:
+        if self.weight is _DEFAULT:
             object.__setattr__(self, "weight", np.ones(rows))
-        if self.world is _UNSAID:
+        if self.world is _DEFAULT:
             object.__setattr__(self, "world", np.full((*rows, 3), np.nan))
         for name in ("certain", "tells_error"):
-            said = getattr(self, name)
-            if np.shape(said)[:1] != rows and np.all(said):
+            flags = getattr(self, name)
+            if np.shape(flags)[:1] != rows and np.all(flags):
                 object.__setattr__(self, name, np.ones(rows, bool))
 
     @classmethod

@@ -51,7 +51,7 @@ def read_bytes(path: Path, *, max_bytes: int, error: type[CubicfishError]) -> by
     """
     try:
         with open(path, "rb", opener=_open_at_once) as file:
-            first = _first_of_pipe(file.fileno())
+            first = _read_first_of_pipe(file.fileno())
             raw = first + file.read(max_bytes + 1)
     except (OSError, ValueError) as problem:  # ValueError: a name that no file can have
         if isinstance(problem, FileNotFoundError):
@@ -81,7 +81,7 @@ def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def _first_of_pipe(descriptor: int) -> bytes:
+def _read_first_of_pipe(descriptor: int) -> bytes:
     """Wait for a pipe's first bytes, for ever if another program has it open to write.
 
     Raises:

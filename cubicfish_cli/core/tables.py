@@ -46,7 +46,7 @@ class Table:
         """A column as (N,) finite numbers, or the default where there is no such column."""
         if default is not None and column not in self.columns:
             return np.full(len(self.lines), default)
-        values = np.array(self._numbers(column, float, "a finite number"))
+        values = np.array(self._parse_numbers(column, float, "a finite number"))
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             text = self.columns[column][bad[0]]
@@ -59,9 +59,9 @@ class Table:
 
     def integers(self, column: str) -> npt.NDArray[np.intp]:
         """A column as (N,) whole numbers."""
-        return np.array(self._numbers(column, _whole_number, "a whole number"), np.intp)
+        return np.array(self._parse_numbers(column, _parse_whole_number, "a whole number"), np.intp)
 
-    def _numbers(self, column: str, kind: Callable[[str], Any], must: str) -> list[Any]:
+    def _parse_numbers(self, column: str, kind: Callable[[str], Any], must: str) -> list[Any]:
         numbers: list[Any] = []
         try:
             for text in self.columns[column]:
@@ -110,7 +110,7 @@ def parse_table(
     if text.startswith("#"):
         comment, text = (*re.split("\r\n?|\n", text, maxsplit=1), "")[:2]
     offset = 1 if comment else 0
-    rows, lines = _rows(name, text, offset, error)
+    rows, lines = _split_rows(name, text, offset, error)
     wanted = ",".join(required)
     if not rows:
         raise error(
@@ -147,7 +147,7 @@ def parse_table(
     )
 
 
-def _rows(
+def _split_rows(
     name: str, text: str, offset: int, error: type[CubicfishError]
 ) -> tuple[list[list[str]], Sequence[int]]:
     """The rows that are not blank, and the line that each ends on."""
@@ -170,7 +170,7 @@ def csv_text(rows: Iterable[Sequence[object]]) -> str:
     return text.getvalue()
 
 
-def _whole_number(text: str) -> int:
+def _parse_whole_number(text: str) -> int:
     number = int(text)
     if abs(number) >= 2**62:
         raise ValueError("larger than any index")

@@ -57,10 +57,10 @@ class Target(Brief):
 
         """
         try:
-            plain = json.loads(json.dumps(data, default=_list_of_array))
+            plain = json.loads(json.dumps(data, default=_convert_array))
         except (TypeError, ValueError, RecursionError) as problem:
             raise TargetError(f"{where}: must hold plain data: {problem}") from problem
-        return _target(where, plain)
+        return _make_target(where, plain)
 
     @cached_property
     def board_names(self) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ def load_target_data(path: Path) -> Any:
     return data
 
 
-def _target(where: str, data: object) -> Target:
+def _make_target(where: str, data: object) -> Target:
     if not isinstance(data, dict):
         raise TargetError(f"{where} must hold the keys units and boards: {_NO_TARGET}")
     top = Section(where, data)
@@ -168,7 +168,7 @@ def _target(where: str, data: object) -> Target:
     names: set[str] = set()
     boards = []
     for number, entry in enumerate(entries, start=1):
-        board = _board(where, number, entry, alone=len(entries) == 1)
+        board = _make_board(where, number, entry, alone=len(entries) == 1)
         if board.name in names:
             raise TargetError(
                 f"{where}, board {quoted(board.name)}, name: another board has it too"
@@ -180,14 +180,14 @@ def _target(where: str, data: object) -> Target:
     return target.in_mirror() if mirrored else target
 
 
-def _list_of_array(value: object) -> Any:
+def _convert_array(value: object) -> Any:
     """A numpy array or number as Python has it."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise TypeError(f"{quoted(value)} is something else")
 
 
-def _board(path: str, number: int, entry: object, *, alone: bool) -> Board:
+def _make_board(path: str, number: int, entry: object, *, alone: bool) -> Board:
     where = f"{path}, board {number}"
     if not isinstance(entry, dict):
         raise TargetError(f"{where}: must be a mapping that starts with name: and type:")

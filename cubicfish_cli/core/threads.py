@@ -37,9 +37,9 @@ class Shared:
                     self._end(self._before)
 
 
-def _one_thread() -> Any:
+def _limit_to_one_thread() -> Any:
     return ThreadpoolController().limit(limits=1, user_api="blas")
 
 
-one_blas_thread = Shared(_one_thread, lambda limits: limits.restore_original_limits())
+one_blas_thread = Shared(_limit_to_one_thread, lambda limits: limits.restore_original_limits())
 """One thread of linear algebra: a fit's matrices are small, and more threads would only wait."""

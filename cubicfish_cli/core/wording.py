@@ -62,12 +62,12 @@ class Brief:
     def __repr__(self) -> str:
         """Its name and its fields, as far as there is room."""
         record: Any = self
-        parts = (f"{one.name} {_in_short(getattr(self, one.name))}" for one in fields(record))
+        parts = (f"{one.name} {_shorten(getattr(self, one.name))}" for one in fields(record))
         line = f"<{type(self).__name__}: {', '.join(parts)}>"
         return line if len(line) <= _LONGEST_LINE else line[: _LONGEST_LINE - 2] + "…>"
 
 
-def _in_short(value: object) -> str:
+def _shorten(value: object) -> str:
     if hasattr(value, "shape"):
         return "x".join(map(str, value.shape)) or str(value)
     if isinstance(value, tuple | list | Mapping):

@@ -111,7 +111,7 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
     left, right, top, bottom = -0.5, width - 0.5, -0.5, height - 0.5
     x, y = camera.project(np.array([0.0, 0.0, 1.0]))
 
-    def reach(to_x: float, to_y: float) -> float:
+    def extent(to_x: float, to_y: float) -> float:
         """The largest angle from the axis on the way to a place on the photo's edge, degrees."""
         share = np.linspace(0, 1, _STEPS)[:, None]
         way = (1 - share) * [x, y] + share * [to_x, to_y]
@@ -120,9 +120,9 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
         return float(angle.max()) if len(angle) else 0.0
 
     return FieldSeen(
-        horizontal=reach(left, y) + reach(right, y),
-        vertical=reach(x, top) + reach(x, bottom),
+        horizontal=extent(left, y) + extent(right, y),
+        vertical=extent(x, top) + extent(x, bottom),
         diagonal=max(
-            reach(left, top) + reach(right, bottom), reach(left, bottom) + reach(right, top)
+            extent(left, top) + extent(right, bottom), extent(left, bottom) + extent(right, top)
         ),
     )

@@ -13,10 +13,10 @@ def departures(drawn: Target | None, refined: Target | None) -> tuple[Departure,
     if drawn is None or refined is None:
         return ()
     both = zip(drawn.boards, refined.boards, strict=True)
-    return tuple(_departure(before, after) for before, after in both if after is not before)
+    return tuple(_measure_departure(before, after) for before, after in both if after is not before)
 
 
-def _departure(drawn: Board, refined: Board) -> Departure:
+def _measure_departure(drawn: Board, refined: Board) -> Departure:
     shape = refined.shape or BoardShape.none(refined.columns, refined.rows)
     turn = 0.0
     if drawn.points is not None and refined.points is not None:

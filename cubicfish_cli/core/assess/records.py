@@ -37,7 +37,7 @@ def read_record(kind: type[R], value: object) -> R | None:
     if not isinstance(value, Mapping):
         return None
     known = {}
-    for name, read, required in _readers(cast("Hashable", kind)):
+    for name, read, required in _list_readers(cast("Hashable", kind)):
         found = read(value.get(name))
         if found is not None:
             known[name] = found
@@ -66,29 +66,29 @@ def plain_record(value: Any) -> Any:
 
 
 @cache
-def _readers(kind: Any) -> list[tuple[str, _Reader, bool]]:
+def _list_readers(kind: Any) -> list[tuple[str, _Reader, bool]]:
     """List the name and the reader of each field, and whether the field is required."""
     types = get_type_hints(kind)
     return [
-        (one.name, _reader(types[one.name]), one.default is one.default_factory is MISSING)
+        (one.name, _make_reader(types[one.name]), one.default is one.default_factory is MISSING)
         for one in fields(kind)
     ]
 
 
 @cache
-def _reader(kind: Any) -> _Reader:
+def _make_reader(kind: Any) -> _Reader:
     """Make the reader of values of a type; it returns None for other plain data."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):  # with None
         (kind,) = (one for one in inner if one is not NoneType)
-        return _reader(kind)
+        return _make_reader(kind)
     if origin is Literal:
         return lambda value: value if isinstance(value, str) and value in inner else None
     if origin is tuple:
-        own = _float_or_nan if inner[0] is float else _reader(inner[0])
+        own = _read_figure if inner[0] is float else _make_reader(inner[0])
         return partial(_read_all, own, None if inner[-1] is ... else len(inner))
     if origin is Mapping:
-        return partial(_read_mapping, _reader(inner[1]))
+        return partial(_read_mapping, _make_reader(inner[1]))
     return _SIMPLE[kind] if kind in _SIMPLE else partial(read_record, kind)
 
 
@@ -105,25 +105,25 @@ def _read_mapping(read: _Reader, value: object) -> dict[str, Any] | None:
     return {name: one for name, one in known if one is not None}
 
 
-def _float_or_nan(value: object) -> float:
+def _read_figure(value: object) -> float:
     number = recorded_number(value)
     return math.nan if number is None else number
 
 
-def _count(value: object) -> int | None:
+def _read_count(value: object) -> int | None:
     number = recorded_number(value)
     return None if number is None else int(number)
 
 
-def _text(value: object) -> str | None:
+def _read_text(value: object) -> str | None:
     return value if isinstance(value, str) else None
 
 
 _SIMPLE: dict[Any, _Reader] = {
     float: recorded_number,
-    int: _count,
+    int: _read_count,
     bool: lambda value: value if isinstance(value, bool) else None,
-    str: _text,
+    str: _read_text,
     Any: lambda value: value,
     Finding: lambda value: of_record(value) if isinstance(value, Mapping) else None,
 }

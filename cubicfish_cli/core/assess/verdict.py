@@ -115,7 +115,7 @@ def verdict(
     blamed = [one for one in fit.findings if one.severity is not Severity.NOTE]
     causes = [one for one in blamed if one.code not in _NO_ERRORS]
     others = [one for one in blamed if one.code in _NO_ERRORS]
-    others += _of_figures(fit, image_size, outline, scale)
+    others += _apply_rules(fit, image_size, outline, scale)
     reasons = (*sorted(causes, key=_is_mild), *sorted(others, key=_is_mild))
     figures = words("camera").fit_figures(fit)
     return Verdict(level=level_of(reasons), figures=figures, reasons=reasons)
@@ -144,19 +144,19 @@ def evaluation_verdict(
         return Verdict(level="bad", figures=stated, reasons=())
     level = ratio_above(rms, before, _WORSE_THAN_BEFORE, scale)
     if level is None:
-        level = _above(rms / scale, _ERROR_PX)
-        reasons = _reason(level, Code.LARGE_ERRORS, "evaluation", error_px=rms)
+        level = _rate(rms / scale, _ERROR_PX)
+        reasons = _report(level, Code.LARGE_ERRORS, "evaluation", error_px=rms)
     else:
         figures: dict[str, Any] = {"rms_px": rms, "before_px": before, "times": rms / before}
         if errors.p95_px <= 3 * before:
             p95 = errors.p95_px
-            reasons = _reason(Severity.CARE, Code.A_FEW_FAR_OFF, **figures, p95_px=p95)
+            reasons = _report(Severity.CARE, Code.A_FEW_FAR_OFF, **figures, p95_px=p95)
         else:
-            reasons = _reason(level, Code.WORSE_THAN_BEFORE, **figures)
+            reasons = _report(level, Code.WORSE_THAN_BEFORE, **figures)
     # The poses of these photos absorb much of a camera's error: small errors alone clear no camera.
     median_px = math.nan if uncertainty is None else uncertainty.median_px
-    level = _above(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
-    reasons += _reason(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
+    level = _rate(median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    reasons += _report(level, Code.UNCERTAIN, "evaluation", median_px=median_px)
     reasons.sort(key=_is_mild)
     return Verdict(level=level_of(reasons), figures=stated, reasons=tuple(reasons))
 
@@ -169,32 +169,32 @@ def photo_verdicts(
     errors = [photo.rms_px for photo in photos]
     typical = median([error for error in errors if math.isfinite(error)] or [0.0])
     lost = Counter(corner.image for corner in dropped)
-    told = []
+    verdicts = []
     for photo, error in zip(photos, errors, strict=True):
         own, out = list[Finding](), lost[photo.image]
         if len(errors) > 1 and error > _WORSE_PHOTO * typical > 0:
-            own += _reason(Severity.BAD, Code.STANDS_OUT, times=error / typical)
+            own += _report(Severity.BAD, Code.STANDS_OUT, times=error / typical)
         elif error > most:
-            own += _reason(Severity.BAD, Code.LARGE_ERRORS, "photo")
+            own += _report(Severity.BAD, Code.LARGE_ERRORS, "photo")
         unknown = math.isnan(error) and photo.corners > 0
-        own += _reason(Severity.NOTE if unknown else None, Code.NO_ERROR)
-        own += _reason(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
+        own += _report(Severity.NOTE if unknown else None, Code.NO_ERROR)
+        own += _report(Severity.CARE if out else None, Code.OUTLIERS, dropped=out)
         few = photo.corners < _FEW_CORNERS_IN_PHOTO
-        own += _reason(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
-        told.append(tuple(own))
-    return told
+        own += _report(Severity.CARE if few else None, Code.FEW_CORNERS, "photo")
+        verdicts.append(tuple(own))
+    return verdicts
 
 
 def _is_mild(reason: Finding) -> bool:
     return reason.severity is not Severity.BAD
 
 
-def _reason(level: Severity | None, code: Code, case: str = "", **figures: Any) -> list[Finding]:
+def _report(level: Severity | None, code: Code, case: str = "", **figures: Any) -> list[Finding]:
     """List this one finding; none where it has no level."""
     return [] if level is None else [Finding(code=code, severity=level, case=case, figures=figures)]
 
 
-def _of_figures(
+def _apply_rules(
     of: FitRecord, image_size: tuple[int, int], outline: FloatArray | None, scale: float
 ) -> Iterator[Finding]:
     """Apply one rule after the other, in the order of their weight; an unknown figure breaks none.
@@ -207,60 +207,60 @@ def _of_figures(
     radial = of.companion_held_out_rms_px
     error = float(np.fmax(held_out, rms))
     if of.says_nothing:  # not a calibration of ours, such as an import
-        yield from _reason(Severity.CARE, Code.NO_FIGURES, "elsewhere")
+        yield from _report(Severity.CARE, Code.NO_FIGURES, "elsewhere")
     elif math.isnan(error):
-        yield from _reason(Severity.BAD, Code.NO_FIGURES)
+        yield from _report(Severity.BAD, Code.NO_FIGURES)
     else:
-        level = _above(error / scale, _ERROR_PX)
-        yield from _reason(level, Code.LARGE_ERRORS, error_px=error)
+        level = _rate(error / scale, _ERROR_PX)
+        yield from _report(level, Code.LARGE_ERRORS, error_px=error)
     case = "few" if 0 < photos < FEW_PHOTOS else ""
-    level = _care(math.isnan(held_out) and not of.says_nothing)
-    yield from _reason(level, Code.NOT_HELD_OUT, case, photos=photos or None)
+    level = _care_if(math.isnan(held_out) and not of.says_nothing)
+    yield from _report(level, Code.NOT_HELD_OUT, case, photos=photos or None)
     level = ratio_above(held_out, rms, _OVERFIT, scale)
-    yield from _reason(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
+    yield from _report(level, Code.OVERFITTED, held_out_px=held_out, times=held_out / (rms or 1))
     level = ratio_above(held_out, radial, _BESIDE_COMPANION, scale)
-    yield from _reason(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
-    uncertain = _above(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
-    yield from _reason(uncertain, Code.UNCERTAIN, median_px=known.median_px)
+    yield from _report(level, Code.RADIAL_IS_NEARER, held_out_px=held_out, radial_px=radial)
+    uncertain = _rate(known.median_px / scale, _MEDIAN_UNCERTAINTY_PX)
+    yield from _report(uncertain, Code.UNCERTAIN, median_px=known.median_px)
     if of.flat and photos:  # each photo leaves much of a lens open: the others must determine it
-        level = _above(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
+        level = _rate(1 - photos, (1 - FEW_OF_A_PLANE[0], 1 - FEW_OF_A_PLANE[1]))
         bad = level is Severity.BAD
-        yield from _reason(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
+        yield from _report(level, Code.FEW_PHOTOS_OF_A_PLANE, photos=photos, bad=bad)
     # The photos and corners that were left out.
     dropped, used = of.dropped, of.corners
-    level = _above(dropped / max(dropped + used, 1), _DROPPED_SHARE)
-    yield from _reason(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
+    level = _rate(dropped / max(dropped + used, 1), _DROPPED_SHARE)
+    yield from _report(level, Code.MANY_OUTLIERS, dropped=dropped, corners=dropped + used)
     left_out = len(of.unfit_images)
     every = left_out + photos
-    level = _above(left_out / max(every, 1), _REJECTED_SHARE)
-    yield from _reason(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
-    level = _above(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
-    yield from _reason(level, Code.LOW_COVERAGE, share=of.coverage)
+    level = _rate(left_out / max(every, 1), _REJECTED_SHARE)
+    yield from _report(level, Code.MANY_UNFIT, left_out=left_out, photos=every)
+    level = _rate(-of.coverage, (-COVERAGE[0], -COVERAGE[1]))
+    yield from _report(level, Code.LOW_COVERAGE, share=of.coverage)
     lift, full = ("point", 20) if of.lift == "point" else ("", 16)
-    yield from _reason(_care(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
+    yield from _report(_care_if(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
     # The field: at the rim, and beyond the corners.
     rim, middle, start = reach.rim_rms_px, reach.middle_rms_px, reach.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
-    yield from _reason(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
+    yield from _report(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
     covered, around, edge = of.covered_deg, reach.all_around_deg, reach.edge_uncertainty_px
-    level = _care(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
-    yield from _reason(
+    level = _care_if(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
+    yield from _report(
         level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge
     )
-    level = _care(uncertain is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
-    yield from _reason(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
+    level = _care_if(uncertain is None and known.max_px / scale > _RIM_UNCERTAINTY_PX)
+    yield from _report(level, Code.UNCERTAIN, "somewhere", max_px=known.max_px)
     seen = math.nan
     if outline is not None and len(outline) > 2:
-        seen = _area(outline) / (image_size[0] * image_size[1])
-    yield from _reason(_care(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
-    yield from _reason(_care(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
+        seen = _measure_area(outline) / (image_size[0] * image_size[1])
+    yield from _report(_care_if(seen < _SEEN_SHARE), Code.SMALL_FIELD, share=seen)
+    yield from _report(_care_if(0 < used < _FEW_CORNERS), Code.FEW_CORNERS, corners=used)
 
 
-def _care(odd: bool) -> Severity | None:
+def _care_if(odd: bool) -> Severity | None:
     return Severity.CARE if odd else None
 
 
-def _above(value: float, limits: Sequence[float]) -> Severity | None:
+def _rate(value: float, limits: Sequence[float]) -> Severity | None:
     if value > limits[1]:
         return Severity.BAD
     return Severity.CARE if value > limits[0] else None
@@ -278,6 +278,6 @@ def ratio_above(
     return Severity.CARE if value > care * other and value > least * scale else None
 
 
-def _area(outline: FloatArray) -> float:
+def _measure_area(outline: FloatArray) -> float:
     x, y = outline.T
     return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

@@ -198,22 +198,22 @@ class Board(ABC):
 
     def world_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """World points of corners: (...,) columns and rows -> (..., 3), in the target's units."""
-        drawn = self._drawn_points(column, row)
+        drawn = self._compute_nominal_points(column, row)
         if self.shape is None:
             return drawn
-        return drawn + self._deformation(self.shape, np.asarray(column, int), np.asarray(row, int))
+        return drawn + self._deform(self.shape, np.asarray(column, int), np.asarray(row, int))
 
     def outline(self) -> FloatArray:
         """(N, 3) world points that span the board: four outermost corners, or all its points."""
         last_column, last_row = self.columns - 1, self.rows - 1
         return self.world_points([0, last_column, last_column, 0], [0, 0, last_row, last_row])
 
-    def _drawn_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
+    def _compute_nominal_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """World points of corners of the nominal board (..., 3)."""
         plane = self.plane_points(column, row)
         return self.origin + plane[..., :1] * self.x_axis + plane[..., 1:] * self.y_axis
 
-    def _deformation(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
+    def _deform(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
         """World vectors from the nominal corners to the real ones: (..., 3)."""
         local = shape.offsets[row, column].copy()
         plane = self.plane_points(column, row)

@@ -189,10 +189,10 @@ class PointList(Board):
         """All points."""
         return self._points
 
-    def _drawn_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
+    def _compute_nominal_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         return self._points[np.asarray(column, int)]
 
-    def _deformation(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
+    def _deform(self, shape: BoardShape, column: IntArray, row: IntArray) -> FloatArray:
         return np.asarray(shape.offsets[row, column] @ self.axes)
 
 

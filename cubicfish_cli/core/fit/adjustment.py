@@ -97,10 +97,10 @@ def linearise(
     cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
     for first, stop in pairwise([*cuts.tolist(), len(camera)]):
         run = slice(first, stop)
-        yield run, _linearised(views, state, pairs, run, huber_px)
+        yield run, _linearise_run(views, state, pairs, run, huber_px)
 
 
-def _linearised(
+def _linearise_run(
     views: Poses, state: State[L], pairs: Observations, run: slice, huber_px: float
 ) -> Linearised:
     """Linearise a run of one camera's pairs by everything that is free."""
@@ -216,7 +216,7 @@ def adjust(
 
     """
     world = DeformableTarget(nominal=pairs.world) if world is None else world
-    now = _evaluated(State(lens, poses, world), pairs, huber_px)
+    now = _evaluate(State(lens, poses, world), pairs, huber_px)
     if not np.isfinite(now.cost):
         raise FitError(
             "the start of the fit sees corners at infinity: check that the corners are named "
@@ -231,19 +231,19 @@ def adjust(
         if near and gain < relative_decrease and damping < COLD_DAMPING:
             break
         iterations += 1
-        new = _evaluated(now.moved(*step), pairs, huber_px)
+        new = _evaluate(now.moved(*step), pairs, huber_px)
         least = relative_decrease
         if not new.cost < now.cost and gain > _ROUNDING and iterations < max_iterations:
             iterations += 1
             least = max(relative_decrease, _IMMATERIAL)
-            astray = _astray(now, new)
+            astray = _find_astray(now, new)
             if astray.any():  # these alone are damped firmly, and stop no others
                 pose_damping[astray] = np.maximum(10 * pose_damping[astray], _FIRM)
                 step = now.normal.solve(damping, pose_damping)
-                new = _evaluated(now.moved(*step), pairs, huber_px)
+                new = _evaluate(now.moved(*step), pairs, huber_px)
             elif np.isfinite(new.cost):
                 # A bent valley: the straight step ended on its side, above its floor.
-                new = _evaluated(new.moved(*new.normal.solve(damping)), pairs, huber_px)
+                new = _evaluate(new.moved(*new.normal.solve(damping)), pairs, huber_px)
         if new.cost < now.cost:
             decrease = (now.cost - new.cost) / max(now.cost, 1e-300)
             now = new
@@ -258,7 +258,7 @@ def adjust(
     return replace(now, iterations=iterations)
 
 
-def _evaluated(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
+def _evaluate(state: State[L], pairs: Observations, huber_px: float) -> Adjustment[L]:
     """Evaluate a state and its derivatives at once: nearly every step that is tried is taken.
 
     Its normal equations are incomplete where the cost is infinite.
@@ -277,7 +277,7 @@ def _evaluated(state: State[L], pairs: Observations, huber_px: float) -> Adjustm
         offset = (world.offset_weight * world.offsets).reshape(-1)
         cost += 0.5 * float(prior[-1, -1] + world.prior()[-1, -1] + offset @ offset)
         if np.isfinite(cost):
-            normal = normal.held(prior, world)
+            normal = normal.with_priors(prior, world)
     return Adjustment(
         **vars(state),
         residual=residual,
@@ -289,7 +289,7 @@ def _evaluated(state: State[L], pairs: Observations, huber_px: float) -> Adjustm
     )
 
 
-def _astray(now: Adjustment[L], new: Adjustment[L]) -> BoolArray:
+def _find_astray(now: Adjustment[L], new: Adjustment[L]) -> BoolArray:
     """Find poses (M,) whose cost a step raised by far while it lowered the others'; else none.
 
     Among many photos there is always one whose pose goes astray.

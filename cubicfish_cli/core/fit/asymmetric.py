@@ -94,9 +94,9 @@ class BentFit(FitLens):
         plain = np.array([1, 1, 0, 0, *self.values[4:8]])
         flat, flat_by_point, flat_by_values = project_jacobian(plain, points)
         changes = np.concatenate([flat_by_point, flat_by_values[:, :, 4:]], axis=2)
-        pixel, moved, by_values = self._on_sensor(flat.T, changes.transpose(1, 2, 0))
+        pixel, moved, by_values = self._map_to_sensor(flat.T, changes.transpose(1, 2, 0))
         by_values[:, 4:8] = moved[:, 3:]
-        return pixel, moved[:, :3].transpose(2, 0, 1), self._by_free(by_values)
+        return pixel, moved[:, :3].transpose(2, 0, 1), self._select_free(by_values)
 
     def seen(self, rays: StillRays) -> tuple[FloatArray, FloatArray]:
         """Pixels (N, 2) of rays and their derivatives by the free parameters (N, 2, K).
@@ -104,11 +104,11 @@ class BentFit(FitLens):
         They are those of :meth:`pixel_and_slopes`, at a fraction of the cost.
         """
         radius, outwards = rays.theta + rays.odd @ self.values[4:8], rays.direction.T
-        pixel, moved, by_values = self._on_sensor(outwards * radius, outwards[:, None])
+        pixel, moved, by_values = self._map_to_sensor(outwards * radius, outwards[:, None])
         by_values[:, 4:8] = moved * rays.odd.T
-        return pixel, self._by_free(by_values)
+        return pixel, self._select_free(by_values)
 
-    def _on_sensor(
+    def _map_to_sensor(
         self, flat: FloatArray, change: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Map the image of the radial lens of focal length 1 to pixels.
@@ -153,7 +153,7 @@ class BentFit(FitLens):
         by_values[:, 10:12] = -focal * tilted[:, None] * tilted
         return pixel, through_tilt(moved), by_values
 
-    def _by_free(self, by_values: FloatArray) -> FloatArray:
+    def _select_free(self, by_values: FloatArray) -> FloatArray:
         """Select derivatives by the free values, (N, 2, K), from those by all values (2, 13, N)."""
         free = self._free
         if len(free) < by_values.shape[1]:

@@ -130,7 +130,7 @@ def coverage_extent(
     edge = np.rad2deg(angle_from_axis(at_edge))
     own = np.rad2deg(azimuth(points[:, :2]))
     around = np.arange(_DIRECTIONS) * 360 / _DIRECTIONS
-    reached = np.array([_farthest_beside(direction, own, angle) for direction in around])
+    reached = np.array([_find_farthest_beside(direction, own, angle) for direction in around])
     short = np.minimum(edge, covered) - reached
     uncertain = sigma(at_edge)
     uncertain = uncertain[np.isfinite(uncertain)]
@@ -146,7 +146,7 @@ def coverage_extent(
     )
 
 
-def _farthest_beside(direction: float, azimuths: FloatArray, angle: FloatArray) -> float:
+def _find_farthest_beside(direction: float, azimuths: FloatArray, angle: FloatArray) -> float:
     """The largest angle (N,) of those whose azimuths (N,) are near a direction; all in degrees."""
     beside = np.abs((azimuths - direction + 180) % 360 - 180) <= _BESIDE_DEG
     return float(angle[beside].max(initial=0.0))
@@ -187,8 +187,8 @@ def _measure_all_around(reached: FloatArray, edge: FloatArray, covered: float) -
 
 def _measure_rim(angle: FloatArray, residual: FloatArray) -> tuple[float, float, float]:
     """RMS at the rim and in the middle, and where the rim begins; NaN for too few corners."""
-    told = np.isfinite(residual[:, 0])
-    angle, residual = angle[told], residual[told]
+    known = np.isfinite(residual[:, 0])
+    angle, residual = angle[known], residual[known]
     count = max(_FEWEST_AT_THE_RIM, round(_RIM_SHARE * len(angle)))
     if len(angle) < 3 * count:
         return np.nan, np.nan, np.nan

@@ -231,19 +231,19 @@ def starts(
 
     """
     if start is not None:
-        yield held(start.lens, reference, prior, errors), start.poses
+        yield with_prior(start.lens, reference, prior, errors), start.poses
     near, camera, (bent, poses) = reference.cubic, reference.camera, reference.bent(prior.spread)
     lens = near.lens
     if prior.spread:
         lens = refined_cubic(lens, near.rays, bent.project(near.rays) + near.miss)
-    yield held(lens, reference, prior, errors), poses
+    yield with_prior(lens, reference, prior, errors), poses
     pixel = camera.project(near.rays)
     for pull in SAFER_PULLS:
         safer = linear_cubic(near.rays, pixel, camera, denominator_pull=pull, weights=near.weights)
-        yield held(safer, reference, prior, errors), reference.poses
+        yield with_prior(safer, reference, prior, errors), reference.poses
 
 
-def held(
+def with_prior(
     lens: CubicFit, reference: RadialReference, prior: PriorChoice, errors: FloatArray
 ) -> CubicFit:
     """The same P with the prior for this reference.
@@ -260,7 +260,7 @@ def held(
     near, pairs, old = reference.cubic, reference.pairs, lens.ray_prior
     bent, _ = reference.bent(prior.spread)
     if old is not None and old.near is near:
-        lens = lens.held_to(bent, prior.weight)
+        lens = lens.with_prior_of(bent, prior.weight)
     else:
         sigma = max(noise_px(reference.errors), 1e-3)
         ray_prior = RayPrior(
@@ -313,9 +313,9 @@ def choose_prior(
         return fit_cubic(reference, prior, start=start, relative_decrease=NEAR_DECREASE)
     away = np.abs(np.subtract([_find_place(one) for one in _PRIORS], _find_place(prior)))
     steps = away.sum(axis=1)
-    reach = np.inf if everywhere or start is None else 1
+    farthest = np.inf if everywhere or start is None else 1
     begun = _PRIORS[int(steps.argmin())]
-    priors = [_PRIORS[near] for near in np.flatnonzero(steps <= reach)]
+    priors = [_PRIORS[near] for near in np.flatnonzero(steps <= farthest)]
     start = fit_cubic(reference, begun, start=start, relative_decrease=_SCAN_DECREASE)
     squares = _predict_squares(start, reference, groups, priors)
     chosen, runners_up = _choose_likeliest(priors, squares)
@@ -351,7 +351,7 @@ def _predict_squares(
     grams = []
     for spread in dict.fromkeys(one.spread for one in priors):
         weights = np.array([one.weight for one in priors if one.spread == spread])
-        grams.append(start.lens.held_to(reference.bent(spread)[0]).priors(weights))
+        grams.append(start.lens.with_prior_of(reference.bent(spread)[0]).priors(weights))
     photos = LeaveOneOut(start, groups).residuals(np.concatenate(grams))
     squares = {photo: np.nansum(np.square(residual), axis=(0, 1)) for photo, residual in photos}
     return np.array([squares[photo] for photo in range(len(squares))]).T
@@ -374,13 +374,13 @@ def _choose_likeliest(
         squares: the squared errors of each photo under them, see :func:`_predict_squares`.
 
     """
-    told = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
+    evidence = np.ascontiguousarray(-np.log(np.maximum(squares, _NO_ERROR)))
     # Log prior of each, up to a constant: a step in either list is one standard deviation.
     away = np.subtract([_find_place(one) for one in priors], _find_place(EXPECTED))
     expected = -np.square(away).sum(axis=1) / 2
-    chosen, photos = int((told.sum(axis=1) + expected).argmax()), told.shape[1]
+    chosen, photos = int((evidence.sum(axis=1) + expected).argmax()), evidence.shape[1]
     drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
-    taken = (drawn @ told.T + expected).argmax(axis=1)
+    taken = (drawn @ evidence.T + expected).argmax(axis=1)
     likely = np.bincount(taken, minlength=len(priors)) / _DRAWS
     others = [other for other in np.flatnonzero(likely).tolist() if other != chosen]
     return priors[chosen], {priors[one]: float(likely[one]) for one in others}

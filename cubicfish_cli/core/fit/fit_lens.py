@@ -175,14 +175,14 @@ def nearest_lens(
         FitError: no lens of the model is near.
 
     """
-    fits = [_least_squares(FreeLens.of(one, held), rays, pixel) for one in starts]
+    fits = [_fit_least_squares(FreeLens.of(one, held), rays, pixel) for one in starts]
     found = min(fits, key=lambda fit: fit[0])[1]
     if not np.isfinite(found.parameters).all():
         raise FitError("no lens of this model is near the camera: choose another format")
     return found
 
 
-def _least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
+def _fit_least_squares(start: FreeLens[L], rays: FloatArray, pixel: FloatArray) -> tuple[float, L]:
     """Fit from one start: the cost, and the lens."""
     from scipy.optimize import least_squares  # slow to load, and seldom needed
 

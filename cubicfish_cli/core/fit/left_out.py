@@ -42,7 +42,7 @@ class LeaveOneOut:
     def steps(self) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
         """Steps (K,), (M, 6) and (Q, 3) to the fit without each group, whose own poses stay."""
         for group in self._groups:
-            yield self._without(group).solve(_DAMPING)
+            yield self._subtract(group).solve(_DAMPING)
 
     def residuals(self, priors: FloatArray | None = None) -> Iterator[tuple[int, FloatArray]]:
         """Residuals of every photo under the fit without its group, its own pose fitted anew.
@@ -60,13 +60,13 @@ class LeaveOneOut:
         own = self._fit.lens.prior()
         change = (own[None] if priors is None else priors) - own
         for group in self._groups:
-            normal = self._without(group)
-            yield from self._after(group, *_changed(normal, normal.eliminated(_DAMPING), change))
+            normal = self._subtract(group)
+            yield from self._refit(group, *_resolve(normal, normal.eliminated(_DAMPING), change))
 
     def held_as(self, lenses: Sequence[FitLens]) -> FloatArray:
         """Steps (H, K) of the shared unknowns under other lenses' priors, no photo left out."""
         change = np.array([lens.prior() for lens in lenses]) - self._fit.lens.prior()
-        return _changed(self._fit.normal, self._equations_of_all, change)[0].T
+        return _resolve(self._fit.normal, self._equations_of_all, change)[0].T
 
     def influence(self) -> FloatArray:
         """Steps (G, K) of the shared unknowns without each group's gradient, its Hessian kept.
@@ -75,31 +75,31 @@ class LeaveOneOut:
         """
         steps = np.empty((len(self._groups), len(self._fit.normal.shared)))
         for step, group in zip(steps, self._groups, strict=True):
-            shared, pose, corner = (part[..., None] for part in self._put_in(group).gradient)
+            shared, pose, corner = (part[..., None] for part in self._sum_up(group).gradient)
             step[:] = self._equations_of_all.steps(-shared, np.zeros_like(pose), -corner)[0][:, 0]
         return steps
 
-    def _without(self, group: IntArray) -> NormalEquations:
-        return self._fit.normal.without(group, self._put_in(group))
+    def _subtract(self, group: IntArray) -> NormalEquations:
+        return self._fit.normal.without(group, self._sum_up(group))
 
     @cached_property
     def _equations_of_all(self) -> Eliminated:
         return self._fit.normal.eliminated(_DAMPING)
 
-    def _seen(self, group: IntArray) -> tuple[Observations, State[Any]]:
+    def _select(self, group: IntArray) -> tuple[Observations, State[Any]]:
         """Select the pairs that are seen from some poses, and all unknowns that these depend on."""
         own, fit = np.flatnonzero(np.isin(self._shot, group)), self._fit
         return fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
 
-    def _put_in(self, group: IntArray) -> NormalEquations:
+    def _sum_up(self, group: IntArray) -> NormalEquations:
         """Sum up the contribution of the pairs that are seen from some poses to the equations."""
-        pairs, state = self._seen(group)
+        pairs, state = self._select(group)
         normal = NormalEquations.zeros(*state.size)
         for run, terms in linearise(state, pairs, self._fit.huber_px):
             normal.add(terms, state.world.corner[run])
         return normal
 
-    def _after(
+    def _refit(
         self, group: IntArray, shared: FloatArray, offset: FloatArray
     ) -> Iterator[tuple[int, FloatArray]]:
         """Yield the residuals (n, 2, H) of what is seen from each pose, which is fitted anew.
@@ -110,7 +110,7 @@ class LeaveOneOut:
             offset: (Q, 3, H) steps of the free corners.
 
         """
-        pairs, state = self._seen(group)
+        pairs, state = self._select(group)
         count = len(pairs.image)
         left, by_pose = np.empty((count, 2, shared.shape[1])), np.empty((count, 2, 6))
         root, place = np.empty(count), np.empty(count, np.intp)
@@ -131,7 +131,7 @@ class LeaveOneOut:
             yield pose, after
 
 
-def _changed(
+def _resolve(
     normal: NormalEquations, equations: Eliminated, change: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Solve for steps (K, H) and (Q, 3, H) where the lens's prior (H, L + 1, L + 1) changes."""

@@ -17,7 +17,7 @@ from cubicfish_cli.core.types import BoolArray, FloatArray
 # From a lens that is near, Gauss-Newton reaches the nearest one in this many steps.
 _NEAREST_ROUNDS = 2
 # Least squared share of a parameter's effect that no other parameter has.
-_TOLD_APART = 1e-13
+_DISTINCT = 1e-13
 # The columns on which an image of distant points depends, and that of 1.
 _FAR = np.delete(np.arange(49), 47)
 WEIGHT_BEYOND = 0.1
@@ -179,7 +179,7 @@ class CubicFit(FitLens):
         mean = float((lift(rays) @ sphere_basis() @ coefficients[2]).mean())
         return replace(self, coefficients=coefficients / mean)
 
-    def held_to(self, lens: BentFit, weight: float | None = None) -> CubicFit:
+    def with_prior_of(self, lens: BentFit, weight: float | None = None) -> CubicFit:
         """The same P under a prior with another lens, of the same weight or another one."""
         prior = self.ray_prior
         if prior is None:
@@ -200,7 +200,7 @@ class CubicFit(FitLens):
         length = np.sqrt(np.einsum("ij,ij->i", points, points))
         rays = points / length[:, None]
         values = lift(rays) @ sphere_basis()
-        pixel, denominator = self._pixel(values)
+        pixel, denominator = self._compute_pixel(values)
         _, gradient = evaluate_cubics(self.coefficients @ sphere_basis().T, rays)
         # Working on one coordinate of all points after the other is fastest.
         across = gradient.transpose(1, 2, 0)
@@ -208,8 +208,8 @@ class CubicFit(FitLens):
         slope *= self.scale / denominator
         return (
             pixel * self.scale + self.centre,
-            _through_unit_ray(slope, rays.T, length).transpose(2, 0, 1),
-            self._d_parameters(values, pixel, denominator, 48),
+            _convert_slope(slope, rays.T, length).transpose(2, 0, 1),
+            self._differentiate(values, pixel, denominator, 48),
         )
 
     def project(self, points: FloatArray) -> FloatArray:
@@ -219,7 +219,7 @@ class CubicFit(FitLens):
     def far(self, points: FloatArray) -> FloatArray:
         """Distant points (N, 3) -> pixels (N, 2)."""
         rays = points / np.linalg.norm(points, axis=-1, keepdims=True)
-        return self._pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
+        return self._compute_pixel(lift(rays) @ sphere_basis())[0] * self.scale + self.centre
 
     def prior(self) -> FloatArray:
         """See :class:`~cubicfish_cli.core.fit.fit_lens.FitLens`."""
@@ -252,13 +252,13 @@ class CubicFit(FitLens):
         if prior is None:
             return grams
         near = prior.near
-        inside, denominator = self._pixel(near.values)
+        inside, denominator = self._compute_pixel(near.values)
         pixel = inside * self.scale + self.centre
         if not np.isfinite(pixel).all():  # a bad step, which its cost rejects
             return np.full_like(grams, np.inf)
         bent, (seen, by_lens) = prior.nearest(pixel)
         # Derivatives by P's parameters, those by the lens's, and the miss.
-        by_own = self._d_parameters(near.values, inside, denominator)
+        by_own = self._differentiate(near.values, inside, denominator)
         miss = (pixel - near.miss - seen)[:, :, None]
         rows = np.concatenate([by_own, -by_lens, miss], axis=2)
         parts = (rows[which].reshape(-1, rows.shape[2]) for which in (near.within, ~near.within))
@@ -276,7 +276,7 @@ class CubicFit(FitLens):
         grams[:, _FAR[:, None], _FAR] += left + by_values.T @ prior.denominators @ by_values
         return grams
 
-    def _pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _compute_pixel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         homogeneous = values @ self.coefficients.T
         denominator = homogeneous[:, 2]
         # A pole on the way is a bad step, not an error: its infinite cost rejects it.
@@ -284,7 +284,7 @@ class CubicFit(FitLens):
             pixel = homogeneous[:, :2] / denominator[:, None]
         return np.where(denominator[:, None] > 0, pixel, np.inf), denominator
 
-    def _d_parameters(
+    def _differentiate(
         self, values: FloatArray, pixel: FloatArray, denominator: FloatArray, count: int = 47
     ) -> FloatArray:
         """(N, 2, 47) d pixel / d parameters; ``pixel`` is of order 1."""
@@ -310,11 +310,11 @@ def _follow(square: FloatArray, cross: FloatArray) -> FloatArray:
     Parameters of a narrow lens can hardly be distinguished; those lost in rounding stay.
     """
     index = np.arange(square.shape[-1])
-    square[..., index, index] *= 1 + _TOLD_APART
+    square[..., index, index] *= 1 + _DISTINCT
     return solve_scaled(square, cross)
 
 
-def _through_unit_ray(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
+def _convert_slope(slope: FloatArray, rays: FloatArray, length: FloatArray) -> FloatArray:
     """Convert d/d unit ray to d/d point: the derivative of X/‖X‖ is (I − d dᵀ)/‖X‖.
 
     Args:

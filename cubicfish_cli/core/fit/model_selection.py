@@ -33,7 +33,7 @@ _STAGES = {
     "checks": ("what may be wrong", 0.9),
 }
 # A richer target must lower photos' held-out errors at least to this share of the poorer one's.
-_WORTH = 0.99
+_GAIN_SHARE = 0.99
 RefineTarget = Literal["off", "shape", "points", "auto"]
 
 
@@ -74,9 +74,9 @@ def select_model(
         # The prior of P matters where the selection may end.
         may_end = auto or level == refine_target
         if hold_out and may_end:
-            tell = partial(begin, progress, f"{level} held out")
+            report = partial(begin, progress, f"{level} held out")
             refined = [refine_object(start, level, groups) for start in starts]
-            reached = better_named([_judge(one, tell) for one in refined])
+            reached = better_named([_judge(one, report) for one in refined])
         else:
             reached = refine_object(starts[-1], level, groups if may_end else ())
         judged.append(reached)
@@ -91,7 +91,7 @@ def select_model(
 def _gains(richer: CameraFit, poorer: CameraFit) -> bool:
     """Whether a richer target predicts photos that were left out better."""
     more, less = richer.held_out, poorer.held_out
-    return more is not None and less is not None and more.times(less) <= _WORTH
+    return more is not None and less is not None and more.times(less) <= _GAIN_SHARE
 
 
 def better_named(fits: Sequence[CameraFit]) -> CameraFit:

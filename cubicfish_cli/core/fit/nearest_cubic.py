@@ -20,7 +20,7 @@ from cubicfish_cli.core.types import FloatArray
 ROUNDS = 10
 # Rounds end when no denominator changes by more than this share of their mean, and least squares in
 # pixels when neither cost nor P does.
-_SETTLED = 1e-6
+_STEADY = 1e-6
 # A pair beside a pole must not get an unbounded weight in the next round.
 _SMALLEST_SHARE = 0.02
 MARGIN_DEG = 5.0
@@ -91,9 +91,9 @@ def linear_ratios(
         scale = found.mean()
         coefficients, found = coefficients / scale, found / scale
         found = np.maximum(found, _SMALLEST_SHARE)
-        settled = np.abs(found - denominator).max() < _SETTLED
+        converged = np.abs(found - denominator).max() < _STEADY
         denominator = found
-        if settled:
+        if converged:
             break
     return coefficients
 
@@ -211,7 +211,7 @@ def refined_cubic(
         drift[:, 32:] = stiff @ start.denominator_basis
         return np.vstack([(root[:, :, None] * by_parameters).reshape(-1, _FREE), drift])
 
-    first, stop = start.parameters[:_FREE], {"ftol": _SETTLED, "xtol": _SETTLED, "max_nfev": _MOST}
+    first, stop = start.parameters[:_FREE], {"ftol": _STEADY, "xtol": _STEADY, "max_nfev": _MOST}
     with np.errstate(all="ignore"):
         found = least_squares(miss, first, jac=slope, x_scale="jac", method="lm", **stop)
     return with_parameters(found.x)

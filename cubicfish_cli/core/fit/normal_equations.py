@@ -107,7 +107,7 @@ class NormalEquations:
             both = terms.by_pose.transpose(0, 2, 1) @ terms.by_corner
             self.pose_corner[terms.pose, :, corner] += both
 
-    def held(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
+    def with_priors(self, lens_prior: FloatArray, world: DeformableTarget) -> NormalEquations:
         """Add the priors of the lens, of the boards and of free corners."""
         shared, corner_shared = self.shared.copy(), self.corner_shared.copy()
         first = 0

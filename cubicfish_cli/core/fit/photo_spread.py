@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from cubicfish_cli.core.fit.asymmetric import BentFit
-from cubicfish_cli.core.fit.cubic_fit import CameraFit, held
+from cubicfish_cli.core.fit.cubic_fit import CameraFit, with_prior
 from cubicfish_cli.core.fit.folds import dealt_out
 from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit
@@ -46,7 +46,7 @@ class PhotoSpread:
         influence: (G, K) steps without the cluster's gradient, its part of the Hessian kept.
         runner_up: (R, K) steps to other lenses that may be better (that of a target refined
             further, those of other priors), each times the root of its probability.
-        held_to: the lens of P's prior, in P's frame.
+        prior_lens: the lens of P's prior, in P's frame.
         empty: angle from the axis within which no corner lies, nor near it, radians.
 
     """
@@ -55,7 +55,7 @@ class PhotoSpread:
     left_out: FloatArray
     influence: FloatArray
     runner_up: FloatArray
-    held_to: BentFit
+    prior_lens: BentFit
     empty: float
 
     @property
@@ -65,29 +65,31 @@ class PhotoSpread:
 
     def sigma_px(self, rays: FloatArray) -> FloatArray:
         """sqrt(var x + var y) of the pixels of distant points: (N, 3) -> (N,), pixels."""
-        left_out, influence, runner_up = self._changes(rays)
-        of_photos = self._of_photos(left_out, influence).reshape(-1, 2).sum(axis=1)
+        left_out, influence, runner_up = self._measure_changes(rays)
+        of_photos = self._estimate_variance(left_out, influence).reshape(-1, 2).sum(axis=1)
         of_prior = np.square(runner_up).sum(axis=1).reshape(-1, 2).sum(axis=1)
-        of_guess = np.square(self._guessed(rays)).sum(axis=1)
+        of_guess = np.square(self._compare_guesses(rays)).sum(axis=1)
         of_noise = np.square(self.noise.sigma_px(rays))
         return np.sqrt(np.maximum(of_noise, of_photos) + of_prior + of_guess)
 
     def variance(self, rays: FloatArray, weights: FloatArray) -> FloatArray:
         """See :class:`~cubicfish_cli.core.fit.uncertainty.Uncertainty`."""
-        left_out, influence, runner_up = (weights @ change for change in self._changes(rays))
-        of_photos = self._of_photos(left_out, influence)
+        left_out, influence, runner_up = (
+            weights @ change for change in self._measure_changes(rays)
+        )
+        of_photos = self._estimate_variance(left_out, influence)
         of_prior = np.square(runner_up).sum(axis=1)
-        of_guess = np.square(weights @ self._guessed(rays).reshape(-1))
+        of_guess = np.square(weights @ self._compare_guesses(rays).reshape(-1))
         return np.maximum(self.noise.variance(rays, weights), of_photos) + of_prior + of_guess
 
-    def _guessed(self, rays: FloatArray) -> FloatArray:
+    def _compare_guesses(self, rays: FloatArray) -> FloatArray:
         """(N, 2) the difference of the two guesses at rays of an empty middle; 0 elsewhere."""
         if not self.empty:
             return np.zeros((len(rays), 2))
-        differ = self.noise.gauge.lens.far(rays) - self.held_to.project(rays)
+        differ = self.noise.gauge.lens.far(rays) - self.prior_lens.project(rays)
         return np.where(rays[:, 2:] > np.cos(self.empty), differ, 0.0)
 
-    def _of_photos(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
+    def _estimate_variance(self, left_out: FloatArray, influence: FloatArray) -> FloatArray:
         """Variances (F,) from changes (F, G) without each cluster.
 
         With leverage h, leaving out divides squared residuals by (1 - h)² (HC3), influence by
@@ -102,7 +104,7 @@ class PhotoSpread:
         )
         return variance_of_few(np.sum(once * none, axis=1), clusters)
 
-    def _changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _measure_changes(self, rays: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """How the pixels of rays move (2N, steps), without the common turn.
 
         They move by each step of ``left_out``, of ``influence`` and of ``runner_up``.
@@ -139,14 +141,14 @@ def photo_spread(
 
     """
     reference, count = fit.reference, len(fit.lens.parameters)
-    leave_one_out = LeaveOneOut(fit, _clusters(places, reference.pairs))
+    leave_one_out = LeaveOneOut(fit, _group_photos(places, reference.pairs))
     prior = fit.lens.ray_prior
     assert prior is not None
     rays = cone_rays(reference.covered, _RAYS)
-    others = [np.sqrt(likely) * _step(fit.lens, lens, rays) for lens, likely in doubted]
+    others = [np.sqrt(likely) * _measure_step(fit.lens, lens, rays) for lens, likely in doubted]
     if fit.runners_up:
         steps = leave_one_out.held_as(
-            [held(fit.lens, reference, prior, fit.errors) for prior in fit.runners_up]
+            [with_prior(fit.lens, reference, prior, fit.errors) for prior in fit.runners_up]
         )
         others += list(np.sqrt([*fit.runners_up.values()])[:, None] * steps[:, :count])
     return PhotoSpread(
@@ -154,19 +156,19 @@ def photo_spread(
         left_out=np.array([shared[:count] for shared, _, _ in leave_one_out.steps()]),
         influence=leave_one_out.influence()[:, :count],
         runner_up=np.array(others),
-        held_to=prior.nearest(fit.lens.far(prior.near.rays))[0],
+        prior_lens=prior.nearest(fit.lens.far(prior.near.rays))[0],
         empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 
 
-def _step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
+def _measure_step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArray:
     """The step (K,) from a lens to another, whose parameters may be scaled otherwise."""
     _, _, by_lens = lens.far_jacobian(rays)
     change = (other.far(rays) - lens.far(rays)).reshape(-1)
     return np.asarray(np.linalg.lstsq(by_lens.reshape(len(change), -1), change, rcond=None)[0])
 
 
-def _clusters(places: IntArray, pairs: Observations) -> list[IntArray]:
+def _group_photos(places: IntArray, pairs: Observations) -> list[IntArray]:
     """Group the photos in which some corner tells its error, those from one place together."""
     telling = np.unique(pairs.image[pairs.tells_error])
     _, place = np.unique(places[telling], return_inverse=True)

@@ -51,9 +51,9 @@ def radial_poses(world: FloatArray, offset: FloatArray) -> list[RadialPose]:
     if frame is None or not offset.any():
         return []
     pixel = offset / np.sqrt(np.mean(np.square(offset)))
-    poses = _on_a_plane(frame.local, pixel) if frame.thin else []
+    poses = _solve_on_plane(frame.local, pixel) if frame.thin else []
     if not frame.flat and len(world) >= MIN_POINTS:
-        poses += _in_space(frame.local, pixel)
+        poses += _solve_in_space(frame.local, pixel)
     return [frame.in_world(pose) for pose in poses]
 
 
@@ -72,17 +72,17 @@ def poses_of_rays(world: FloatArray, rays: FloatArray) -> list[RadialPose]:
     if frame is None:
         return []
     sizes = [2] * frame.thin + [3] * (not frame.flat and len(world) >= MIN_POINTS)
-    found = (_of_rays(frame.local, rays, size) for size in sizes)
+    found = (_solve_rays(frame.local, rays, size) for size in sizes)
     return [frame.in_world(pose) for pose in found if pose is not None]
 
 
-def _of_rays(local: FloatArray, rays: FloatArray, size: int) -> RadialPose | None:
+def _solve_rays(local: FloatArray, rays: FloatArray, size: int) -> RadialPose | None:
     """The pose by so many coordinates of the points: 2 for points on a plane."""
     homogeneous = np.column_stack([local[:, :size], np.ones(len(local))])
     # Each ray is parallel to its point: their cross product is zero.
     equations = np.einsum("nij,nk->nijk", cross_matrix(rays), homogeneous)
-    solution = _null_vector(equations.reshape(3 * len(local), -1)).reshape(3, size + 1)
-    solution *= _same_way(homogeneous @ solution.T, rays)
+    solution = _find_null_vector(equations.reshape(3 * len(local), -1)).reshape(3, size + 1)
+    solution *= _find_sign(homogeneous @ solution.T, rays)
     columns = solution[:, :size]
     if size == 2:
         columns = np.column_stack([columns, np.zeros(3)])
@@ -134,25 +134,25 @@ class _Frame:
         return RadialPose(rotation=rotation, shift=pose.shift / self.scale - moved)
 
 
-def _null_vector(equations: FloatArray) -> FloatArray:
+def _find_null_vector(equations: FloatArray) -> FloatArray:
     return np.linalg.svd(equations, full_matrices=False)[2][-1]
 
 
-def _same_way(found: FloatArray, pixel: FloatArray) -> float:
+def _find_sign(found: FloatArray, pixel: FloatArray) -> float:
     """The sign that turns the linear solution's directions (N, 2) towards the pixels."""
     return 1.0 if np.sign(np.sum(found * pixel, axis=1)).sum() >= 0 else -1.0
 
 
-def _radial_solution(points: FloatArray, pixel: FloatArray) -> FloatArray:
+def _solve_radial(points: FloatArray, pixel: FloatArray) -> FloatArray:
     """First two rows of (R | t) (2, K + 1), up to their scale, by so many coordinates of points."""
     homogeneous = np.column_stack([points, np.ones(len(points))])
     equations = np.column_stack([-pixel[:, 1:] * homogeneous, pixel[:, :1] * homogeneous])
-    solution = _null_vector(equations).reshape(2, -1)
-    return solution * _same_way(homogeneous @ solution.T, pixel)
+    solution = _find_null_vector(equations).reshape(2, -1)
+    return solution * _find_sign(homogeneous @ solution.T, pixel)
 
 
-def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
-    solution = _radial_solution(local, pixel)
+def _solve_in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
+    solution = _solve_radial(local, pixel)
     left, size, right = np.linalg.svd(solution[:, :3], full_matrices=False)
     if size[1] < _NOTHING * size[0]:
         return []
@@ -161,8 +161,8 @@ def _in_space(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
     return [RadialPose(rotation=rotation, shift=solution[:, 3] / size.mean())]
 
 
-def _on_a_plane(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
-    solution = _radial_solution(local[:, :2], pixel)
+def _solve_on_plane(local: FloatArray, pixel: FloatArray) -> list[RadialPose]:
+    solution = _solve_radial(local[:, :2], pixel)
     first, second = solution[:, 0], solution[:, 1]
     # The third row (a, b) makes both columns equally long and orthogonal:
     # a b = −first·second and a² − b² = |second|² − |first|².

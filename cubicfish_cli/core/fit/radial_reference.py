@@ -51,7 +51,7 @@ _ROUNDS = 3
 # Added photos may make the others this many times as noisy.
 _PULLED_AWAY = 2.0
 # A profile with fewer coefficients may be noisier by this factor.
-_WORTH_A_TERM = 1.05
+_LOSS_PER_TERM = 1.05
 _ALL_TERMS = 4
 # A step that lowers the cost by a smaller share is taken without evaluating it.
 _NEAR_DECREASE = 1e-8
@@ -301,7 +301,7 @@ def _fit_from_centre(
     )
     if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
         return fit, used
-    return _follow_residuals(_with_terms(fit, _ALL_TERMS)), used
+    return _follow_residuals(_refit_terms(fit, _ALL_TERMS)), used
 
 
 def _free_terms(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
@@ -314,7 +314,7 @@ def terms_beyond(terms: int) -> list[str]:
     return [f"k{power}" for power in range(terms + 1, _ALL_TERMS + 1)]
 
 
-def _with_terms(fit: RadialAdjustment, terms: int) -> RadialAdjustment:
+def _refit_terms(fit: RadialAdjustment, terms: int) -> RadialAdjustment:
     camera = fit.lens.lens
     camera = replace(camera, k=np.where(np.arange(_ALL_TERMS) < terms, camera.k, 0.0))
     limit = wide_px(fit.residual)
@@ -415,11 +415,11 @@ def _drop_terms(fit: RadialAdjustment) -> RadialAdjustment:
     worse with fewer coefficients: it keeps them all, and its valid cone ends at the fold.
     """
     terms = len(fit.lens.free) - 4
-    worst = _WORTH_A_TERM * noise_px(fit.residual)
+    worst = _LOSS_PER_TERM * noise_px(fit.residual)
     best = fit
     for fewer in range(terms, -1, -1):
         if fewer < terms:
-            fit = _with_terms(fit, fewer)
+            fit = _refit_terms(fit, fewer)
         if noise_px(fit.residual) > worst:
             break
         near = np.hypot(fit.residual[:, 0], fit.residual[:, 1]) <= gross_px(fit.residual)

@@ -29,7 +29,7 @@ have. From there the spread that the data show is found in a few rounds, from be
 firm prior shows nothing but itself."""
 _SMALLEST_SPREAD = 1e-7
 _SPREAD_ROUNDS = 6
-_SPREAD_SETTLED = 0.1
+_SPREAD_CONVERGED = 0.1
 
 
 def fit_nominal_target(rough: CameraFit, target: Target | None, scale: float) -> CameraFit:
@@ -118,7 +118,7 @@ def estimate_spread(fit: Adjustment[L], pairs: Observations) -> Adjustment[L]:
         change = np.log(world.spread / before.spread)
         if len(world.offsets):
             change = np.append(change, np.log(world.offset_spread / before.offset_spread))
-        if np.all(np.abs(change) < _SPREAD_SETTLED):
+        if np.all(np.abs(change) < _SPREAD_CONVERGED):
             break
     return fit
 

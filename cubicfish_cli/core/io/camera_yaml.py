@@ -69,7 +69,7 @@ class CameraRecord(CameraFacts):
             CameraFileError: ``made_by`` is not plain data.
 
         """
-        origin = {"version": __version__, **self.made_by, **_plain(made_by or {})}
+        origin = {"version": __version__, **self.made_by, **_copy_plain(made_by or {})}
         comment = replace(self, made_by=origin).line
         return camera_text(self.camera, fit=self.fit, made_by=origin, comment=comment)
 
@@ -206,7 +206,7 @@ def unit_norm(P: FloatArray) -> FloatArray:
     return np.asarray(P / np.linalg.norm(P))
 
 
-def _plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
+def _copy_plain(made_by: Mapping[str, Any]) -> dict[str, Any]:
     """Copy plain data, which YAML can hold.
 
     Raises:
@@ -277,7 +277,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
             valid=file.rows("valid", 2),
         )
         return PointCameraFile(camera=point, fit=fit, made_by=made_by)
-    camera = _ray_camera(file, image_size, P)
+    camera = _make_ray_camera(file, image_size, P)
     _refuse_contradictions(file, image_size, fit)
     return CameraFile(camera=camera, fit=fit, made_by=made_by)
 
@@ -304,7 +304,7 @@ def _read(path: Path) -> dict[str, Any]:
     )
 
 
-def _ray_camera(file: Keys, image_size: tuple[int, int], P: FloatArray) -> CubicCamera:
+def _make_ray_camera(file: Keys, image_size: tuple[int, int], P: FloatArray) -> CubicCamera:
     max_angle_deg = float(file.numbers("max_angle_deg"))
     if not 0 < max_angle_deg < 180:
         file.refuse("max_angle_deg must be between 0 and 180")

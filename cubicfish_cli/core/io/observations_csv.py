@@ -61,11 +61,11 @@ def load_corners(
         optional=("weight", _CERTAIN),
         error=CorrespondenceError,
     )
-    size = _image_size(table, "corners", image_size)
+    size = _find_image_size(table, "corners", image_size)
     images, image = table.codes("image")
     boards, board = table.codes("board")
     found = Observations(
-        **_certain(table),
+        **_read_certain(table),
         image_size=size,
         images=images,
         boards=boards,
@@ -96,8 +96,8 @@ def corners_text(corners: Observations) -> str:
     reader understands; otherwise it is of version 2, with the column ``certain``.
     """
     columns = [
-        _names(corners.images, corners.image),
-        _names(corners.boards, corners.board),
+        _list_names(corners.images, corners.image),
+        _list_names(corners.boards, corners.board),
         corners.column.tolist(),
         corners.row.tolist(),
         *corners.pixel.T.tolist(),
@@ -129,7 +129,7 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
 
     """
     table = read_table(path, required=PAIR_COLUMNS, optional=("weight",), error=CorrespondenceError)
-    size = _image_size(table, "correspondences", image_size)
+    size = _find_image_size(table, "correspondences", image_size)
     images, image = table.codes("image")
     world = table.points("X", "Y", "Z")
     bad = np.flatnonzero((np.abs(world) > MAX_COORDINATE).any(axis=1))
@@ -147,7 +147,7 @@ def load_correspondences(path: Path, *, image_size: tuple[int, int] | None = Non
     return found.usable(table.refuse).by_photo()
 
 
-def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
+def _find_image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple[int, int]:
     """The image size, from the file's first line, the caller, or both if they agree."""
     if not table.comment.startswith("cubicfish"):
         if given is None:
@@ -175,7 +175,7 @@ def _image_size(table: Table, kind: str, given: tuple[int, int] | None) -> tuple
     return stated
 
 
-def _certain(table: Table) -> dict[str, Any]:
+def _read_certain(table: Table) -> dict[str, Any]:
     """Whether each name is certain, if the table has that column."""
     if _CERTAIN not in table.columns:
         return {}
@@ -186,5 +186,5 @@ def _certain(table: Table) -> dict[str, Any]:
     return {_CERTAIN: certain == 1}
 
 
-def _names(names: tuple[str, ...], index: IntArray) -> list[str]:
+def _list_names(names: tuple[str, ...], index: IntArray) -> list[str]:
     return [names[i] for i in index.tolist()]

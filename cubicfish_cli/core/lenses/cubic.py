@@ -80,7 +80,7 @@ class CubicCamera(Brief):
             near: whether the distance of the points counts; they are then in ``units``.
 
         """
-        points = _numbers(points, 3)
+        points = _check_numbers(points, 3)
         if near:
             points = from_pupil(points, self.pupil_travel)
         rays = unit_rays(points)
@@ -133,12 +133,12 @@ class CubicCamera(Brief):
         Newton's method on the sphere, from the reference's ray. A result counts only when it
         reprojects within :data:`UNPROJECT_TOLERANCE_PX` from inside the cone.
         """
-        pixel = _numbers(pixel, 2)
+        pixel = _check_numbers(pixel, 2)
         flat = pixel.reshape(-1, 2)
         rays = np.full((len(flat), 3), np.nan)
         candidates = np.flatnonzero(self._may_be_inside(flat))
         for block in np.array_split(candidates, len(candidates) // _BLOCK + 1):
-            rays[block] = self._newton(flat[block])
+            rays[block] = self._find_rays(flat[block])
         return rays.reshape((*pixel.shape[:-1], 3))
 
     def photo_rays(self, pixel: FloatArray) -> FloatArray:
@@ -168,7 +168,7 @@ class CubicCamera(Brief):
             )
             return np.hypot(own[:, 0], own[:, 1]) <= 1.02 * farthest
 
-    def _newton(self, pixel: FloatArray) -> FloatArray:
+    def _find_rays(self, pixel: FloatArray) -> FloatArray:
         limit = np.deg2rad(self.max_angle_deg)
         theta = np.arccos(np.clip(self.radial.unproject(pixel)[:, 2], -1, 1))
         # The reference has no ray for a pixel beyond its own end: start those at the cone's edge.
@@ -198,10 +198,10 @@ class CubicCamera(Brief):
 
     def edge(self, count: int = 180) -> FloatArray:
         """Unit rays (count, 3) at the edge of the valid field, evenly by their azimuths from x."""
-        return _edge(self, count)
+        return _find_edge(self, count)
 
 
-def _numbers(given: npt.ArrayLike, count: int) -> FloatArray:
+def _check_numbers(given: npt.ArrayLike, count: int) -> FloatArray:
     """An array (..., count).
 
     Raises:
@@ -218,7 +218,7 @@ def _numbers(given: npt.ArrayLike, count: int) -> FloatArray:
 
 
 @lru_cache(maxsize=4)
-def _edge(camera: CubicCamera, count: int) -> FloatArray:
+def _find_edge(camera: CubicCamera, count: int) -> FloatArray:
     """Find :meth:`CubicCamera.edge`, cached since everything about a camera's field needs it."""
     around = np.linspace(0, 2 * np.pi, count, endpoint=False)
     near, far = np.zeros(count), np.full(count, np.deg2rad(camera.max_angle_deg))
@@ -250,7 +250,7 @@ def pole_or_fold_deg(P: npt.ArrayLike, angle_deg: float) -> float | None:
 
     """
     P = np.asarray(P, float)
-    rays = _checked(float(angle_deg))
+    rays = _make_cone(float(angle_deg))
     homogeneous, gradient = evaluate_cubics(P, rays)
     numerators, denominator = homogeneous.T[:2], homogeneous.T[2]
     # Working on one coordinate of all rays after the other is fastest.
@@ -270,7 +270,7 @@ def pole_or_fold_deg(P: npt.ArrayLike, angle_deg: float) -> float | None:
 
 
 @lru_cache(maxsize=4)
-def _checked(angle_deg: float) -> FloatArray:
+def _make_cone(angle_deg: float) -> FloatArray:
     """Rays of a cone, (N, 3), cached since a fit needs the same ones many times."""
     angle = np.deg2rad(angle_deg)
     rim = ray_at(np.full(720, angle), np.linspace(0, 2 * np.pi, 720, endpoint=False))

@@ -21,7 +21,7 @@ _ONE, _LINEAR = MONOMIALS.index("1"), [MONOMIALS.index(axis) for axis in "XYZ"]
 _PRODUCTS = tuple(combinations_with_replacement(range(4), 2))
 
 
-def _steps() -> list[tuple[int, int, int]]:
+def _list_steps() -> list[tuple[int, int, int]]:
     """Monomials of degree 2 and 3: index, that of one of a degree less, times which coordinate.
 
     The coordinate is the last one of those with the smallest power: squares come first.
@@ -35,7 +35,7 @@ def _steps() -> list[tuple[int, int, int]]:
     return found
 
 
-_STEPS = _steps()
+_STEPS = _list_steps()
 
 
 def lift(points: npt.ArrayLike) -> FloatArray:

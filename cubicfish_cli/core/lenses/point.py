@@ -65,13 +65,13 @@ class PointCamera(Brief):
         NaN outside the volume of the corners, at a pole, and off the boards where the rank is
         below 20; :meth:`refuse_off_boards` raises an error for the latter.
         """
-        local = self._local(points)
+        local = self._normalise(points)
         values = lift(np.where(np.isfinite(local), local, 0))
         homogeneous = values @ self.P.T
         with np.errstate(divide="ignore", invalid="ignore"):
             pixel = homogeneous[..., :2] / homogeneous[..., 2:]
             inside = np.linalg.norm(local, axis=-1) <= self.reach
-        inside &= (homogeneous[..., 2] > 0) & self._on_boards(values)
+        inside &= (homogeneous[..., 2] > 0) & self._are_on_boards(values)
         return np.where(inside[..., None], pixel, np.nan)
 
     def refuse_off_boards(self, points: npt.ArrayLike) -> None:
@@ -83,7 +83,7 @@ class PointCamera(Brief):
         """
         given = np.asarray(points, float).reshape(-1, 3)
         given = given[np.isfinite(given).all(axis=1)]
-        off = np.flatnonzero(~self._on_boards(lift(self._local(given))))
+        off = np.flatnonzero(~self._are_on_boards(lift(self._normalise(given))))
         if off.size:
             x, y, z = given[off[0]].tolist()
             raise FitError(
@@ -93,8 +93,8 @@ class PointCamera(Brief):
                 "more planes in general position"
             )
 
-    def _local(self, points: npt.ArrayLike) -> FloatArray:
+    def _normalise(self, points: npt.ArrayLike) -> FloatArray:
         return (np.asarray(points, float) - self.offset) / self.scale
 
-    def _on_boards(self, values: FloatArray) -> BoolArray:
+    def _are_on_boards(self, values: FloatArray) -> BoolArray:
         return np.abs(values @ self.null.T).max(axis=-1, initial=0) <= _ON_BOARD

@@ -29,7 +29,7 @@ def from_pupil(points: FloatArray, travel: float) -> FloatArray:
     """
     moved = np.array(points, float)
     if travel:
-        moved[..., 2] -= travel * _profile(moved)[0]
+        moved[..., 2] -= travel * _compute_profile(moved)[0]
     return moved
 
 
@@ -46,7 +46,7 @@ def from_pupil_and_slopes(
         (N, 3) points; (N, 3) d depth / d point, beside the point's own; (N,) d depth / d travel.
 
     """
-    profile, length, sine, angle = _profile(points)
+    profile, length, sine, angle = _compute_profile(points)
     with np.errstate(divide="ignore", invalid="ignore"):
         along = points / length[:, None]
         steepness = (sine - angle * along[:, 2]) / (sine**2 * length)
@@ -60,10 +60,10 @@ def from_pupil_and_slopes(
 
 def pupil_profile(rays: FloatArray) -> FloatArray:
     """Where on the axis rays (..., 3) enter the lens if the pupil travels by 1: z (...)."""
-    return _profile(rays)[0]
+    return _compute_profile(rays)[0]
 
 
-def _profile(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _compute_profile(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """θ/sin θ − 1 of points (..., 3), their lengths, sin θ and θ: (...)."""
     across = np.hypot(points[..., 0], points[..., 1])
     length = np.hypot(across, points[..., 2])  # of any size: squares would overflow

@@ -86,7 +86,7 @@ class _FlatGrid(CubicGrid):
         x, y = np.asarray(x, float), np.asarray(y, float)
         gram = matrix.T @ matrix
         turned = camera.P @ lift_rotation(matrix)  # holds for every linear map, not only for turns
-        even, odd = _flat_coefficients(turned, gram)
+        even, odd = _compute_flat_coefficients(turned, gram)
         powers = x ** np.arange(4)[:, None]
         self._even = even @ powers
         self._odd = odd[:, :3, :3] @ powers[:3]
@@ -105,14 +105,14 @@ class _FlatGrid(CubicGrid):
         self._along_y = axis[1] * y + axis[2]
         self._least_cosine = float(np.cos(np.deg2rad(camera.max_angle_deg) + _SLACK))
 
-    def _length(self, rows: slice) -> FloatArray:
+    def _measure_length(self, rows: slice) -> FloatArray:
         n = self._square_y[rows, None] + self._square_x
         if self._crossed:
             n += self._cross_y[rows, None] * self._x
         return np.sqrt(n, out=n)
 
     def homogeneous(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-        n = self._length(rows)
+        n = self._measure_length(rows)
         powers = self._y_powers[rows]
         sums = []
         for even, odd in zip(self._even, self._odd, strict=True):
@@ -132,10 +132,10 @@ class _FlatGrid(CubicGrid):
         if (along > max(0.0, cosine) * np.sqrt(square)).all():
             return None
         along = self._along_y[rows, None] + self._along_x
-        return np.asarray(along < cosine * self._length(rows))
+        return np.asarray(along < cosine * self._measure_length(rows))
 
 
-def _flat_coefficients(P: FloatArray, gram: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _compute_flat_coefficients(P: FloatArray, gram: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coefficients of A and B, (3, 4, 4) each: [row of P, power of y, power of x]."""
     even, odd = np.zeros((3, 4, 4)), np.zeros((3, 4, 4))
     square = (
@@ -232,7 +232,7 @@ class _StereographicGrid(CubicGrid):
         """Prepare for columns x (W,) and rows y (H,), offsets in focal lengths."""
         x, y = x / 2, y / 2
         P = camera.P @ lift_rotation(turn)
-        coefficients = _stereographic_coefficients(P)
+        coefficients = _compute_stereographic_coefficients(P)
         self._columns = coefficients @ (x ** np.arange(7)[:, None])
         self._y_powers = y[:, None] ** np.arange(7)
         least = float(np.cos(np.deg2rad(camera.max_angle_deg) + _SLACK))
@@ -250,7 +250,7 @@ class _StereographicGrid(CubicGrid):
         return np.asarray(self._beyond_y[rows, None] + self._beyond_x < 0)
 
 
-def _stereographic_coefficients(P: FloatArray) -> FloatArray:
+def _compute_stereographic_coefficients(P: FloatArray) -> FloatArray:
     """(3, 7, 7): [row of P, power of y, power of x] of q³f."""
 
     def times(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -287,8 +287,8 @@ class _EquidistantGrid(CubicGrid):
 
     def __init__(self, camera: CubicCamera, turn: FloatArray, x: FloatArray, y: FloatArray) -> None:
         """Prepare for columns x (W,) and rows y (H,), offsets in focal lengths."""
-        node_x, column_weights = _interpolation(x)
-        node_y, self._row_weights = _interpolation(y)
+        node_x, column_weights = _interpolate(x)
+        node_y, self._row_weights = _interpolate(y)
         node = np.stack(np.meshgrid(node_x, node_y), axis=-1)
         theta = np.hypot(node[..., 0], node[..., 1])[..., None]
         rays = np.concatenate([node * np.sinc(theta / np.pi), np.cos(theta)], axis=-1)
@@ -317,15 +317,15 @@ class _EquidistantGrid(CubicGrid):
         return np.asarray(outside)
 
 
-def _interpolation(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _interpolate(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Chebyshev nodes (n,) over x (W,), within ±π, and the weights (W, n) of their values."""
-    reach = float(min(np.abs(x).max(), np.pi)) or 1.0
-    # f has frequencies up to 3: its coefficients vanish beyond 3·reach and a margin.
-    count = int(3 * reach) + _CHEBYSHEV_MARGIN
+    extent = float(min(np.abs(x).max(), np.pi)) or 1.0
+    # f has frequencies up to 3: its coefficients vanish beyond 3·extent and a margin.
+    count = int(3 * extent) + _CHEBYSHEV_MARGIN
     node = np.cos(np.pi * (np.arange(count) + 0.5) / count)
     at_nodes = np.polynomial.chebyshev.chebvander(node, count - 1)
     to_coefficients = at_nodes.T * (2 / count)
     to_coefficients[0] /= 2
     # Places farther away than a half turn are no part of the view.
-    at_x = np.polynomial.chebyshev.chebvander(np.clip(x / reach, -1, 1), count - 1)
-    return node * reach, at_x @ to_coefficients
+    at_x = np.polynomial.chebyshev.chebvander(np.clip(x / extent, -1, 1), count - 1)
+    return node * extent, at_x @ to_coefficients

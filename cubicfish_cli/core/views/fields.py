@@ -71,9 +71,9 @@ def fit_view(camera: Camera, view: CentralView, share: float) -> tuple[CentralVi
     """
     ends = []
     if share < 1:
-        ends.append(_inner(camera, view))
+        ends.append(_fit_inner(camera, view))
     if share > 0:
-        ends.append(_outer(camera, view))
+        ends.append(_fit_outer(camera, view))
     focal, at_limit = ends[-1]
     if len(ends) == 2:
         focal = math.exp((1 - share) * math.log(ends[0][0]) + share * math.log(focal))
@@ -94,14 +94,14 @@ def cropped(camera: Camera, view: CentralView) -> CentralView:
         ViewError: the camera sees nothing.
 
     """
-    region = _region(camera)
+    region = _sample_region(camera)
     widest = 2 * np.array(PROJECTIONS[view.kind].most)
     most = np.maximum(2, 2 * np.floor(view.focal * widest / 2)).astype(int)
     half = np.abs(PROJECTIONS[view.kind].offsets(region @ view.camera_from_view)).max(axis=0)
     size = np.minimum(2 * np.ceil(view.focal * half).astype(int) + 2, most)
     while True:  # the region has single rays: what lies between them appears at the border
         view = replace(view, size=(int(size[0]), int(size[1])))
-        border = _border(view.size, 0.5)
+        border = _list_border(view.size, 0.5)
         seen = border[sees(camera, view.rays(border))]
         beyond = (np.abs(seen - (size - 1) / 2) >= size / 2 - 1e-6).any(axis=0)
         grown = np.where(beyond, np.minimum(size + 2 * (1 + size // 400), most), size)
@@ -111,7 +111,7 @@ def cropped(camera: Camera, view: CentralView) -> CentralView:
     if camera.max_angle_deg > _ALL_ROUND_DEG:
         return view
     for axis in np.flatnonzero((size == most) & (widest > math.pi)).tolist():
-        along = _seen_along(camera, view, axis)
+        along = _find_seen_along(camera, view, axis)
         if math.pi < len(along) / view.focal < _ALONG * 2 * math.radians(camera.max_angle_deg):
             size[axis] = 2 * math.ceil(np.abs(along - (size[axis] - 1) / 2).max() + 0.5)
     return replace(view, size=(int(size[0]), int(size[1])))
@@ -136,7 +136,7 @@ def seen_field_deg(camera: PointProjector, view: CentralView) -> tuple[float, fl
     """
     fields = []
     for axis, side in enumerate(view.size):
-        seen = np.isin(np.arange(side), _seen_along(camera, view, axis))
+        seen = np.isin(np.arange(side), _find_seen_along(camera, view, axis))
         ends = np.flatnonzero(np.diff(seen, prepend=False, append=False))  # each second is beyond
         offsets = (ends - side / 2) / view.focal
         angles = [math.copysign(view.half_field(abs(end), axis), end) for end in offsets.tolist()]
@@ -162,7 +162,7 @@ def lost_shares(camera: CubicCamera, view: CentralView) -> tuple[float, float]:
     return unknown / photo, int((known & ~_shows(view, rays)).sum()) / photo
 
 
-def _seen_along(camera: PointProjector, view: CentralView, axis: int) -> IntArray:
+def _find_seen_along(camera: PointProjector, view: CentralView, axis: int) -> IntArray:
     """Which pixels of a view's middle row (axis 0) or column the camera sees: their x or y."""
     side = view.size[axis]
     pixel = np.tile(np.array(view.middle), (side, 1))
@@ -170,7 +170,7 @@ def _seen_along(camera: PointProjector, view: CentralView, axis: int) -> IntArra
     return np.flatnonzero(sees(camera, view.rays(pixel)))
 
 
-def _region(camera: Camera) -> FloatArray:
+def _sample_region(camera: Camera) -> FloatArray:
     rays = cone_rays(math.radians(camera.max_angle_deg), _REGION_RAYS)
     rays = rays[sees(camera, rays)]
     if not len(rays):
@@ -182,7 +182,7 @@ def _shows(view: View, rays: FloatArray) -> BoolArray:
     return in_picture(view.pixels(rays), view.size, -0.5)
 
 
-def _border(size: tuple[int, int], margin: float) -> FloatArray:
+def _list_border(size: tuple[int, int], margin: float) -> FloatArray:
     """Points around a picture, ``margin`` pixels beyond the outer pixels' centres: (N, 2).
 
     With no margin they are the outer pixels themselves.
@@ -196,9 +196,9 @@ def _border(size: tuple[int, int], margin: float) -> FloatArray:
     return np.stack([np.concatenate(x), np.concatenate(y)], axis=-1)
 
 
-def _inner(camera: Camera, view: CentralView) -> tuple[float, bool]:
+def _fit_inner(camera: Camera, view: CentralView) -> tuple[float, bool]:
     """The least focal length without an empty pixel, and whether the view's limit sets it."""
-    border = np.vstack([_border(view.size, 0.0), [view.middle]])
+    border = np.vstack([_list_border(view.size, 0.0), [view.middle]])
 
     def no_empty(focal: float) -> bool:
         rays = replace(view, focal=focal).rays(border)
@@ -214,9 +214,9 @@ def _inner(camera: Camera, view: CentralView) -> tuple[float, bool]:
     return _bisect(no_empty, good=most, bad=least), False
 
 
-def _outer(camera: Camera, view: CentralView) -> tuple[float, bool]:
+def _fit_outer(camera: Camera, view: CentralView) -> tuple[float, bool]:
     """The largest focal length at which nothing is lost, and whether something is at any."""
-    border, region = _border(view.size, 0.5), _region(camera)
+    border, region = _list_border(view.size, 0.5), _sample_region(camera)
 
     def nothing_lost(focal: float) -> bool:
         trial = replace(view, focal=focal)

@@ -28,7 +28,7 @@ OUTSIDE = -1.0
 _PIXELS_PER_BLOCK = 65_536
 _PIXELS_FOR_THREADS = 250_000
 _THREADS = 2
-_EDGE_LOOKS = 200  # samples along a side of the photo
+_EDGE_SAMPLES = 200  # samples along a side of the photo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -149,8 +149,8 @@ class WholePhoto:
     @cached_property
     def max_angle_deg(self) -> float:
         """Half-angle of the cone that holds what photos show, up to 90° where it is not known."""
-        share = np.linspace(0, 1, _EDGE_LOOKS)
-        low, high = np.zeros(_EDGE_LOOKS), np.ones(_EDGE_LOOKS)
+        share = np.linspace(0, 1, _EDGE_SAMPLES)
+        low, high = np.zeros(_EDGE_SAMPLES), np.ones(_EDGE_SAMPLES)
         sides = [(share, low), (share, high), (low, share), (high, share)]
         edge = np.concatenate([np.stack(side, axis=-1) for side in sides])
         angle = angle_from_axis(self.camera.photo_rays(edge * (np.array(self.image_size) - 1)))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _SQUARE_TOLERANCE = 1e-6
 # Number of places along each side of the plane's part at which the photo's scale is measured.
-_LOOKS = 15
+_SAMPLES = 15
 _STEP = 1e-3
 # Without a scale from the user the picture is no larger than this.
 _MOST_DEFAULT_SIDE = 8192
@@ -70,7 +70,7 @@ def build_plane(
     axes = np.array([turn @ np.asarray(axis) for axis in (plane.x_axis, plane.y_axis)])
     origin = turn @ np.asarray(plane.origin) + place
     sides = high - low
-    along = [np.linspace(start, end, _LOOKS) for start, end in zip(low, high, strict=True)]
+    along = [np.linspace(start, end, _SAMPLES) for start, end in zip(low, high, strict=True)]
     here = origin + np.stack(np.meshgrid(*along), axis=-1) @ axes
     step, project = _STEP * float(sides.max()), seen_near(camera)
     across, down = ((project(here + step * axis) - project(here)) / step for axis in axes)

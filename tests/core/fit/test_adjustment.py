@@ -29,12 +29,12 @@ POSES = synthetic.poses_around(TARGET, 5, seed=2)
 
 def normal_equations(lens, poses, pairs, huber_px, world=None):
     world = DeformableTarget(nominal=pairs.world) if world is None else world
-    return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).normal
+    return adjustment._evaluate(State(lens, poses, world), pairs, huber_px).normal
 
 
 def cost(lens, poses, pairs, huber_px, world=None):
     world = DeformableTarget(nominal=pairs.world) if world is None else world
-    return adjustment._evaluated(State(lens, poses, world), pairs, huber_px).cost
+    return adjustment._evaluate(State(lens, poses, world), pairs, huber_px).cost
 
 
 @pytest.fixture(scope="module")

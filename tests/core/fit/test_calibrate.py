@@ -273,7 +273,7 @@ def test_weak_prior_still_gives_a_sound_camera(pairs):
     assert result.prior.weight >= 1e-4
 
 
-def test_a_pole_holds_p_closer_to_the_radial_reference(pairs, monkeypatch):
+def test_a_pole_ties_p_closer_to_the_radial_reference(pairs, monkeypatch):
     """Whatever weight gives a bad P is raised until the check passes; it never passes silently."""
     reference = fit_radial(pairs)
     checked = []

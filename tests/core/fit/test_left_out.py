@@ -101,17 +101,17 @@ def test_one_step_is_nearly_a_fit_anew(reference, target, level):
 
 
 @pytest.mark.slow
-def test_all_holds_at_once_are_as_one_by_one(reference, held):
+def test_all_priors_at_once_are_as_one_by_one(reference, held):
     """Both ways to eliminate, and every prior as its lens itself has it."""
     _, result = held
     leave_one_out = LeaveOneOut(result, FOLDS)
     weights = np.array([10.0, 1.0, 0.01])
     for spread in (0.0, 1e-3, 1e-2):
         bent, _ = reference.bent(spread)
-        priors = result.lens.held_to(bent).priors(weights)
+        priors = result.lens.with_prior_of(bent).priors(weights)
         together = dict(leave_one_out.residuals(priors))
         for place, weight in enumerate(weights):
-            lens = result.lens.held_to(bent, weight)
+            lens = result.lens.with_prior_of(bent, weight)
             own = lens.prior()
             if weight == PRIOR.weight:
                 np.testing.assert_allclose(priors[place], own, atol=1e-6 * np.abs(own).max())
@@ -128,7 +128,7 @@ def test_what_a_group_put_in_is_what_is_not_left(reference, held):
     leave_one_out = LeaveOneOut(fit, FOLDS)
     for group, step in zip(FOLDS, leave_one_out.steps(), strict=True):
         others = np.setdiff1d(np.arange(8), group)
-        rest = leave_one_out._put_in(others).held(fit.lens.prior(), fit.world)
+        rest = leave_one_out._sum_up(others).with_priors(fit.lens.prior(), fit.world)
         rest.pose[group] = np.eye(6)
         assert rest.eliminated(1e-9).keeps_poses == (level == "points")
         for part, wanted in zip(step, rest.solve(1e-9), strict=True):
@@ -153,7 +153,7 @@ def test_a_lens_that_no_bent_one_is_near_to_is_told_by_one_that_sees_all(referen
 def test_another_prior_steps_as_the_equations_with_it_do(reference):
     result = fit_cubic(reference, PRIOR, relative_decrease=1e-4)
     normal = result.normal
-    other = result.lens.held_to(reference.bent(1e-2)[0], 0.1)
+    other = result.lens.with_prior_of(reference.bent(1e-2)[0], 0.1)
     change = other.prior() - result.lens.prior()
     changed = replace(
         normal,
@@ -205,7 +205,7 @@ def test_what_many_photos_say_outweighs_what_is_expected():
     assert _choose_likeliest([middle, other], np.repeat(squares, 4, axis=1))[0] == other
 
 
-def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
+def test_a_prior_is_in_doubt_as_far_as_other_photos_would_choose_another():
     middle, other = EXPECTED, PriorChoice(spread=SPREADS[2], weight=WEIGHTS[2])
     alike = np.array([np.full(10, 1.0), np.full(10, 1.04)])
     assert _choose_likeliest([middle, other], alike) == (middle, {})  # by little, but by all photos
@@ -218,7 +218,7 @@ def test_a_hold_is_in_doubt_as_far_as_other_photos_would_have_another():
     assert runners_up[other] == pytest.approx(tosses, abs=0.05)
 
 
-def test_without_photos_to_leave_out_the_hold_is_a_middle_one(reference):
+def test_without_photos_to_leave_out_the_prior_is_a_middle_one(reference):
     assert choose_prior(reference, []).prior == EXPECTED
 
 

@@ -90,14 +90,14 @@ def test_variances_add_up_to_sigma():
     reference, cubic = fitted(4, CornerErrors())
     spread = photo_spread(cubic, np.arange(PHOTOS))
     rays = cone_rays(reference.covered, 30)
-    left_out, influence, _ = spread._changes(rays)
-    single = spread._of_photos(left_out, influence)
+    left_out, influence, _ = spread._measure_changes(rays)
+    single = spread._estimate_variance(left_out, influence)
     assert (spread.sigma_px(rays) ** 2 >= single.reshape(-1, 2).sum(axis=1) * (1 - 1e-12)).all()
     assert spread.noise_px == pytest.approx(spread.noise.noise_px)
 
 
 @pytest.mark.slow
-def test_a_rival_hold_adds_how_far_its_camera_is():
+def test_a_runner_up_adds_how_far_its_camera_is():
     reference, cubic = fitted(5, CornerErrors())
     rays = cone_rays(reference.covered, 60)
     alone = photo_spread(cubic, np.arange(PHOTOS)).sigma_px(rays)
@@ -135,9 +135,9 @@ def test_photos_variance_is_right_on_average_however_much_one_of_them_weighs(clu
     residual = errors - (errors @ leverage)[:, None]
     influence = -leverage * residual
     spread = PhotoSpread(
-        noise=None, left_out=None, influence=None, runner_up=None, held_to=None, empty=0.0
+        noise=None, left_out=None, influence=None, runner_up=None, prior_lens=None, empty=0.0
     )
-    found = spread._of_photos(influence / (1 - leverage), influence)
+    found = spread._estimate_variance(influence / (1 - leverage), influence)
     widened = variance_of_few(np.ones(1), clusters)[0]
     true = 1 / weight.sum()
     assert found.mean() / widened == pytest.approx(true, rel=0.02)
@@ -159,7 +159,7 @@ def test_in_an_empty_middle_two_guesses_are_off_by_what_they_differ_by():
     near = rays[:, 2] < np.cos(np.radians(51))
     sigma, of_data = spread.sigma_px(rays), replace(spread, empty=0.0).sigma_px(rays)
     np.testing.assert_array_equal(sigma[near], of_data[near])
-    differ = cubic.lens.far(rays[empty]) - spread.held_to.project(rays[empty])
+    differ = cubic.lens.far(rays[empty]) - spread.prior_lens.project(rays[empty])
     assert np.hypot(*differ.T).max() > 0.01
     np.testing.assert_allclose(
         sigma[empty] ** 2 - of_data[empty] ** 2, np.sum(differ**2, axis=1), atol=1e-9

@@ -12,7 +12,7 @@ from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.finding import Finding, Saying
 from cubicfish_cli.core.fit.calibrate import calibrate
-from cubicfish_cli.core.fit.cubic_fit import fit_cubic, held
+from cubicfish_cli.core.fit.cubic_fit import fit_cubic, with_prior
 from cubicfish_cli.core.fit.deformable_target import Level
 from cubicfish_cli.core.fit.evaluate import Evaluation, evaluate
 from cubicfish_cli.core.fit.fit_lens import FitLens, FixedLens
@@ -125,7 +125,10 @@ def calibrate_alone(
         result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
         lens, poses = _with_own_denominators(result.lens), result.poses
         runners_up = [
-            (_with_own_denominators(held(result.lens, reference, prior, result.errors)), likely)
+            (
+                _with_own_denominators(with_prior(result.lens, reference, prior, result.errors)),
+                likely,
+            )
             for prior, likely in found.runners_up.items()
         ]
     return Alone(
