@@ -1,8 +1,8 @@
-"""Grids in photos that are not the target's: boards of more or fewer corners, another target.
+"""Photos whose grids are not the target's: boards with more or fewer corners, another target.
 
-A board has more corners where photos show it as a larger grid, and never as it is drawn. It has
-fewer where whole grids of one size end in view of the lens, and no photo shows more. Where photos
-show boards and give no corners, and they are many, the set-up is to blame.
+A board has more corners if photos show it as a larger grid, and never as it is drawn. It has fewer
+if whole grids of one size end in view of the lens, and no photo shows more. If photos show boards
+and give no corners, and they are many, the set-up is to blame.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ from cubicfish_cli.corners.identification.identified import (
 if TYPE_CHECKING:
     from cubicfish_cli.corners.identification.ends import Ends  # it loads pictures
 
-# Counting squares shows in so many photos of the whole board.
+# Photos that must show the whole board before squares count as counted for corners.
 _WHOLE_BOARDS = 3
-# So many of the photos of another target show the same grid whole.
+# Share of the photos of another target that show the same grid whole.
 _COMMON = 0.5
-# So many sizes of grids are told.
+# Number of sizes of grids that are listed.
 _MOST_SIZES = 4
-# So many photos must show a thing: in one, anything may cover a line of corners, or two things may
-# look like one grid.
+# Fewest photos that must show a thing: in one photo, anything may cover a line of corners, or two
+# things may look like one grid.
 _FEWEST_PHOTOS = 2
-# Fewer that are lost for one reason may be of another board, or taken by mistake. And where boards
-# have their names in so many, whatever is larger stands in the background.
+# Fewer photos that are lost for one reason may be of another board, or taken by mistake. And where
+# boards have their names in so many photos, whatever is larger stands in the background.
 _MANY = 1 / 3
-# A grid fills its box when it has so much of it.
+# A grid fills its box if it has this share of it.
 _FILLED = 0.9
-# So many of the grids that end in view must have as many lines.
+# Share of the grids that end in view that must have equally many lines.
 _AGREE_SHARE = 0.8
-# A line of corners should be in view where so many of them would be visible.
+# A line of corners should be in view if so many of them would be visible.
 _LINE_CORNERS = 3
 Size = tuple[int, int]
 
@@ -66,8 +66,8 @@ class Count:
 
     Attributes:
         board: index into the target's boards.
-        size: columns and rows that are seen.
-        photos: in how many photos.
+        size: the numbers of columns and rows that are seen.
+        photos: how many photos show it.
 
     """
 
@@ -77,9 +77,9 @@ class Count:
 
 
 def squares_of_corners(evidence: FitEvidence) -> list[Finding]:
-    """Boards that are seen whole in photos, but for the last column and row that they are to have.
+    """Find boards that photos show whole, except for the last column and row of the target.
 
-    Corners that come as a table may be counted rightly where the target's squares are counted.
+    Corners of a table may be counted rightly where the squares of the target were counted.
     """
     pairs, boards = evidence.pairs, []
     for index, board in enumerate(evidence.target.boards if evidence.target else ()):
@@ -96,7 +96,7 @@ def squares_of_corners(evidence: FitEvidence) -> list[Finding]:
 
 
 def squares_of_grids(evidence: GridEvidence) -> list[Finding]:
-    """That photo after photo shows one board whole, one corner smaller both ways."""
+    """Find boards that many photos show whole, with one corner less both ways."""
     boards = grid_boards(evidence.target)
     if len(boards) != 1:
         return []
@@ -115,12 +115,12 @@ def squares_of_grids(evidence: GridEvidence) -> list[Finding]:
 
 
 def squares_counted(boards: Sequence[Board], photos: int | None = None) -> Finding:
-    """That boards have one corner less each way than the target says.
+    """Report that boards have one corner less each way than the target says.
 
     Args:
-        boards: these boards, one at least.
-        photos: how many photos show it, where nothing can be made of any; None where the
-            corners of a table are counted rightly.
+        boards: the boards, at least one.
+        photos: how many photos show it, where no photo can be used; None where the corners of a
+            table are counted rightly.
 
     """
     first = boards[0]
@@ -140,7 +140,7 @@ def squares_counted(boards: Sequence[Board], photos: int | None = None) -> Findi
 
 
 def miscounted(evidence: GridEvidence) -> list[Finding]:
-    """Boards of which photos show another number of corners."""
+    """Find boards of which photos show another number of corners."""
     counts = evidence.counts
     if not counts:
         return []
@@ -173,14 +173,14 @@ def miscounted(evidence: GridEvidence) -> list[Finding]:
 
 
 def count_corners(identified: Identified, target: Target) -> list[Count]:
-    """Count the corners of boards, where photos show others than the drawing.
+    """Count the corners of boards where photos show another number than the nominal target.
 
     Args:
         identified: what became of the photos' grids.
-        target: the drawing.
+        target: the nominal target.
 
     Returns:
-        One for each board that has more or fewer, in the order of the boards.
+        One count for each board that has more or fewer corners, in the order of the boards.
 
     """
     boards = boards_with_squares(target)
@@ -190,7 +190,7 @@ def count_corners(identified: Identified, target: Target) -> list[Count]:
 
 
 def _find_more(identified: Identified, target: Target, boards: list[int]) -> dict[int, Count]:
-    """Boards that are a line longer: grids that fit nowhere, in photos without the board."""
+    """Find boards that are a line longer: grids that fit nowhere, in photos without the board."""
     as_drawn, shown = defaultdict[int, set[int]](set), defaultdict[int, set[int]](set)
     larger = defaultdict[tuple[int, ...], set[int]](set)
     for photo, own in enumerate(identified.grids):
@@ -215,7 +215,7 @@ def _find_more(identified: Identified, target: Target, boards: list[int]) -> dic
 
 
 def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> dict[int, Count]:
-    """Boards of which photo after photo shows as many corners, and both ends; none shows more."""
+    """Find boards of which many photos show as many corners, and both ends; no photo shows more."""
     doubtful = [index for index in boards if not _is_shown_whole(identified, target, index)]
     scene = identified.scene
     if scene is None or scene.camera is None or not doubtful:
@@ -234,7 +234,7 @@ def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> di
             turn, extent = TURNS[place.turn], grid.cells.max(axis=0) + 1
             axes = np.abs(turn).argmax(axis=1)
             if alone and (extent[axes[0]] < extent[axes[1]]) == (size[0] >= size[1]):
-                axes = axes[::-1]  # its place may be any: it lies as its longer side does
+                axes = axes[::-1]  # any place will do: it lies as its longer side does
             columns, rows = extent[axes].tolist()
             seen[place.board].append((columns, rows))
             ends = scene.ends(own, index) if scene.poses[index] is not None else None
@@ -258,7 +258,7 @@ def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> di
 
 
 def _is_shown_whole(identified: Identified, target: Target, index: int) -> bool:
-    """Whether photos show the first and last columns and rows of a board that are drawn.
+    """Whether photos show the first and the last columns and rows of the nominal board.
 
     Where one board is the whole target, a photo must show as many corners.
     """
@@ -279,13 +279,13 @@ def _is_full(grid: Grid) -> bool:
 
 
 def _ends_in_view(ends: Ends) -> BoolArray:
-    """(2, 2) before and after the grid along i and j: a next line should be in view, but is not."""
+    """(2, 2) before and after the grid along i and j: whether a next line is missing in view."""
     missing = np.array([ends.table[tuple(room)] for room in np.eye(4, dtype=np.intp)])
     return np.asarray(missing.reshape(2, 2) >= _LINE_CORNERS)
 
 
 def nothing_named(evidence: GridEvidence) -> list[Finding]:
-    """Why none of the grids could be named, where there is any."""
+    """Find why none of the grids could be named, if there are any."""
     identified, target = evidence.identified, evidence.target
     grids = [grid for own in identified.grids for grid in own]
     if not grids:
@@ -320,7 +320,7 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
 
 
 def another_target(evidence: GridEvidence) -> list[Finding]:
-    """That corners have names, but those of another target's boards."""
+    """Find that corners have names, but are those of another target's boards."""
     identified, target = evidence.identified, evidence.target
     boards = grid_boards(target)
     drawn = (boards[0].columns, boards[0].rows)
@@ -337,9 +337,9 @@ def another_target(evidence: GridEvidence) -> list[Finding]:
 
 
 def _describe_another_target(identified: Identified, target: Target) -> Finding:
-    """That photos and target.yaml are of different targets: what both show."""
+    """Report that photos and target.yaml are of different targets, and what both show."""
     boards = grid_boards(target)
-    # With the longer side first, as boards lie in photos any way round.
+    # The longer side comes first, since boards lie in photos any way round.
     sizes = [_sort_sides((board.columns, board.rows)) for board in boards]
     named = list(zip(boards, sizes, strict=True))[:6]
     says = ", ".join(f"{board.name} {long}x{short}" for board, (long, short) in named)
@@ -357,7 +357,7 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
 
 
 def _describe_sizes(identified: Identified, target: Target) -> str:
-    """The sizes of grids that photos show whole and the target has not, or of the largest one."""
+    """Sizes of grids that photos show whole and the target does not have, or of the largest."""
     drawn = {_sort_sides((board.columns, board.rows)) for board in grid_boards(target)}
     whole = _count_whole_grids(identified).most_common(_MOST_SIZES)
     common = [one for one in whole if one[1] >= _FEWEST_PHOTOS and one[0] not in drawn]
@@ -368,7 +368,7 @@ def _describe_sizes(identified: Identified, target: Target) -> str:
 
 
 def _count_whole_grids(identified: Identified) -> Counter[Size]:
-    """In how many photos there is a grid of a size, the longer side first, without any gap."""
+    """Count the photos with a grid of each size, the longer side first, that has no gap."""
     return Counter(
         size
         for own in identified.grids
@@ -381,7 +381,7 @@ def _count_whole_grids(identified: Identified) -> Counter[Size]:
 
 
 def _find_largest(identified: Identified) -> Size:
-    """Size of the grid with most corners, the longer side first."""
+    """The size of the grid with the most corners, the longer side first."""
     grids = [grid for own in identified.grids for grid in own]
     return _sort_sides(max(grids, key=lambda grid: grid.corners).size)
 
@@ -391,7 +391,7 @@ def _sort_sides(size: Size) -> Size:
 
 
 def many_lost(evidence: PhotoEvidence) -> list[Finding]:
-    """That more than a third of the photos in which boards were found are lost for one reason."""
+    """Find that one reason loses more than a third of the photos in which boards were found."""
     lost = defaultdict[Code, list[Finding]](list)
     for one in evidence.lost:
         lost[one.code].append(one)

@@ -34,8 +34,8 @@ class Hypothesis:
 
     Attributes:
         of: the kind of evidence that it is judged by.
-        explain: what it finds.
-        applies: whether what was found before leaves anything to be explained by it.
+        explain: finds what is wrong.
+        applies: whether the earlier findings leave anything for it to explain.
 
     """
 
@@ -53,7 +53,7 @@ def _only_notes(_: PhotoEvidence, found: Sequence[Finding]) -> bool:
 
 
 def _named(evidence: CornerEvidence, _: Sequence[Finding]) -> bool:
-    """Corners that are named by a wrong drawing say nothing of the lens or of the drawing."""
+    """Corners that a wrong drawing names say nothing about the lens or the drawing."""
     return _not_bad(evidence, evidence.known)
 
 
@@ -81,7 +81,7 @@ def _counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
 
 
 def _as_drawn(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
-    """What is put down to one board, or to the lens, is not doubted of every board."""
+    """What was blamed on one board, or on the lens, is no reason to doubt every board."""
     faults = (*_LENSES, Code.BOARD_PLACE, Code.BOARD_SQUARE)
     return all(one.code not in faults for one in found)
 
@@ -90,9 +90,9 @@ def _counted_rightly(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
     return _only_notes(evidence, found) and not evidence.counts
 
 
-# In the order in which they are tried, and told.
+# Hypotheses in the order in which they are tried and reported.
 HYPOTHESES: tuple[Hypothesis, ...] = (
-    # Of photos, and of the grids and markers in them.
+    # About photos, and the grids and markers in them.
     Hypothesis(GridEvidence, corner_count.squares_of_grids),
     Hypothesis(GridEvidence, object_faults.misdrawn, _counted_rightly),
     Hypothesis(GridEvidence, corner_count.another_target, _some_corners),
@@ -104,7 +104,7 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(MarkerEvidence, markers.other_spacing, _only_notes),
     Hypothesis(MarkerEvidence, markers.no_markers, _no_corners),
     Hypothesis(PhotoEvidence, corner_count.many_lost, _some_corners),
-    # Of a fit.
+    # About a fit.
     Hypothesis(FitEvidence, mirrored.handed),
     Hypothesis(FitEvidence, two_lenses.find_two_lenses, _named),
     Hypothesis(FitEvidence, photo_lenses.odd_photos, _one_lens),
@@ -114,7 +114,7 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, repeats.repeats),
     Hypothesis(FitEvidence, left_out.dropped_boards),
     Hypothesis(FitEvidence, wrong_drawing.doubted_boards, _as_drawn),
-    # Of corners that do not fit: the first that explains it is the likeliest.
+    # About corners that do not fit: the first hypothesis that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
     Hypothesis(FailedFit, wrong_drawing.of_failure, _unexplained),
     Hypothesis(FailedFit, mirrored.mirrored_object, _unexplained),
@@ -123,15 +123,15 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
 
 
 def find_faults(evidence: Evidence, known: Sequence[Finding] = ()) -> list[Finding]:
-    """What is likely wrong with a set-up.
+    """Find what is likely wrong with a set-up.
 
     Args:
-        evidence: what says so.
-        known: what was found before, and comes first; where there is no fit only what is bad, and
-            boards of other counts of corners, are accepted, and explain it.
+        evidence: the evidence, which selects the hypotheses.
+        known: earlier findings, which come first; where there is no fit, only those that are bad,
+            and boards with other counts of corners, are accepted, and explain it.
 
     Returns:
-        What was known, and what was found, in the order of the table.
+        The known findings, then the new ones, in the order of the table.
 
     """
     if isinstance(evidence, FailedFit):

@@ -1,4 +1,4 @@
-"""What photos show of a set-up, before anything is fitted."""
+"""The evidence that photos give about a set-up, before anything is fitted."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoEvidence(Evidence):
-    """Photos in which corners were looked for.
+    """The evidence of photos in which corners were searched.
 
     Attributes:
-        photos: how many were given.
-        names: of those that can be used.
-        picture: the brightness (H, W) of the photo of this number, read once more; None where it
-            cannot be.
-        target: the drawing.
+        photos: how many photos were given.
+        names: names of the photos that can be used.
+        picture: gives the brightness (H, W) of the photo of this number, read once more; None where
+            it cannot be read.
+        target: the nominal target.
         with_boards: in how many of the photos boards were found.
-        lost: why one of these gave no corners, for each that did not.
+        lost: for each photo without corners, the reason.
 
     """
 
@@ -45,10 +45,10 @@ class PhotoEvidence(Evidence):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridEvidence(PhotoEvidence):
-    """Grids that were named by geometry.
+    """The evidence of grids that were named by geometry.
 
     Attributes:
-        identified: what became of them.
+        identified: what became of the grids.
 
     """
 
@@ -56,12 +56,12 @@ class GridEvidence(PhotoEvidence):
 
     @property
     def corners(self) -> Observations:
-        """Those that have a name."""
+        """The corners that have a name."""
         return self.identified.corners
 
     @cached_property
     def counts(self) -> list[Count]:
-        """Boards that have another number of corners than the target says, as photos show it."""
+        """Boards for which photos show another number of corners than the target says."""
         from cubicfish_cli.app.diagnosis.corner_count import count_corners  # for photos alone
 
         return count_corners(self.identified, self.target)
@@ -69,7 +69,7 @@ class GridEvidence(PhotoEvidence):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MarkerEvidence(PhotoEvidence):
-    """Corners that were named by markers.
+    """The evidence of corners that were named by markers.
 
     Attributes:
         corners: the corners.

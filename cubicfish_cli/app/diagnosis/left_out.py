@@ -1,6 +1,7 @@
 """Why photos, or boards in photos, do not fit the lens of the others.
 
-And photos that fit no lens together: whether they do without some of them, which have their own.
+Where photos fit no lens together, the module finds those that do without some others, which have a
+lens of their own.
 """
 
 from collections import defaultdict
@@ -28,44 +29,45 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 
-# Other ways of counting that are tried: so many lines on, and every order of both axes.
+# Other ways of counting that are tried: some lines further on, and every order of both axes.
 _REACH = range(-3, 4)
 _STEPS = sorted(
     ((x, y) for x in _REACH for y in _REACH if x or y), key=lambda at: abs(at[0]) + abs(at[1])
 )
 FEWEST_CORNERS = 8
 """A board of fewer corners in a photo is not judged."""
-# So many corners of a board, and so much of them, are no single slips in a photo.
+# So many corners of a board, and such a share of them, are no single slips in a photo.
 _FEWEST_LOST, _LOST_SHARE = 4, 0.5
 # A corner under its right name is within this many standard deviations.
 _NEAR = 6.0
-# A board that moved is as sharp as the others: this many times as noisy, photos are blurred.
+# A board that moved is as sharp as the others: photos this many times as noisy are blurred.
 _CLEAN = 3.0
 _FEWEST_PHOTOS = 3
 _MOST_LEFT_OUT = 30
-# A fault in so many of a board's photos is the drawing's.
+# A fault in this share of a board's photos is the drawing's.
 _NEARLY_ALL_PHOTOS = 0.8
-# Of fewer photos of one flat board a lens of their own says nothing.
+# A lens of their own says nothing about fewer photos of one flat board.
 _FEWEST_OF_A_PLANE = 3
-# By themselves, photos that do not fit have no more than this of their squared error.
+# Photos that do not fit have no more than this share of their squared error by themselves.
 _HALF = 0.5
-# Photos that were left out say that the camera is wrong where they are so many.
+# From this share of the photos on, those that were left out say that the camera is wrong.
 _MANY_LEFT_OUT = 1 / 3
 _SURE_FOCAL = 0.03
-# Lenses whose scales differ by less are told apart by their centres only.
+# Lenses whose scales differ by less are distinguished by their centres only.
 _SAME_FOCAL = 0.003
 _TYPICAL_NOISE = 4.0
 # Boards whose corners leave a plane by less than this share of their extent count as flat.
 _FLAT = 1e-4
-# Photos agree with a lens when their noise is within this many times the best ones'.
+# Photos agree with a lens if their noise is within this many times that of the best ones.
 _AGREES = 6.0
-# Neighbouring photos are tried at so many places in their order, and so many lenses on all.
+# Number of places in the photos' order at which neighbours are tried, and number of lenses that are
+# tried on all photos.
 _MOST_RUNS = 12
 _MOST_LENSES = 8
 
 
-# What kind of fault of the drawing it is where the corners of a board are named so in all photos;
-# any other way is another order.
+# The fault of the drawing if the corners of a board are named in this way in all photos; any other
+# way is another order.
 _FAULT_OF_DRAWING = {
     "columns": Code.BOARD_PLACE,
     "rows": Code.BOARD_PLACE,
@@ -77,7 +79,7 @@ _FAULT_OF_DRAWING = {
 def board_fault(
     camera: RadialCamera, pairs: Observations, target: Target, scale: float, noise: float
 ) -> Finding | None:
-    """Why one photo does not fit, if one of its boards is to blame, or the names of all.
+    """Find why one photo does not fit, if one of its boards, or the names of all, are to blame.
 
     Args:
         camera: the lens of the photos that fit.
@@ -103,12 +105,12 @@ def board_fault(
             miss = camera.project(fit.poses.apply(own.image, points / scale)) - own.pixel
             length = np.hypot(miss[:, 0], miss[:, 1])
             error = float(np.median(np.where(np.isfinite(length), length, np.inf)))
-            # Of two that fit the simpler one, unless the other fits clearly better.
+            # Of two that fit, the simpler one, unless the other fits clearly better.
             if error < _NEAR * 2 * noise and error < 0.5 * least:
                 best, least = naming, error
         if best:
             return blame(code=Code.CORNER_NAMES, figures={"error_px": least, **best})
-        # Corners that are no clean board by themselves are blurred, and say nothing of a place.
+        # Corners that are no clean board by themselves are blurred, and do not show a place.
         alone, _, _ = fit_poses(camera, own)
         if alone is None or noise_px(np.vstack([fit.residual, alone.residual])) > _CLEAN * noise:
             continue
@@ -133,12 +135,12 @@ def board_fault(
 def board_findings(
     faults: Sequence[Finding], is_usual: Callable[[str, int], bool]
 ) -> list[Finding]:
-    """What is to be said of photos with the same fault together.
+    """Report the same fault of several photos together.
 
     Args:
-        faults: of :func:`board_fault`, each of another photo.
-        is_usual: whether a fault of a board (by name) in so many photos is in nearly all that
-            show it, so that the drawing is to blame.
+        faults: results of :func:`board_fault`, each of another photo.
+        is_usual: whether a fault of a board (by name) in so many photos is in nearly all that show
+            it, so that the drawing is to blame.
 
     """
     alike: defaultdict[object, list[Finding]] = defaultdict(list)
@@ -179,7 +181,7 @@ def _describe_step(step: tuple[int, int]) -> dict[str, Any]:
 def _rename_corners(
     own: Observations, target: Target
 ) -> Iterator[tuple[dict[str, Any], FloatArray]]:
-    """Other names of the corners of one board, and the places of what is named so."""
+    """Yield other names for the corners of one board, and the world points under these names."""
     board = target.boards[own.board[0]]
     if board.points is not None:
         return
@@ -195,7 +197,7 @@ def _rename_corners(
 
 
 def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adjustment | None:
-    """The poses of all photos, where their corners fit nearly as well as those of others."""
+    """The poses of all photos, if their corners fit nearly as well as those of others."""
     fit, placed, _ = fit_poses(camera, pairs)
     if fit is None or len(placed.pixel) < len(pairs.pixel):
         return None
@@ -203,7 +205,7 @@ def _fit_sharply(camera: RadialCamera, pairs: Observations, noise: float) -> Adj
 
 
 def left_out(evidence: FitEvidence) -> list[Finding]:
-    """Why photos, or boards in photos, do not fit the lens of the others."""
+    """Find why photos, or boards in photos, do not fit the lens of the others."""
     pairs, fit, nominal = evidence.pairs, evidence.fit, evidence.fit.nominal
     mirrored = {name for one in handed(evidence) for name in one.images}
     names = _find_left_out(evidence) - mirrored
@@ -224,7 +226,7 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
     faults = [board_fault(camera, one, target, nominal.scale, noise) for one in singly]
 
     def is_usual(name: str, times: int) -> bool:
-        """Whether so many of the photos that were tried show it of nearly all there are."""
+        """Whether so many of the tried photos that show it are nearly all of them."""
         own = pairs.image[pairs.board == pairs.boards.index(name)]
         shown = np.flatnonzero(np.bincount(own) >= FEWEST_CORNERS)
         among, lost = (np.isin(shown, some).sum() for some in (tried, photos))
@@ -236,14 +238,14 @@ def left_out(evidence: FitEvidence) -> list[Finding]:
 
 
 def _find_left_out(evidence: FitEvidence) -> set[str]:
-    """Photos that were left out, and those of which a board lost half of its corners."""
+    """The photos that were left out, and those in which a board lost half of its corners."""
     unfit = evidence.fit.reference.unfit.items()
     names = {name for name, why in unfit if why.code is not Code.TOO_FEW_CORNERS}
     return names.union(*_find_lost(evidence).values())
 
 
 def _find_lost(evidence: FitEvidence) -> dict[str, dict[str, tuple[list[float], int]]]:
-    """By board and photo that lost most of its corners: how far these are off, and of how many."""
+    """For boards and photos that lost most corners: how far these are off, and of how many."""
     pairs, errors = evidence.pairs, defaultdict[tuple[str, str], list[float]](list)
     for corner in evidence.dropped:
         if corner.board is not None:
@@ -258,7 +260,7 @@ def _find_lost(evidence: FitEvidence) -> dict[str, dict[str, tuple[list[float], 
 
 
 def dropped_boards(evidence: FitEvidence) -> list[Finding]:
-    """Boards of which photos lost most corners: no single slips but one cause."""
+    """Find boards that lost most corners in photos: not by single slips, but for one reason."""
     found = []
     for board, photos in _find_lost(evidence).items():
         typical = [float(np.median(errors)) for errors, _ in photos.values()]
@@ -276,7 +278,7 @@ def dropped_boards(evidence: FitEvidence) -> list[Finding]:
 def left_out_lens(
     camera: RadialCamera, pairs: Observations, noise: float, *, order: Sequence[str]
 ) -> Finding | None:
-    """Whether photos that do not fit do fit a lens of their own.
+    """Find whether photos that do not fit do fit a lens of their own.
 
     Args:
         camera: the lens of the photos that fit.
@@ -304,7 +306,7 @@ def left_out_lens(
         return None
     because, centre = "own_lens", centres[0]
     first = list(order[: len(names)]) == names
-    if first and len(names) < len(order):  # what came before the others, seen from these
+    if first and len(names) < len(order):  # those before the others, compared with these
         names = list(order[len(names) :])
         ratio, shift, centre = 1 / ratio, -shift, centres[1]
         because = "own_lens_before"
@@ -320,13 +322,13 @@ def left_out_lens(
         because=because,
         figures={"own_px": rms_px(own.residual)},
     )
-    # The camera is that of the others, and right, unless it may be the others that are odd.
+    # The camera is that of the others, and right, unless the others may be the odd ones.
     many = len(own.pairs.images) >= _MANY_LEFT_OUT * len(order)
     return found if many else replace(found, severity=Severity.CARE)
 
 
 def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
-    """Whether photos fit their own lens clearly better than another one, poses being free."""
+    """Whether photos fit their own lens clearly better than another one, with free poses."""
     fit, placed, _ = fit_poses(camera, own.pairs)
     if fit is None or len(placed.pixel) < len(own.pairs.pixel):
         return True
@@ -334,7 +336,7 @@ def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
 
 
 def failed_lens(evidence: FailedFit) -> list[Finding]:
-    """Some photos that agree on a lens, and others that do not, where such are found."""
+    """Find some photos that agree on a lens, and others that do not, if there are any."""
     pairs, _ = evidence.scaled
     count = len(pairs.images)
     if count <= _FEWEST_PHOTOS:
@@ -374,7 +376,7 @@ def failed_lens(evidence: FailedFit) -> list[Finding]:
 
 
 def _subsets(count: int) -> Iterable[IntArray]:
-    """A few photos at a time: neighbours, every second or third one, and at random."""
+    """Yield a few photos at a time: neighbours, every second or third one, and at random."""
     size = max(_FEWEST_PHOTOS, min(6, count // 3))
     starts = np.arange(0, max(count - size, 0) + 1, max(1, size // 2))
     for first in starts[np.unique(np.linspace(0, len(starts) - 1, _MOST_RUNS).astype(int))]:

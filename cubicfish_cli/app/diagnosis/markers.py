@@ -1,7 +1,7 @@
 """What is wrong with boards of markers: their rows, colours, gaps and kind.
 
-Markers may lie otherwise than the target says, be printed in other colours, have other gaps, or be
-of another kind. Photos that show most are read again as the boards might be.
+Markers may lie in another way than the target says, be printed in other colours, have other gaps,
+or be of another kind. The photos that show most are read again as the boards might be.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ from cubicfish_cli.corners.detection.grids import FoundGrids
 if TYPE_CHECKING:
     from cubicfish_cli.app.photos import Picture
 
-# Photos that are looked at again: those that show most.
+# Number of photos that are read again: those that show most.
 _PHOTOS = 3
-# How many columns a board may have.
+# Most columns that a board may have.
 _MOST_COLUMNS = 40
-# Corners that tell.
+# Fewest corners that show anything.
 _TELLING_CORNERS = 4
-# Side by side in a row two or three markers agree however long rows are: all of the board must do
-# so in a photo, and so many times more than for any other length. Nor are so many of one family an
-# accident, where they are so many times more than of any other.
+# Side by side in a row, two or three markers agree however long rows are: a whole board must agree
+# in a photo, and so many times more markers than for any other length. Likewise so many markers of
+# one family are no accident if they are so many times more than those of any other.
 _LEAST_MARKERS, _CLEARLY = 4, 2
 _COLOURS: tuple[FirstSquare, ...] = ("dark", "light")
 _NO_IDS: IntArray = np.empty(0, np.intp)
-# So many gaps tell, and so many of them must be off to the same side.
+# So many gaps show anything, and this percentage of them must be off to the same side.
 _LEAST_GAPS, _MOST = 12, 80
-# By how much, as a share: corners are good to a hundredth of a gap, outlines of tags are not.
+# By how much, as a share: corners are exact to a hundredth of a gap, outlines of tags are not.
 _OFF, _OFF_OUTLINES = 0.05, 0.2
 
 
 def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
-    """Boards of which hardly a corner has a name, though markers are read: rows are of others.
+    """Find boards hardly a corner of which has a name, though markers are read: rows are of others.
 
-    Ids run row by row, so the markers that follow each other across rows tell how long rows are.
+    Ids run row by row, so the markers that follow each other across rows show how long rows are.
     """
     from cubicfish_cli.corners.detection.markers import find_marked_corners  # for photos alone
     from cubicfish_cli.corners.detection.markers_measure import agreeing_markers
@@ -86,12 +86,12 @@ def _try_layouts(board: Board) -> list[Board]:
     lengths = range(1, _MOST_COLUMNS + 1)
     drawings = [_lay_out_rows(board, length, first) for length in lengths for first in squares]
     usable = [one for one in drawings if one is not None]
-    # The first is to have all markers.
+    # The first one shall have all markers.
     return sorted(usable, key=lambda one: -(one.markers.count if one.markers else 0))
 
 
 def _lay_out_rows(board: Board, length: int, first: FirstSquare) -> Board | None:
-    """The board with so many columns of squares' corners, or tags; None where that is none.
+    """The board with so many columns of squares' corners, or of tags; None if there is none.
 
     It has as many rows as there are markers for.
     """
@@ -145,7 +145,7 @@ def _describe_rows(
 
 
 def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
-    """That markers of some boards are inverted, or photos are mirrored, where they are unseen."""
+    """Find that markers of unseen boards are inverted, or that photos are mirrored."""
     from cubicfish_cli.corners.detection.markers import find_marked_corners  # for photos alone
 
     target, unseen = evidence.target, unseen_boards(evidence)
@@ -201,7 +201,7 @@ def _describe_print(target: Target, other: Target, boards: list[int], corners: i
 
 
 def no_markers(evidence: MarkerEvidence) -> list[Finding]:
-    """That no photo shows any, and which ones photos show."""
+    """Find that no photo shows the target's markers, and which ones photos show."""
     markers = [board.markers for board in evidence.target.boards if board.markers is not None]
     says = [f"{one.first} to {one.first + one.count - 1} of {one.dictionary}" for one in markers]
     finding = Finding(
@@ -221,9 +221,9 @@ def no_markers(evidence: MarkerEvidence) -> list[Finding]:
 
 
 def _read_any_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
-    """Markers that photos show, whatever the target says: their dictionary and ids, if any.
+    """Read the markers that photos show, whatever the target says: dictionary and ids, if any.
 
-    A board's ids follow each other, those that something else is mistaken for do not.
+    The ids of a board follow each other; those of other things that look like markers do not.
     """
     from cubicfish_cli.corners.detection.markers_measure import (
         markers_of_any_kind,  # for photos alone
@@ -240,7 +240,7 @@ def _read_any_markers(evidence: MarkerEvidence) -> tuple[str, IntArray]:
 
 
 def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
-    """Boards of tags with another spacing, by gaps between corners or between tags themselves."""
+    """Find boards of tags with another spacing, by gaps between corners or between tags."""
     from cubicfish_cli.corners.detection.markers_measure import tags_apart  # for photos alone
 
     target, findings = evidence.target, []
@@ -272,9 +272,10 @@ def other_spacing(evidence: MarkerEvidence) -> list[Finding]:
 
 
 def _measure_gaps(corners: Observations, board: int) -> FloatArray:
-    """Gaps between tags of a board, in sides of the tags on both sides of each, as photos show it.
+    """Measure gaps between tags of a board, in sides of the tags on both sides of each gap.
 
-    That of four corners in a line hardly depends on how the lens or the view stretches it.
+    The cross-ratio of four corners in a line hardly depends on how the lens or the view stretches
+    it.
     """
     own = corners.select(corners.board == board)
     if not len(own.pixel):
@@ -291,7 +292,7 @@ def _measure_gaps(corners: Observations, board: int) -> FloatArray:
 
 
 def unseen_boards(evidence: MarkerEvidence) -> list[int]:
-    """Boards with markers of which no photo shows a corner."""
+    """The boards with markers of which no photo shows a corner."""
     seen = set(np.unique(evidence.corners.board).tolist())
     return [
         index
@@ -301,17 +302,17 @@ def unseen_boards(evidence: MarkerEvidence) -> list[int]:
 
 
 def hardly_named(evidence: MarkerEvidence) -> bool:
-    """Whether most of the photos that show most squares have no name for any of their corners.
+    """Whether most of the photos that show most squares have no named corner.
 
-    The others' few names are then no better: two markers side by side lie as the target says on
-    many a board.
+    The few names in the other photos are then no better: two markers side by side lie on many a
+    board as the target says.
     """
     named = np.isin(_sort_richest_first(evidence)[:_PHOTOS], evidence.corners.image)
     return bool(2 * named.sum() < len(named))
 
 
 def richest(evidence: MarkerEvidence) -> Iterator[tuple[Picture, FoundGrids]]:
-    """Brightness and grids of those photos that show most, the one with most first."""
+    """Yield brightness and grids of the photos that show most, the one with most first."""
     pictures = (
         (evidence.picture(one), evidence.grids[one]) for one in _sort_richest_first(evidence)
     )

@@ -1,7 +1,8 @@
-"""Photos or targets that are the other way round, as in a mirror.
+"""Photos or targets in mirror image.
 
-No lens turns a picture inside out: on every photo of a printed face the row grows to the right of
-the direction in which the column grows, or corners are in another order, or the photo is mirrored.
+No lens turns a picture inside out: on every photo of a printed face the rows grow to the right of
+the direction in which the columns grow, unless corners are in another order, or the photo is
+mirrored.
 """
 
 from dataclasses import replace
@@ -18,16 +19,16 @@ from cubicfish_cli.core.fit.subset import flatness
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import IntArray
 
-# Fewer squares than this, or a smaller majority of them, say nothing.
+# Fewer squares than this, or a smaller majority of them, show nothing.
 _FEWEST = 3
 _MAJORITY = 0.9
 _SURE_FOCAL = 0.03
-# A target that leaves a plane by less looks the same in a mirror, from behind.
+# A target that leaves a plane by less looks the same in a mirror, seen from behind.
 _FLAT = 1e-4
 
 
 def handed(evidence: CornerEvidence) -> list[Finding]:
-    """Photos or boards that are seen as in a mirror, though the fit succeeded."""
+    """Find photos or boards that are seen as in a mirror, though the fit succeeded."""
     pairs = evidence.pairs
     sides = seen_sides(pairs)
     some = some_mirrored(sides, pairs)
@@ -39,7 +40,7 @@ def handed(evidence: CornerEvidence) -> list[Finding]:
 
 
 def some_mirrored(sides: IntArray, pairs: Observations) -> list[Finding]:
-    """Photos that show boards the other way round than most photos show the same boards."""
+    """Find photos that show boards in mirror image compared with most photos of the same boards."""
     usual = np.sign(sides.sum(axis=0))
     against = (sides * usual < 0).any(axis=1) & ~(sides * usual > 0).any(axis=1)
     known = (sides * usual != 0).any(axis=1)
@@ -50,13 +51,13 @@ def some_mirrored(sides: IntArray, pairs: Observations) -> list[Finding]:
 
 
 def mirrored_photos(evidence: FailedFit) -> list[Finding]:
-    """Photos that show boards the other way round, of which there is no fit for that."""
+    """Find photos that show boards in mirror image, where there is no fit for that reason."""
     pairs, _ = evidence.scaled
     return some_mirrored(seen_sides(pairs), pairs)
 
 
 def mirrored_object(evidence: FailedFit) -> list[Finding]:
-    """Photos that fit a lens and the target as it is seen in a mirror."""
+    """Find that photos fit a lens and the mirror image of the target."""
     pairs, _ = evidence.scaled
     if flatness(pairs.world) < _FLAT:
         return []
@@ -80,7 +81,7 @@ def in_mirror(pairs: Observations) -> Observations:
 
 
 def other_colours(evidence: GridEvidence) -> list[Finding]:
-    """That the only board is light where the target says that it is dark."""
+    """Find that the only board is light where the target says that it is dark."""
     target = evidence.target
     if not evidence.identified.other_colours:
         return []

@@ -1,8 +1,7 @@
-"""What can be known of a calibration target before a photo is taken.
+"""What is known of a calibration target before a photo is taken.
 
-Which turns of it look the same, which of its boards look like others, and prints that reach into
-each other. Everything is judged on the target as
-drawn.
+The turns after which it looks the same, the boards that look like others, and the prints that reach
+into each other. Everything is judged on the nominal target.
 """
 
 from collections.abc import Sequence
@@ -37,8 +36,8 @@ class Turn:
         boards: names of its plain boards.
         onto: for each of them, the name of the board that it then covers.
         angle_deg: by how much the target is turned, 0 to 180.
-        axis: (3,) unit direction about which, by the right-hand rule; of the two of a half turn
-            the one whose first entry, that is not 0, is positive.
+        axis: (3,) unit direction of the axis, by the right-hand rule; for a half turn the one of
+            the two directions whose first entry that is not 0 is positive.
 
     """
 
@@ -50,19 +49,20 @@ class Turn:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectFacts:
-    """What :func:`check_object` found.
+    """The facts about a target that :func:`check_object` found.
 
     Attributes:
         corners: how many corners the target has.
         planes: number of distinct planes of its boards.
         flat: whether all corners lie in one plane.
-        named_by: what names corners in photos: ``markers``, else size, colours and ``geometry``
-            of plain boards; ``table`` where nothing can be found in photos (lists of points).
+        named_by: what names corners in photos: ``markers``, else ``geometry``, which is size and
+            colours of plain boards; ``table`` where nothing can be found in photos (lists of
+            points).
         plain: names of the boards that carry no markers and are found in photos.
-        symmetries: turns, other than none, after which the whole target looks the same.
-        look_alikes: groups of boards that look the same where nothing else is in a photo; a
-            group of one looks the same after half a turn, or a quarter. None of these where
-            markers name the corners.
+        symmetries: turns, other than the identity, after which the whole target looks the same.
+        look_alikes: groups of boards that look the same where nothing else is in a photo; a group
+            of one looks the same after half a turn, or a quarter. There are none where markers name
+            the corners.
         crossing: pairs of boards whose prints reach into each other.
 
     """
@@ -83,7 +83,7 @@ class ObjectFacts:
 
 
 def check_object(target: Target) -> ObjectFacts:
-    """Look at the target as drawn; deformations that a calibration found do not count."""
+    """Find the facts about the nominal target, without deformations that a calibration found."""
     drawn = target.with_flat_boards()
     world = drawn.corners()[3]
     printed = [board for board in drawn.boards if board.points is None]
@@ -103,9 +103,9 @@ def check_object(target: Target) -> ObjectFacts:
 
 
 def count_planes(boards: Sequence[Board]) -> int:
-    """Number of distinct planes that boards lie in: each decides how much P can know.
+    """Count the distinct planes in which boards lie: each one determines more of P.
 
-    A list of points counts when its points lie in one plane (to 1e-6 of their extent).
+    A list of points counts if its points lie in one plane (to 1e-6 of their extent).
     """
     planes: list[tuple[FloatArray, FloatArray]] = []
     outlines = [board.outline() for board in boards]
@@ -137,7 +137,7 @@ def _find_turns(target: Target) -> tuple[Turn, ...]:
 
 
 def _find_look_alikes(target: Target) -> tuple[tuple[str, ...], ...]:
-    """Groups of boards whose patterns, whole, lie on more than one place of the target."""
+    """Find groups of boards whose whole patterns lie on more than one place of the target."""
     sides = placement_of(target)
     groups = {
         tuple(np.unique(sides.board[places]).tolist()): None
@@ -148,12 +148,12 @@ def _find_look_alikes(target: Target) -> tuple[tuple[str, ...], ...]:
 
 
 def _find_crossing(boards: Sequence[Board]) -> tuple[tuple[str, str], ...]:
-    """Pairs whose prints, outer squares included, cut through or cover each other."""
+    """Find pairs whose prints, outer squares included, cut through or cover each other."""
     return tuple((a.name, b.name) for a, b in combinations(boards, 2) if _do_cross(a, b))
 
 
 def _do_cross(one: Board, other: Board) -> bool:
-    """Whether two prints, less what may touch, come nearer to each other than that."""
+    """Whether two prints come nearer to each other than they may."""
     if one.axes[2] @ other.axes[2] < -1 + 1e-9:  # back to back they are a plate with two faces
         return False
     touch = np.repeat([_TOUCH * board.square for board in (one, other)], 2)

@@ -1,13 +1,11 @@
-"""What is wrong with a drawing, by comparing it with the target as it was measured.
+"""What is wrong with a drawing (the nominal target of target.yaml), judged by the measured target.
 
-Hypotheses from the simplest on: corners counted in another order, names of boards exchanged, a
-wrong square, a wrong place. The first that explains the difference is accepted.
+Hypotheses are tried from the simplest on: corners counted in another order, names of boards
+exchanged, a wrong square, a wrong place. The first that explains the difference is accepted.
 
-Why grids fit no place on the target: the photos or the drawing with one thing put right.
-
-If many grids fit nowhere, in all photos or in some, they are named again as they would be were the
-photos mirrored, or the drawing wrong in one of the ways in which drawings are. What explains
-nearly all is told.
+The module also finds why grids fit no place on the target. If many grids fit nowhere, in all photos
+or in some, they are named again as if the photos were mirrored, or with one thing of the drawing
+put right that is often wrong in drawings. What explains nearly all of them is reported.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,8 +30,8 @@ from cubicfish_cli.corners.identification.identified import FEWEST_CORNERS, Deci
 
 _Numbers = npt.NDArray[Any]
 _Order = Callable[[_Numbers, _Numbers, int, int], tuple[_Numbers, _Numbers]]
-# Column and row of the corner that the drawing means, from those in the table. C and R are how
-# many the drawing has.
+# Column and row of the corner that the drawing means, from those in the table. C and R are the
+# numbers of columns and rows of the drawing.
 ORDERS: Mapping[str, _Order] = {
     "as_it_is": lambda c, r, C, R: (c, r),
     "columns_backwards": lambda c, r, C, R: (C - 1 - c, r),
@@ -46,9 +44,10 @@ ORDERS: Mapping[str, _Order] = {
 }
 """The eight ways to count a board's corners, by their keys in words/catalogue.toml."""
 COUNTED = tuple(ORDERS)[1:7]
-"""Those of them that one photo's corners may be in, where others are in none."""
+"""Those of them in which a single photo's corners may be counted, where others are counted
+rightly."""
 EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
-"""Orders that a drawing with rows and columns exchanged may have."""
+"""Orders of corners in a drawing whose rows and columns may be exchanged."""
 AXES: Mapping[str, Callable[[Board], Board]] = {
     "x_axis": lambda board: replace(board, x_axis=-board.x_axis),
     "y_axis": lambda board: replace(board, y_axis=-board.y_axis),
@@ -56,13 +55,13 @@ AXES: Mapping[str, Callable[[Board], Board]] = {
 }
 """Axes that are drawn the other way round from corner (0, 0), by their keys: the board as meant."""
 
-# A hypothesis is accepted when it leaves no more than this of the difference (RMS).
+# A hypothesis is accepted if it leaves no more than this share of the difference (RMS).
 _EXPLAINED = 1 / 3
-# In another order or under other names a board is off by much more than by this share of the
-# target; a drawing whose boards are nearer to their places has no such fault.
+# In another order or under other names a board is off by much more than this share of the target; a
+# drawing whose boards are nearer to their places has no such fault.
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
-# The ratio of squares that fits best is within so many times of one that is near to it.
+# The best ratio of squares is within this factor of a rough one.
 _NEAR_RATIO = 2.0
 _MIXED_UNITS = {25.4: "inches_mm", 10.0: "cm_mm", 1000.0: "m_mm", 2.54: "inches_cm"}
 _bad = partial(Finding, severity=Severity.BAD)
@@ -73,10 +72,10 @@ class Fault:
     """What is likely wrong with a drawing.
 
     Attributes:
-        finding: that as it is told, without what says so.
-        before, after: RMS difference from the measured target as drawn and corrected, in the
-            target's units.
-        points: (corners, 3) where the corners really are, for each board that was measured, in
+        finding: the finding, without the evidence.
+        before, after: RMS difference of the nominal target from the measured one, as drawn and
+            corrected, in the target's units.
+        points: (corners, 3) the real places of the corners, for each board that was measured, in
             the drawing's frame.
 
     """
@@ -88,15 +87,15 @@ class Fault:
 
 
 def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
-    """The simplest fault of the drawing that explains where the corners were measured.
+    """Find the simplest fault of the drawing that explains where the corners were measured.
 
     Args:
         target: the drawing.
-        measured: for boards by index, (rows * columns, 3) where their corners are, row by row,
-            in any frame and unit.
+        measured: for boards by index, (rows * columns, 3) the measured corners, row by row, in any
+            frame and unit.
 
     Returns:
-        None where the drawing is right, or nothing simple explains the difference.
+        The fault; None where the drawing is right, or nothing simple explains the difference.
 
     """
     boards = {i: target.boards[i] for i in sorted(measured) if target.boards[i].points is None}
@@ -127,13 +126,13 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
 
 
 def flat_points(board: Board, column: _Numbers, row: _Numbers) -> FloatArray:
-    """World points of a board that is as flat as drawn, also beyond its edges."""
+    """World points of a board that is flat as drawn, also beyond its edges."""
     plane = board.plane_points(column, row)
     return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
 
 
 _Hypotheses = Iterator[tuple[Finding, dict[int, FloatArray]]]
-"""What may be wrong, and where corners of boards are then."""
+"""What may be wrong, and the places of the boards' corners in that case."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +147,7 @@ class _Measured:
     def difference(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> float:
         """RMS distance of the measured corners from drawn ones, in the drawing's units.
 
-        They are turned, moved and scaled to lie as near to these as can be.
+        The measured ones are turned, moved and scaled to lie as near to the drawn ones as possible.
         """
         source = np.concatenate([self.measured[index] for index in self.boards])
         source = source * ([1, 1, -1] if mirror else 1)
@@ -185,7 +184,7 @@ def _try_orders(seen: _Measured) -> _Hypotheses:
 
 
 def _place_as_counted(board: Board, order: str) -> FloatArray:
-    """Where a board's corners are if they are counted so, or its axes meant so."""
+    """The places of a board's corners if they are counted, or its axes meant, in another way."""
     column, row = board.places()
     if order in AXES:
         return flat_points(AXES[order](board), column, row)
@@ -193,11 +192,11 @@ def _place_as_counted(board: Board, order: str) -> FloatArray:
 
 
 def _try_squares(seen: _Measured) -> _Hypotheses:
-    """Other squares, corner (0, 0) of each board where it is drawn."""
+    """Try other squares, with corner (0, 0) of each board where it is drawn."""
     ratios: dict[tuple[int, ...], float] = {
         (index,): _place_by_others(seen, index, scaled=True).scale for index in seen.boards
     }
-    # All squares, by the distances between the boards' first corners.
+    # All squares together, by the distances between the boards' first corners.
     own = [similarity(seen.drawn[index], seen.measured[index]) for index in seen.boards]
     first = np.array([board.origin for board in seen.boards.values()])
     there = np.concatenate([one(at[None]) for one, at in zip(own, first, strict=True)])
@@ -231,7 +230,7 @@ def _try_squares(seen: _Measured) -> _Hypotheses:
 def _fit_ratio(
     seen: _Measured, boards: Sequence[int], start: float
 ) -> tuple[float, dict[int, FloatArray]]:
-    """The ratio of squares that fits best, from one near to it, and where corners are then."""
+    """The best ratio of squares, near a rough one, and the places of the corners with it."""
 
     def resize(ratio: float) -> dict[int, FloatArray]:
         origin = {index: seen.boards[index].origin for index in boards}
@@ -247,7 +246,7 @@ def _fit_ratio(
 
 
 def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
-    """From where a board is drawn to where it is by where the others put it."""
+    """The motion from where a board is drawn to where it is, by where the others put it."""
     others = [index for index in seen.boards if index != board]
     source, goal = (np.concatenate([at[i] for i in others]) for at in (seen.measured, seen.drawn))
     there = similarity(source, goal)(seen.measured[board])
@@ -255,7 +254,7 @@ def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity
 
 
 def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
-    """Each board by itself elsewhere, by where the others put it."""
+    """Try another place for each board by itself, by where the others put it."""
     case = ["of", "two"] * (len(seen.boards) == 2) + ["and", "square"] * scaled
     for index, drawn in seen.drawn.items():
         motion = _place_by_others(seen, index, scaled=scaled)
@@ -276,24 +275,24 @@ def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
         yield finding, {index: motion(drawn)}
 
 
-# So much of the corners must fit nowhere before anything is tried, and so much must fit after it.
+# The share of corners that must fit nowhere before anything is tried, and that must fit after it.
 _LOST = 0.15
 _FITS = 0.9
-# What is tried later must explain so much more of the corners.
+# A later hypothesis must explain so much more of the corners.
 _CLEARLY = 0.02
-# Photos that take part: those that show most.
+# Number of photos that take part: those that show most.
 _PHOTOS = 6
 _MOST_BOARDS = 6
 _UNITS = {25.4: "inches_for_mm", 10.0: "cm_for_mm"}
-# The order of several boards, where their sizes or colours differ.
+# The order of several boards that differ in sizes or colours.
 _IN_GENERAL = {"exchanged_size": "exchanged", "colours": "some_colours"}
 _NO_PLACE = (Decided.NO_FIT, Decided.NOT_PLANE, Decided.TOO_LARGE, Decided.COLOURS)
 
 
 def misdrawn(evidence: GridEvidence) -> list[Finding]:
-    """What is likely wrong with photos or drawing, as the grids that fit nowhere show it.
+    """Find what is likely wrong with photos or drawing, by the grids that fit nowhere.
 
-    Nothing where most grids have a place, or nothing simple explains why they have none.
+    The list is empty where most grids have a place, or nothing simple explains why they have none.
     """
     from cubicfish_cli.corners.identification.name_grids import name_again  # for photos alone
 
@@ -308,7 +307,7 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
     width = identified.corners.image_size[0]
 
     def name_with(other: Target, photos: IntArray, mirrored: IntArray) -> IntArray:
-        """Corners of each of some photos that have a place on a target, some photos mirrored."""
+        """Count the corners of each photo that have a place on a target, some photos mirrored."""
         own = [
             tuple(grid_in_mirror(grid, width) for grid in large[photo])
             if photo in mirrored
@@ -329,7 +328,7 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
         is_odd = np.isin(fullest, odd)
         photos = np.sort(np.concatenate([fullest[one][:_PHOTOS] for one in (is_odd, ~is_odd)]))
         again = name_with(target, photos, odd)
-        # Each of them by itself: one that shows something else does not speak for the others.
+        # Each of them by itself: a photo that shows something else does not speak for the others.
         right = np.where(np.isin(photos, odd), sizes[photos], named[photos])
         if (again > _FITS * right).all():
             return describe(finding, photos, again.sum())
@@ -351,7 +350,7 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
 
 
 def _count_named(reports: Sequence[Sequence[GridReport]]) -> tuple[IntArray, IntArray]:
-    """For each photo, corners of grids with a place, and of those that fit nowhere."""
+    """For each photo, count the corners of grids with a place, and of grids that fit nowhere."""
     large = [[grid for grid in own if grid.corners >= FEWEST_CORNERS] for own in reports]
     named = [sum(grid.corners for grid in own if grid.named) for own in large]
     lost = [sum(grid.corners for grid in own if grid.verdict in _NO_PLACE) for own in large]
@@ -363,7 +362,7 @@ def _keep_large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
 
 
 def _try_drawings(target: Target) -> Iterator[tuple[Finding, Target]]:
-    """One thing put right: what was wrong, and the target to name with."""
+    """Put one thing right: yield what was wrong, and the target to name corners with."""
     yield _bad(code=Code.MIRRORED, case="none" if target.mirrored else "all_grids"), target
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
     changes = [list(_change_board(target.boards[index])) for index in plain]
@@ -383,7 +382,7 @@ _Change = tuple[Code, dict[str, Any], Board]
 
 
 def _redraw(target: Target, which: str, changes: Mapping[int, _Change]) -> tuple[Finding, Target]:
-    """The same change of one board, or of all."""
+    """Apply the same change to one board, or to all."""
     code, figures, _ = next(iter(changes.values()))
     if any(other != figures for _, other, _ in changes.values()):
         figures = {**figures, "order": _IN_GENERAL[figures["order"]]}
@@ -394,7 +393,7 @@ def _redraw(target: Target, which: str, changes: Mapping[int, _Change]) -> tuple
 
 
 def _change_board(board: Board) -> Iterator[_Change]:
-    """One thing of a board put right."""
+    """Put one thing of a board right."""
 
     def order(key: str, **changed: Any) -> _Change:
         size = {"columns": board.columns, "rows": board.rows} if "columns" in changed else {}

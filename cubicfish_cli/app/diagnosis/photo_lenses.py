@@ -1,8 +1,8 @@
-"""What each photo would have of its own, were every one taken through another lens.
+"""The lens that each photo would have of its own, if every photo were taken through another lens.
 
-Beside the fitted camera and its own pose, each photo is given a lens of its own as far as one
-photo can have one: another scale, another centre, and a shear that grows from row to row. All of
-it is linear where the fit stopped, so it costs one pass over the corners. Single photos that are
+Beside the fitted camera and its own pose, each photo gets a lens of its own, as far as one photo
+determines one: another scale, another centre, and a shear that grows from row to row. All of it is
+linear at the optimum of the fit, so it costs one pass over the corners. Single photos that are
 unlike the others were taken through another lens, or while something moved.
 """
 
@@ -26,48 +26,48 @@ from cubicfish_cli.core.fit.subset import select_photos
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
-# What a photo may have of its own: scale, shift x, shift y; and a shift x, y that grows by rows.
+# Terms that a photo may have of its own: scale, shift x, shift y, and a shift x, y growing by rows.
 TERMS = 5
 LENS = slice(0, 3)
-# Twice as many equations as unknowns, that are 6 of the pose and these.
+# Twice as many equations as unknowns, which are 6 of the pose and these.
 _FEWEST_CORNERS = 12
 _AT_A_TIME = 5000
-# Two groups, or one photo, may look unlike the others by chance this often among right set-ups.
+# Two groups, or one photo, look unlike the others by chance this often in right set-ups.
 BY_CHANCE = 1e-6
-# What is blamed must have been this share of the squared error, or it is not worth a word.
+# A blamed thing must explain this share of the squared error, or it is not worth a word.
 WORTH = 0.05
 # Fewer photos do not show how much photos differ.
 FEWEST_TOLD_APART = 5
-# Pixels of a photo of 2000 that a person would notice.
+# Pixels of a photo of 2000 pixels that a person would notice.
 _NOTICED_PX = 0.05
 ROUGH_DECREASE = 1e-4
-"""For fits that photos are only looked at beside."""
-# A photo that is unlike the others is judged by a camera that never saw it, which is right about it
-# only if it comes from so many times as many equations as unknowns, and from so many photos that
-# what the target is off by does not look like a lens of its own in one of them.
+"""For fits that photos are only compared with."""
+# A photo that is unlike the others is judged by a camera that never saw it. That camera is right
+# about the photo only if it comes from so many times as many equations as unknowns, and from so
+# many photos that deviations of the target do not look like a lens of its own in one of them.
 _SUSPICIOUS = 1e-4
 _TIMES_DETERMINED = 10
 _FEWEST_OTHERS = 8
-# Wide enough to feel every corner while a pose is off.
+# Wide enough that every corner counts while a pose is off.
 _WIDE_HUBER_PX = 10.0
 _TYPICAL_ROUNDS = 20
 
 
 def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
-    """Pixels that a person would notice, by those in a photo of 2000."""
+    """The pixels that a person would notice, from those in a photo of 2000 pixels."""
     return of_2000 * of_size(pairs.image_size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoLenses:
-    """What each photo would have of its own, in pixels at ``reach`` from the centre.
+    """The lens that each photo would have of its own, in pixels at ``reach`` from the centre.
 
     Attributes:
-        photos: (K,) the photos with enough corners to tell.
+        photos: (K,) the photos with enough corners.
         own: (K, 5) scale, shift x, shift y, shear x, shear y.
-        information: (K, 5, 5) what it costs to be elsewhere: a squared error in pixels.
+        information: (K, 5, 5) what other values cost: a squared error in pixels.
         squares: (K,) sum of squared errors of the photo with its own lens.
-        numbers: (K,) how many free numbers are left in each photo.
+        numbers: (K,) how many degrees of freedom are left in each photo.
         reach: half the shorter side, pixels.
 
     """
@@ -80,7 +80,7 @@ class PhotoLenses:
     reach: float
 
     def lens_information(self) -> FloatArray:
-        """(K, 3, 3) information on scale and shift, the shear free: a Schur complement."""
+        """(K, 3, 3) information on scale and shift, with the shear free: a Schur complement."""
         kept, rest = np.split(np.arange(TERMS), [LENS.stop])
         cross = self.information[:, kept[:, None], rest]
         inner = invertible(self.information[:, rest[:, None], rest])
@@ -89,23 +89,23 @@ class PhotoLenses:
 
 
 def mean_of(own: FloatArray, weight: FloatArray) -> FloatArray:
-    """(M,) the mean of what photos (K, M) have, by what each can tell of it, (K, M, M)."""
+    """(M,) the mean of photos' terms (K, M), weighted by their information (K, M, M)."""
     return np.asarray(np.linalg.solve(weight.sum(axis=0), np.einsum("kij,kj->i", weight, own)))
 
 
 def invertible(information: FloatArray) -> FloatArray:
-    """The same information (K, M, M), and next to none on what photos do not tell."""
+    """The same information (K, M, M), and next to none on terms that photos do not show."""
     floor = 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None]
     return np.asarray(information + floor * np.eye(information.shape[1]))
 
 
 def lenses_of(fit: CameraFit) -> PhotoLenses:
-    """What each photo of a fit would have of its own, the target as drawn or as fitted."""
+    """The lens that each photo of a fit would have of its own, with the target of the fit."""
     return photo_lenses(fit.lens, fit.poses, fit.reference.pairs)
 
 
 def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLenses:
-    """What each photo would have of its own, beyond its pose.
+    """The lens that each photo would have of its own, beyond its pose.
 
     Args:
         lens: the fitted lens.
@@ -113,7 +113,7 @@ def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLense
         pairs: the pairs of the fit, their world points as fitted.
 
     """
-    # In runs: the derivatives by the lens, that come with those by the point, are many.
+    # In runs: the derivatives by the lens, which come with those by the point, are many.
     starts = range(0, len(pairs.image), _AT_A_TIME)
     rows = [_linearise(lens, poses, pairs, slice(one, one + _AT_A_TIME)) for one in starts]
     rows_of_all = np.concatenate(rows)
@@ -124,7 +124,7 @@ def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLense
     counts = np.bincount(pairs.image, minlength=len(pairs.images))
     stops, size = np.cumsum(counts), rows_of_all.shape[2]
     photos = np.flatnonzero(counts >= _FEWEST_CORNERS)
-    # (K, 6, 6) triangles (QR) of scale, shift, shear, and the miss: the pose's rows are taken out.
+    # (K, 6, 6) triangles (QR) of scale, shift, shear and the miss; the pose's rows are taken out.
     triangles = np.empty((len(photos), size - 6, size - 6))
     for place, photo in enumerate(photos):
         own = rows_of_all[stops[photo] - counts[photo] : stops[photo]].reshape(-1, size)
@@ -166,24 +166,24 @@ def _linearise(lens: FitLens, poses: Poses, pairs: Observations, run: slice) -> 
 def best_cut(
     orders: IntArray, weight: FloatArray, pull: FloatArray, fewest: int
 ) -> tuple[float, float, BoolArray] | None:
-    """The split with the largest ratio of what is between to what is within its groups.
+    """Find the split with the largest ratio of the scatter between to that within its groups.
 
     Args:
-        orders: (S, K) what is split, in orders that are cut in two anywhere.
-        weight: (K, n, n) information of each on what it has of its own, and ``pull`` (K, n) that
-            times it.
+        orders: (S, K) indices of what is split, in orders that may be cut in two anywhere.
+        weight: (K, n, n) information of each on its own terms; ``pull`` (K, n) is that times the
+            terms.
         pull: see ``weight``.
         fewest: how many a group has at least.
 
     Returns:
-        The ratio, what is between, and which are behind the cut; None where there are too few.
+        The ratio, the scatter between, and which are behind the cut; None where there are too few.
 
     """
     count = len(pull)
     square = np.einsum("ki,ki->k", pull, np.linalg.solve(weight, pull[:, :, None])[:, :, 0])
     mean = np.linalg.solve(weight.sum(axis=0), pull.sum(axis=0))
     total = float(square.sum() - mean @ pull.sum(axis=0))
-    # Of those up to each cut, and of those behind it: sums suffice for their scatter.
+    # Sums over those up to each cut, and over those behind it, suffice for their scatter.
     cuts = np.arange(fewest, count - fewest + 1)
     best: tuple[float, float, BoolArray] | None = None
     for order in orders if cuts.size else []:
@@ -213,8 +213,8 @@ class Unlike:
     Attributes:
         photo: its index.
         chance: how often the most unlike of so many right photos would be as unlike.
-        share: of the photo's squared error that it explains.
-        gain_px: RMS of what it explains, pixels.
+        share: the share of the photo's squared error that its own lens explains.
+        gain_px: RMS of the explained error, pixels.
 
     """
 
@@ -225,7 +225,7 @@ class Unlike:
 
 
 def odd_photos(evidence: FitEvidence) -> list[Finding]:
-    """Photos that by themselves have another lens than the rest, or are sheared."""
+    """Find photos that by themselves have another lens than the rest, or are sheared."""
     fit = evidence.fit
     pairs, photos = fit.reference.pairs, lenses_of(fit)
     suspects = [
@@ -253,7 +253,7 @@ def odd_photos(evidence: FitEvidence) -> list[Finding]:
     return [
         Finding(
             code=Code.PHOTO_LENS,
-            # A camera that eight others determine hardly hangs on one.
+            # A camera that eight other photos determine hardly depends on one.
             severity=Severity.NOTE if len(certain) == 1 else Severity.CARE,
             images=tuple(pairs.images[one.photo] for one in certain),
             figures={
@@ -275,7 +275,7 @@ def _can_do_without(fit: CameraFit, left_out: IntArray) -> bool:
 
 
 def _refit_without(fit: CameraFit, suspects: IntArray) -> PhotoLenses:
-    """What each photo has of its own beside a lens that was fitted without some."""
+    """The lens that each photo has of its own, beside one that was fitted without some."""
     pairs = fit.reference.pairs
     good = np.setdiff1d(np.arange(len(pairs.images)), suspects)
     kept, own = select_photos(pairs, good), np.isin(pairs.image, good)
@@ -293,7 +293,7 @@ def _refit_without(fit: CameraFit, suspects: IntArray) -> PhotoLenses:
         world=DeformableTarget(nominal=kept.world),
     )
     cubic = fit_cubic(reference, start.prior, start=start, relative_decrease=ROUGH_DECREASE)
-    # Beside their poses under the other lens, photos would look grossly wrong all over.
+    # With their poses under the other lens, photos would look grossly wrong all over.
     lens, others = FixedLens(camera=cubic.lens), select_photos(pairs, suspects)
     placed = adjust(lens, fit.poses[suspects], others, huber_px=_WIDE_HUBER_PX)
     poses = fit.poses.with_photos(good, cubic.poses).with_photos(suspects, placed.poses)
@@ -304,9 +304,9 @@ def _refit_without(fit: CameraFit, suspects: IntArray) -> PhotoLenses:
 
 
 def unlike(photos: PhotoLenses) -> list[Unlike]:
-    """How much less like the others each photo is than those are like each other.
+    """Measure how much less like the others each photo is than those are like each other.
 
-    One for each of ``photos.photos``; none where they are too few to tell.
+    There is one result for each of ``photos.photos``; none where they are too few.
     """
     count = len(photos.photos)
     if count < FEWEST_TOLD_APART:
@@ -318,9 +318,9 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
     weight = invertible(photos.information) / (size * noise[:, None, None])
     off = own - _find_typical(own, weight)
     distance = np.einsum("ki,kij,kj->k", off, weight, off)
-    # What the photos' own terms are beyond noise, by the better half of them.
+    # The excess of the photos' own terms over noise, by the better half of them.
     spread = max(1.0, float(np.median(distance)))
-    # The noise, 1, is known from all corners; what is beyond it is told by the better half of the
+    # The noise, 1, is known from all corners; the excess over it comes from the better half of the
     # photos (Satterthwaite 1946).
     numbers = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
     chance = fdtrc(size, np.clip(photos.numbers, 1, numbers), distance / spread) * count
@@ -337,10 +337,11 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
 
 
 def _find_typical(own: FloatArray, weight: FloatArray) -> FloatArray:
-    """(M,) what most photos (K, M) have: their median by what each can tell, (K, M, M).
+    """(M,) the terms of most photos (K, M): their median, weighted by information (K, M, M).
 
-    A photo hardly tells some of its own terms from its pose; what it says of them is no evidence.
-    Weighted least squares in which photos beyond noise count by one over their distance in noise.
+    A photo can hardly distinguish some of its own terms from its pose; what it says of them is no
+    evidence. In the weighted least squares, photos beyond noise count by one over their distance in
+    noise.
     """
     counts = np.ones(len(own))
     for _ in range(_TYPICAL_ROUNDS):

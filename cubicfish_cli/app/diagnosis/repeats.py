@@ -1,4 +1,4 @@
-"""Photos from one place say no more than one of them."""
+"""Photos from one place, which say no more than one of them."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _FEWEST_PHOTOS = 3
 
 
 def repeats(evidence: FitEvidence) -> list[Finding]:
-    """Photos that are from the same place, or all from nearly the same."""
+    """Find photos that are from the same place, or all from nearly the same."""
     fit = evidence.fit
     pairs, poses = fit.reference.pairs, fit.poses
     focal = fit.reference.camera.fx

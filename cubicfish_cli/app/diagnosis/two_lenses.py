@@ -1,4 +1,4 @@
-"""Photos through two lenses, all of one zoomed, cropped, scaled or turned, or of another camera."""
+"""Photos through two lenses: some zoomed, cropped, scaled, turned, or of another camera."""
 
 from __future__ import annotations
 
@@ -33,30 +33,31 @@ from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
-# Two lenses make a wrong camera where they differ by so many times what is stated of it, and by
-# more than a camera may be that counts as certain. They are sure where they would be found by
-# chance so seldom, the seldomer where the camera of most photos is off by less; where they explain
-# more along the way from one to the other than such groups do of n photos that differ in one thing,
-# as focus (2/π of it where they are as many, and 2/π + 1/√n in one of a thousand sets); and where
-# they take this share of the squared error away.
+# Two lenses make a wrong camera where they differ by so many times its stated uncertainty, and by
+# more than a certain camera may be off. They are sure if three things hold. So clear a split is
+# seldom found by chance, the seldomer the less the camera of most photos is off. It explains more
+# of the way from one lens to the other than groups of n photos that differ in one thing, such as
+# focus (2/π of it for groups of one size, and 2/π + 1/√n in one of a thousand sets). And it takes
+# this share of the squared error away.
 _BEYOND_STATED = 2.0
 _SURE = 1e-3
 _CLEAR_MARGIN = 0.1
-# A first look at a fit that one lens has bent to both sees less than there is: it is followed up.
+# A fit that one lens has bent to both shows less than there is: a first suspicion is followed up.
 _WORTH_FOLLOWING = 1e-2
 _ROUNDS = 12
 # Two lenses far apart have bent the fit so much that a step to each is far too long, or leads to a
-# scale below zero: a scale's logarithm is changed by no more than this at once.
+# scale below zero: the logarithm of a scale is changed by no more than this at once.
 _LONGEST_STEP, _LEAST_SCALE = 0.3, 0.1
-# Shares of the gain that makes two lenses worth it: what the first of these rounds gains at least
-# where they are, and by how much less than that another round gains where they have settled.
+# Shares of the gain that makes two lenses worth it: the least gain of the first of these rounds,
+# and the gain over it below which rounds have converged.
 _AT_ONCE, _SETTLED = 0.5, 0.01
 # A change in the photos' order is the simpler thing: any other split must be as much better.
 _CLEARLY = 1.2
 _FEWEST_IN_GROUP = 2
-# A photo is another group's where that one's lens is nearer by so many variances within groups.
+# A photo belongs to the other group if that one's lens is nearer by so many variances within
+# groups.
 _CLEARLY_NEARER = 9.0
-# What is smaller than this share of the larger of two differences is taken for none.
+# A difference below this share of the larger of two counts as none.
 _NONE = 0.25
 # Centres that agree to this share of the longer side are the same.
 _SAME_CENTRE = 0.01
@@ -69,10 +70,10 @@ class TwoLenses:
     Attributes:
         second: (K,) which of ``PhotoLenses.photos`` are in the smaller or later group.
         chance: how often so clear a split would be found among photos through one lens.
-        own: (2, 3) scale, shift x, shift y of both groups, pixels.
-        share: of all photos' squared error that the two lenses explain, beside one for all.
-        along: share of how they differ along the way from one lens to the other that the groups
-            explain, less what groups of photos that differ in one thing do.
+        own: (2, 3) scale, shift x and shift y of both groups, pixels.
+        share: the share of all photos' squared error that two lenses explain, beyond one for all.
+        along: the share of the difference along the way from one lens to the other that the groups
+            explain, less that of groups of photos that differ in one thing.
 
     """
 
@@ -84,13 +85,13 @@ class TwoLenses:
 
 
 def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
-    """Two groups of photos with a lens each, in place of one lens for all."""
+    """Find two groups of photos with a lens each, in place of one lens for all."""
     fit, together = evidence.fit, rms_px(evidence.fit.residual)
     limit = max(
         _BEYOND_STATED * _read_stated_px(evidence.uncertainty),
         noticed_px(fit.reference.pairs, CERTAIN_PX),
     )
-    # A target that is free may bend to two lenses: as drawn it does not.
+    # A deformable target may bend to two lenses: the nominal one does not.
     for one in (fit,) if fit is evidence.nominal_fit else (fit, evidence.nominal_fit):
         photos = lenses_of(one)
         split = best_split(photos)
@@ -106,7 +107,7 @@ def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
 
 
 def _read_stated_px(uncertainty: UncertaintyGrid) -> float:
-    """One standard deviation of the camera: of its pixels, or of its centre if that is more."""
+    """One standard deviation of the camera: of its pixels, or of its centre if that is larger."""
     known = (uncertainty.median_px, *uncertainty.principal_point_px)
     return max((one for one in known if np.isfinite(one)), default=0.0)
 
@@ -117,11 +118,11 @@ class _Apart:
 
     Attributes:
         scale: the group's scale over that of the others.
-        shift: (2,) by how much its centre is off beside, pixels.
-        second: (K,) which of ``photos`` are in it.
-        fit: the fit, of pixels as one lens would have taken them.
-        photos: what each photo has of its own, what it was given included.
-        split: the groups that these fall into; its second one is most of ``second``.
+        shift: (2,) the offset of its centre from that of the others, pixels.
+        second: (K,) which of ``photos`` are in the group.
+        fit: the fit of the pixels that one lens would have seen.
+        photos: the terms of each photo's own lens, those that it was given included.
+        split: the groups into which these fall; its second one is most of ``second``.
 
     """
 
@@ -139,11 +140,11 @@ class _Apart:
 
     @property
     def px(self) -> float:
-        """RMS, pixels."""
+        """RMS of the fit, pixels."""
         return rms_px(self.fit.errors)
 
     def towards(self, longest: float) -> tuple[_Apart, bool]:
-        """With scale and shift as the split has them, as far as is safe; whether all the way."""
+        """Move to the scale and shift of the split, as far as is safe; and whether all the way."""
         split = self.split
         off = split.own[1] - split.own[0] - self.given
         wanted = float(np.log1p(max(off[0] / self.photos.reach, _LEAST_SCALE - 1)))
@@ -161,7 +162,7 @@ class _Apart:
 def _are_two_lenses(apart: _Apart, together: float, limit: float) -> bool:
     """Whether groups of photos differ by more than a limit (pixels), and surely."""
     differ = float(np.linalg.norm(apart.given))
-    # The camera is off by that for the larger group.
+    # The camera is off by that much for the larger group.
     few = float(min(np.mean(apart.second), np.mean(~apart.second)))
     seldom = _SURE if few * differ > limit else BY_CHANCE
     gained = together**2 - apart.px**2
@@ -170,7 +171,7 @@ def _are_two_lenses(apart: _Apart, together: float, limit: float) -> bool:
 
 
 def _describe(apart: _Apart, together: float) -> Finding:
-    """What two lenses are, with the photos of each."""
+    """Report the two lenses, with the photos of each."""
     pairs, photos = apart.fit.reference.pairs, apart.photos
     second = _put_to_nearer_lens(photos, apart.second)
     # A lens that was bumped stays so: photos that take turns are two cameras'.
@@ -179,7 +180,7 @@ def _describe(apart: _Apart, together: float) -> Finding:
     camera = apart.fit.reference.camera
     common = np.array([camera.cx, camera.cy]) - middle
     ratio, centre, other = apart.scale, middle + common, middle + apart.scale * common + apart.shift
-    # Told of are the later ones, or the fewer.
+    # The report is about the later ones, or the fewer.
     if not second[-1] if in_order else 2 * second.sum() > len(second):
         second, ratio, centre, other = ~second, 1 / ratio, other, centre
     names = np.array(pairs.images)[photos.photos]
@@ -197,7 +198,7 @@ def _describe(apart: _Apart, together: float) -> Finding:
 
 
 def _put_to_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
-    """The same groups (K,), but for photos that are clearly nearer to the other one's lens."""
+    """The same groups (K,), with photos that are clearly nearer to the other lens moved."""
     own, weight = photos.own[:, LENS], photos.lens_information()
     offs = [own - mean_of(own[group], weight[group]) for group in (~second, second)]
     far = np.stack([np.einsum("ki,kij,kj->k", off, weight, off) for off in offs])
@@ -208,11 +209,11 @@ def _put_to_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
 
 
 def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
-    """Fit with a scale and centre for one of two groups, until they settle.
+    """Fit with a scale and a centre for one of two groups, until they converge.
 
     Args:
         start: one lens for all, and the groups.
-        together: RMS of that, to be beaten.
+        together: RMS of one lens for all, which has to be beaten.
 
     Returns:
         The last fit; None where the first gains too little, or photos no longer split.
@@ -224,7 +225,7 @@ def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
         wanted, whole = best.towards(longest)
         try:
             apart = _fit_apart(start.fit, best, wanted)
-        except FitError:  # too far at once
+        except FitError:  # the step was too far
             longest /= 2
             continue
         if apart is None:
@@ -242,15 +243,15 @@ def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
 
 
 def _fit_apart(fit: CameraFit, start: _Apart, wanted: _Apart) -> _Apart | None:
-    """Fit with a scale and a shift for some photos, and what each photo has of its own in all.
+    """Fit with a scale and a shift for some photos, and measure each photo's own lens in it.
 
     Args:
         fit: the fit with one lens for all.
-        start: a fit apart from which to start.
-        wanted: scale, shift and photos; its fit does not count.
+        start: a fit apart to start from.
+        wanted: the scale, the shift and the photos; its fit does not count.
 
     Returns:
-        None where photos no longer fall into groups.
+        The fit; None where photos no longer fall into groups.
 
     Raises:
         FitError: there is no camera.
@@ -259,7 +260,7 @@ def _fit_apart(fit: CameraFit, start: _Apart, wanted: _Apart) -> _Apart | None:
     pairs, photos = fit.reference.pairs, start.photos.photos
     (old, _), (scale, shift) = (_spread_out(one, len(pairs.images)) for one in (start, wanted))
     middle = (np.array(pairs.image_size, float) - 1) / 2
-    # Pixels as one lens would have taken them: smaller ones are of a target that is farther away.
+    # Pixels that one lens would have seen: smaller ones are of a target that is farther away.
     pixel = middle + (pairs.pixel - middle - shift[pairs.image]) / scale[pairs.image, None]
     poses = start.fit.poses
     poses = replace(poses, translation=poses.translation * (scale / old)[:, None])
@@ -281,7 +282,7 @@ def _fit_apart(fit: CameraFit, start: _Apart, wanted: _Apart) -> _Apart | None:
 
 
 def _spread_out(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
-    """Scale (M,) and shift (M, 2) of each of so many photos."""
+    """The scale (M,) and the shift (M, 2) of each of so many photos."""
     scale, shift = np.ones(count), np.zeros((count, 2))
     second = apart.photos.photos[apart.second]
     scale[second], shift[second] = apart.scale, apart.shift
@@ -289,15 +290,15 @@ def _spread_out(apart: _Apart, count: int) -> tuple[FloatArray, FloatArray]:
 
 
 def best_split(photos: PhotoLenses) -> TwoLenses | None:
-    """The split of the photos into two groups that explains best how their lenses differ.
+    """Find the split of the photos into two groups that explains best how their lenses differ.
 
-    What differs within the groups is the measure of what differs between them (an F test), so
-    that whatever else is imperfect, a target that bends or a lens that the model cannot follow,
-    counts against it. Splits are corrected for how many there are: along the photos' order, or
-    by any plane through the space of scale and centre (Cover, 1965).
+    The difference between the groups is measured by that within them (an F test), so that whatever
+    else is imperfect, a target that bends or a lens that the model cannot follow, counts against
+    it. Splits are corrected for how many there are: along the photos' order, or by any plane
+    through the space of scale and centre (Cover, 1965).
 
     Returns:
-        None where there are too few photos to tell.
+        The split; None where there are too few photos.
 
     """
     count = len(photos.photos)
@@ -324,17 +325,17 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
 
 
 def _explain_along(own: FloatArray, weight: FloatArray, second: BoolArray) -> float:
-    """How much more groups explain on the way between their lenses than of one thing: a share."""
+    """The share that groups explain on the way between their lenses, less that of one thing."""
     means = [mean_of(own[group], weight[group]) for group in (~second, second)]
     way = means[1] - means[0]
-    # How far along each photo is, by what it tells of that.
+    # How far along each photo is, by its information on that.
     known = weight @ way
     known_of_way = known @ way
     place = np.sum(known * (own - means[0]), axis=1) / known_of_way
     group_means = [np.average(place[one], weights=known_of_way[one]) for one in (~second, second)]
     within = known_of_way @ np.square(place - np.where(second, group_means[1], group_means[0]))
     in_all = known_of_way @ np.square(place - np.average(place, weights=known_of_way))
-    # What a cut explains of a normal distribution, with such a share beyond it.
+    # The share that a cut explains of a normal distribution, with this share beyond it.
     share = float(np.mean(second))
     of_one_thing = np.exp(-(ndtri(share) ** 2)) / (2 * np.pi * share * (1 - share))
     return float(1 - within / in_all - of_one_thing - 1 / np.sqrt(len(own)))
@@ -346,9 +347,9 @@ def _sum_scatter(own: FloatArray, weight: FloatArray) -> float:
 
 
 def _sort_along_axes(own: FloatArray, weight: FloatArray) -> IntArray:
-    """(6, K) the photos sorted along the axes of their scatter: cuts are planes across them."""
-    # A mean to which each photo adds alike; medians of single entries need not be a matrix of this
-    # kind.
+    """Sort the photos along the axes of their scatter (6, K): cuts are planes across these axes."""
+    # A mean to which each photo contributes alike; medians of single entries need not be a positive
+    # definite matrix.
     root = np.linalg.cholesky(
         np.mean(weight / np.trace(weight, axis1=1, axis2=2)[:, None, None], 0)
     )
@@ -371,18 +372,18 @@ def lens_change(
     because: str,
     figures: Mapping[str, float],
 ) -> Finding:
-    """What kind of difference there is between the lens of some photos and the others'.
+    """Report the kind of difference between the lens of some photos and the others'.
 
     Args:
-        ratio: of its scale to the others'.
-        shift: (2,) of its centre from the others', pixels.
-        centre: (2,) of the others, pixels.
+        ratio: its scale over that of the others.
+        shift: (2,) the offset of its centre from that of the others, pixels.
+        centre: (2,) the centre of the others, pixels.
         names: the photos.
         rest: the others.
         pairs: any pairs of the same size of photo.
         in_order: whether they are all photos from one on.
-        because: what says so.
-        figures: the figures of that.
+        because: the kind of evidence.
+        figures: the figures of the evidence.
 
     """
     size = np.array(pairs.image_size, float)
@@ -422,6 +423,6 @@ def lens_change(
 
 
 def _ratio_words(ratio: float) -> str:
-    """A ratio with two digits of what it differs from 1 by, and three at least."""
+    """A ratio with two digits of its difference from 1, and three at least."""
     digits = 1 - int(np.floor(np.log10(max(abs(ratio - 1), 1e-9))))
     return f"{ratio:.{max(digits, 2)}f}"

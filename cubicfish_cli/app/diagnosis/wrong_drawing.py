@@ -1,9 +1,9 @@
-"""What is wrong with the drawing of several boards, by the target as it was measured.
+"""What is wrong with the drawing of several boards (target.yaml), by the target as measured.
 
-Where there is no fit, it is measured with no drawing but each board's own grid of squares.
+Where there is no fit, the target is measured with no drawing but each board's own grid of squares.
 Every board in every photo is taken as a flat thing of its own: a lens and a pose for each follow
-from that. Where two boards are in one photo, their poses give one's place in the other's frame,
-and that it is the same in all photos gives the ratio of their squares.
+from that. Where two boards are in one photo, their poses give one board's place in the other's
+frame. That it is the same in all photos gives the ratio of their squares.
 """
 
 from dataclasses import replace
@@ -31,18 +31,18 @@ _FEWEST_CORNERS = 12
 _FEWEST_LINES = 3
 _FEWEST_LINKS = 3
 _ROUNDS = 20
-# Photos must agree on where a board is to this many squares, or it moved between them.
+# Photos must agree on a board's place to this many squares, or it moved between them.
 _AGREE = 0.5
-# The target as drawn is to blame where it makes the error this many times larger; or somewhat
-# larger, where one fault is nearly all of what is wrong with it and beyond what a ruler misses, as
-# a share of the target's extent.
+# The nominal target is to blame where it makes the error this many times larger; or somewhat
+# larger, if one fault is nearly all of what is wrong with it and larger than a ruler's error, as a
+# share of the target's extent.
 _TIMES_WORSE = 2.0
 _SOMEWHAT_WORSE = 1.3
 _NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
-# A fit so much worse than its corners' noise, and the target is measured to see whether it is as
-# drawn.
+# Where a fit is so much worse than its corners' noise, the target is measured to see whether it is
+# as drawn.
 _WORTH_MEASURING = 1.2
-# Photos agree with a lens when their noise is within this many times the best ones'.
+# Photos agree with a lens if their noise is within this many times that of the best ones.
 _AGREES = 6.0
 # Beyond these a deformation is no property of paper, plate or wall but a mistake in the drawing
 # or in the names of the corners. Shares are of the board's half diagonal.
@@ -72,7 +72,8 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
     seen = np.zeros((len(pairs.images), len(target.boards)), np.intp) - 1
     seen[photo, board] = np.arange(len(photo))
     together = (seen >= 0).T.astype(np.intp) @ (seen >= 0)
-    # From a board's own frame, in its squares, to that of the one that most photos show.
+    # The motion from a board's own frame, in its squares, to that of the board that most photos
+    # show.
     placed = {int(np.argmax(together.diagonal())): np.eye(4)}
     while True:
         links = [
@@ -98,7 +99,7 @@ def measured_object(pairs: Observations, target: Target) -> dict[int, FloatArray
 
 
 def _split_into_boards(pairs: Observations, target: Target) -> Observations | None:
-    """Each board in each photo as a photo of one flat board, in squares; None without any."""
+    """Take each board in each photo as a photo of one flat board, in squares; None without any."""
     world, names, image = np.zeros_like(pairs.world), list[str](), np.full(len(pairs.image), -1)
     for photo, index in np.unique(np.stack([pairs.image, pairs.board]), axis=1).T.tolist():
         own = np.flatnonzero((pairs.image == photo) & (pairs.board == index))
@@ -116,9 +117,10 @@ def _split_into_boards(pairs: Observations, target: Target) -> Observations | No
 
 
 def _place_beside(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | None:
-    """(4, 4) from another board's frame to one's, each in its squares.
+    """(4, 4) the motion from another board's frame to one's, each in its squares.
 
-    Medians by reweighting: a board nearly square to the camera may lean the wrong way in a photo.
+    Reweighting gives medians: a board nearly square to the camera may lean the wrong way in a
+    photo.
     """
     back = poses.rotation[one].transpose(0, 2, 1)
     turns = back @ poses.rotation[other]
@@ -143,7 +145,7 @@ def _place_beside(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | 
 
 
 def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
-    """What is wrong with the drawing, where the target as fitted shows it."""
+    """Find what is wrong with the drawing, by the target as fitted."""
     fit, nominal = evidence.fit, evidence.fit.nominal
     if nominal.target is None or len(nominal.target.boards) < 2:
         return []
@@ -159,7 +161,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
 
 
 def _compare_refined(drawn: CameraFit, refined: CameraFit) -> list[Finding]:
-    """What is wrong with the drawing, where the target is free to be otherwise."""
+    """Find what is wrong with the drawing, where the target is free to be otherwise."""
     nominal = refined.nominal
     target, real = nominal.target, nominal.refined(refined.world)
     before, after = rms_px(drawn.errors), rms_px(refined.errors)
@@ -176,7 +178,7 @@ def _compare_refined(drawn: CameraFit, refined: CameraFit) -> list[Finding]:
 
 
 def _stands_out(fault: Fault) -> bool:
-    """Whether a fault is large, and what else is wrong with the drawing is little beside it."""
+    """Whether a fault is large, and little else is wrong with the drawing beside it."""
     extent = np.linalg.norm(np.ptp(np.concatenate(list(fault.points.values())), axis=0))
     return bool(
         fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
@@ -184,7 +186,7 @@ def _stands_out(fault: Fault) -> bool:
 
 
 def doubted_boards(evidence: FitEvidence) -> list[Finding]:
-    """Boards that were fitted to be otherwise than paper, plate or wall explains."""
+    """Find boards that depart from the nominal ones by more than paper, plate or wall explains."""
     target, found = evidence.target, list[Finding]()
     if target is None:
         return found
@@ -215,7 +217,7 @@ def _half_diagonal(board: Board) -> float:
 
 
 def of_failure(evidence: FailedFit) -> list[Finding]:
-    """The fault of the drawing without which the corners fit."""
+    """Find the fault of the drawing without which the corners fit."""
     target = evidence.target
     if target is None or len(target.boards) < 2:
         return []

@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 Size = tuple[int, int]
 """(width, height), pixels."""
 MAKING = RLock()
-"""Held while maps are made, which one thread does for all."""
+"""Held while maps are made, since one thread makes them for all."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """A photo, or the photos of a rig's shot, and the pictures that become of it.
+    """A photo, or the photos of a rig's shot, and the pictures to be made of it.
 
     Attributes:
-        name: what messages call it.
-        photos: name of the camera -> its photo; of one camera alone its name is "".
-        outputs: part of the view -> where its picture goes; of a view of one part that is "".
+        name: its name in messages.
+        photos: name of the camera -> its photo; a single camera's name is "".
+        outputs: part of the view -> the path of its picture; the name of a single part is "".
 
     """
 
@@ -57,7 +57,7 @@ class Job:
 
 
 Render = Callable[[Job, Mapping[str, Picture]], Mapping[str, Picture]]
-"""(job, its photos by their cameras' names) -> the pictures of all parts that it wants."""
+"""(job, its photos by their cameras' names) -> the pictures of all parts that the job wants."""
 
 
 Write = Callable[..., CubicfishError | None]
@@ -65,11 +65,10 @@ Write = Callable[..., CubicfishError | None]
 
 
 class Views:
-    """What a run renders of each photo; called, it renders one.
+    """The views of a run; called with a photo, it renders them.
 
-    A view from the camera's place is the same for all photos of a size, and its maps are made once,
-    from any thread.
-    Sizes are (width, height), pixels.
+    A view from the camera's place is the same for all photos of a size: its maps are made once,
+    from any thread. Sizes are (width, height), pixels.
     """
 
     def __init__(
@@ -79,15 +78,15 @@ class Views:
 
         Args:
             camera: the camera.
-            asked: the view, or what is asked of it.
-            interpolation: how pixels are blended.
+            asked: the view, or its options.
+            interpolation: how pixels are interpolated.
 
         """
         self._camera, self._asked, self.interpolation = camera, asked, interpolation
         self._chosen: dict[Size, ChosenView] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Travel without the maps, which are quicker made than sent."""
+        """Leave out the maps, which are made faster than they are sent."""
         return {**vars(self), "_chosen": {}}
 
     def chosen(self, source: Path, size: Size) -> ChosenView:
@@ -107,7 +106,7 @@ class Views:
             return self.chosen(source, size).maps
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
-        """The pictures of a job, as :func:`write_many` asks for them."""
+        """The pictures of a job; :func:`write_many` calls it."""
         picture = photos[""]
         maps = self.maps(job.source, (picture.shape[1], picture.shape[0]))
         return {
@@ -132,14 +131,14 @@ def write_many(
         jobs: the photos.
         write: writes the results of one.
         workers: photos to work on at a time.
-        overwrite: whether outputs may be replaced.
-        progress: called with the number of photos done and of all.
-        executor: who does the work instead of this process; ``write`` must then be picklable, and
-            ``workers`` says nothing. It may replace outputs: what it finds there is what a machine
-            wrote that was lost before it could say so.
+        overwrite: whether existing outputs may be replaced.
+        progress: called with the numbers of photos done and of all photos.
+        executor: does the work instead of this process; ``write`` must then be picklable, and
+            ``workers`` is ignored. It may replace outputs that it finds: a machine wrote them and
+            was lost before it could report them.
 
     Returns:
-        Name of each that failed, in the order of ``jobs``, and why.
+        The name of each job that failed, in the order of ``jobs``, and why.
 
     Raises:
         ClusterError: ``executor`` cannot do the work.
@@ -168,14 +167,14 @@ def write_one(
 
     Args:
         job: the photo.
-        render: makes pictures of it.
+        render: makes the pictures of the photo.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
-        overwrite: whether outputs may be replaced.
+        overwrite: whether existing outputs may be replaced.
 
     Returns:
-        Why that could not be done: a :class:`PhotoError` of a photo that cannot be read, a
-        :class:`ViewError` where there are no pictures of such photos, an :class:`OutputError` where
-        an output exists, cannot be written, or cannot hold such a picture; None where it is done.
+        Why it could not be written: a :class:`PhotoError` if a photo cannot be read, a
+        :class:`ViewError` if there are no pictures of such photos, an :class:`OutputError` if an
+        output exists, cannot be written, or cannot hold such a picture; None if it was written.
 
     """
     try:
@@ -198,7 +197,7 @@ def write_one(
 
 
 Answers = Generator[tuple[int, CubicfishError | None], None, None]
-"""Numbers of the jobs as they are done, and why one could not be."""
+"""The numbers of the jobs in the order in which they are done, and why one failed, or None."""
 
 
 def _by_threads(
@@ -221,7 +220,7 @@ def _by_executor(
     any_done = False
     try:
         for number, problem in executor.each(work, list(map(_absolute, jobs))):
-            if isinstance(problem, ClusterError):  # which does not know the photo
+            if isinstance(problem, ClusterError):  # the executor does not know the photo
                 about = shown(jobs[number].source)
                 problem = ClusterError(str(problem), about=about, apart=True)
             any_done = True
@@ -231,7 +230,7 @@ def _by_executor(
             raise
         raise ClusterError(f"{error}; --skip-existing keeps what is done") from error
     finally:
-        # What workers that were killed have left: others may have looked there before.
+        # What killed workers have left: others may have searched these folders before.
         for folder in folders:
             remove_orphans(folder)
 

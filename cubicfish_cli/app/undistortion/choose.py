@@ -1,4 +1,4 @@
-"""The view that options ask for of a camera's photos, and what people are told of it."""
+"""The view that options describe for a camera's photos, and remarks on it for people."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ from cubicfish_cli.core.views.view import (
 MAX_DEFAULT_FIELD_DEG = 120.0
 """A flat picture of a wider field spends nearly all its pixels on the rim."""
 
-_LEAST_UNSEEN_DEG = 0.05  # what is printed is rounded to as much
+_LEAST_UNSEEN_DEG = 0.05  # printed numbers are rounded to this
 _MUCH = 0.1  # of what a photo shows
 
 
@@ -46,15 +46,16 @@ def build_view(
     fit: Fit | None = None,
     rotate_deg: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> CentralView:
-    """A picture to render from the camera's photos: what each of its pixels looks along.
+    """Build a picture to render from the camera's photos: the ray along which each pixel looks.
 
     Its field comes from one of ``hfov_deg``, ``vfov_deg``, ``focal`` and ``fit``. Without any, a
-    flat view keeps the photo's scale on its axis, up to 120° along the longer side, and the others
-    show all that the camera sees; an ``equirectangular`` view of no given size is just as large as
-    that at the photo's scale, and along the axis of a lens beyond 180° as its middle row shows.
+    perspective view keeps the photo's scale on its axis, up to 120° along the longer side, and the
+    others show all that the camera sees; an ``equirectangular`` view without a given size is then
+    just as large as that at the photo's scale, and along the axis of a lens beyond 180° as large as
+    its middle row shows.
 
     Args:
-        camera: whose photos are rendered.
+        camera: the camera whose photos are rendered.
         kind: in a ``perspective`` view straight lines are straight, in a ``cylindrical`` one
             verticals are; ``equirectangular`` and ``equidistant`` views show angles evenly, and
             ``stereographic`` ones keep shapes.
@@ -67,7 +68,7 @@ def build_view(
         rotate_deg: (yaw, pitch, roll): look right, then up, then turn clockwise, degrees.
 
     Raises:
-        UsageError: something is asked twice, or is nothing that such a view has.
+        UsageError: an option is given twice, or is not one of this kind of view.
         ViewError: the camera shows no such view.
 
     """
@@ -86,14 +87,14 @@ def build_view(
 
 @dataclass(frozen=True, kw_only=True)
 class ChosenView:
-    """What is rendered.
+    """The views that are rendered, and what they are of.
 
     Attributes:
-        views: name of the part -> view; one part named "" unless it is a cube.
-        camera: whose photos are rendered; None for those of several.
+        views: name of the part -> view; the name of a single part is "", a cube has six.
+        camera: the camera whose photos are rendered; None for several cameras.
         at_limit: whether the camera sees more than the fitted view can show.
-        unit: of length, of a plane's picture.
-        asked_field: whether its field is what somebody asked for.
+        unit: unit of length, for the picture of a plane.
+        asked_field: whether the caller gave its field.
 
     """
 
@@ -105,7 +106,7 @@ class ChosenView:
 
     @property
     def first(self) -> View:
-        """The view, or a cube's front."""
+        """The view, or the front face of a cube."""
         return next(iter(self.views.values()))
 
     @cached_property
@@ -115,7 +116,7 @@ class ChosenView:
         return {part: build_map(self.camera, one) for part, one in self.views.items()}
 
     def describe(self) -> str:
-        """The view in a few words."""
+        """Describe the view in a few words."""
         view = self.first
         words = f"{view.size[0]}x{view.size[1]} pixels"
         if len(self.views) > 1:
@@ -128,7 +129,7 @@ class ChosenView:
         return words
 
     def remarks(self) -> list[str]:
-        """Where the camera's field ends before the view's does, and what photos show is lost."""
+        """Where the camera's field ends before the view's does, and what of the photos is lost."""
         view, camera, said = self.first, self.camera, []
         if self.at_limit:
             said.append(
@@ -170,7 +171,7 @@ class ChosenView:
         return said
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON; of a cube the first face, and all their names."""
+        """Plain data for JSON: of a cube, the first face and the names of all."""
         first = self.first
         record = {**first.as_record(), "words": self.describe(), "cut": self.at_limit}
         if len(self.views) > 1:
@@ -181,10 +182,10 @@ class ChosenView:
 
 
 def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
-    """What is rendered of a camera's photos: a view as it is given, or what is asked of it.
+    """Choose the view of a camera's photos: as it is given, or as its options describe it.
 
     Raises:
-        UsageError: the whole of what several cameras' photos show is asked for.
+        UsageError: the fit is ``whole``, and the photos are of several cameras.
         ViewError: the view is not one that can be rendered.
 
     """
@@ -213,7 +214,7 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
         share = 1.0 if asked.fit in (None, WHOLE) else float(asked.fit)
         view, at_limit = fit_view(camera, view, share)
         if asked.fit is None and view.kind.endswith("cylindrical") and at_limit:
-            # All round, for the sake of what is nearly overhead, is not what anyone means.
+            # Nobody wants a view all round only because the camera sees something nearly overhead.
             focal = max(view.focal, axis_focal(camera) * scale)
             view, at_limit = replace(view, focal=focal), False
     asked_field = asked_field or any(asked.rotate_deg)
@@ -221,7 +222,7 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
 
 
 def _view_as_asked(asked: ViewOptions, size: tuple[int, int]) -> CentralView:
-    """The view of a size, with its field if one is asked for."""
+    """Make the view of a size, with its field if the options give one."""
     view = CentralView(
         kind=asked.kind or KINDS[0],
         size=size,

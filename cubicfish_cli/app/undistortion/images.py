@@ -1,9 +1,8 @@
-"""Map and pictures -> undistorted pictures, of the same depth and channels.
+"""Map and pictures -> undistorted pictures of the same depth and with the same channels.
 
-EXIF, colour profile and tables of a JPEG, carried over to the picture made from it.
-
-The EXIF record (orientation, time, place, lens) and the colour profile go along; no reader finds
-the thumbnail in it, which would show the old picture.
+The module also copies metadata of a JPEG file into the picture that is made from it: the EXIF
+record (orientation, time, place, lens), the colour profile and the quantisation tables. No reader
+finds the thumbnail in that record, since it would show the old picture.
 """
 
 import struct
@@ -35,8 +34,8 @@ CV2_FLAGS = dict(
     )
 )
 
-# What each kind of file can hold: bits a channel, and channels (4 is with transparency).
-# 32 bits are floating point numbers.
+# What each kind of file can hold: bits per channel, and channels (4 is with transparency). 32 bits
+# are floating point numbers.
 _EIGHT, _EIGHT_OR_SIXTEEN = (8,), (8, 16)
 _HOLDS = {
     ".png": (_EIGHT_OR_SIXTEEN, (1, 3, 4)),
@@ -59,7 +58,7 @@ def remap_picture(
 ) -> Picture:
     """Render the map's view from a picture: (H, W[, C]) -> (h, w[, C]), the same depth.
 
-    By default bilinear, and black where the map has nothing: what ``cv2.remap`` gives for the
+    By default it is bilinear, and black where the map has nothing, as ``cv2.remap`` renders the
     map's file. A fourth channel is 0 where the map has nothing.
 
     Raises:
@@ -89,7 +88,7 @@ def remap(
     interpolation: str,
     empty: float = 0,
 ) -> Picture:
-    """Values (H, W[, C]) at the places of a map (h, w), and ``empty`` where it has none."""
+    """Interpolate values (H, W[, C]) at the places of a map (h, w); ``empty`` where it has none."""
     # Wider kernels reach over the photo's edge: mirror the photo there, rather than blend it.
     wide = interpolation in ("cubic", "lanczos")
     border = cv2.BORDER_REFLECT_101 if wide else cv2.BORDER_CONSTANT
@@ -109,7 +108,7 @@ def undistort(
 ) -> npt.NDArray[Any]:
     """Render a view from a photo, as ``cubicfish undistort`` does.
 
-    For many photos make the map once with :func:`build_map` and pass it instead of the camera.
+    For many photos, make the map once with :func:`build_map` and pass it instead of the camera.
 
     Args:
         picture: (H, W) or (H, W, 1 to 4), uint8, uint16 or float32, of the size that the camera
@@ -117,7 +116,7 @@ def undistort(
         by: the camera, or a map.
         view: what to render; by default flat, as large as the photo and with the photo's scale in
             its middle, up to 120° across.
-        interpolation: how pixels are blended.
+        interpolation: how pixels are interpolated.
 
     Returns:
         (h, w) or (h, w, channels), of the view's size and the picture's dtype.
@@ -147,7 +146,7 @@ def undistort(
 
 @contextmanager
 def naming(source: Path) -> Iterator[None]:
-    """Say of which photo or video it is that something cannot be done."""
+    """Begin the errors inside with the name of the photo or video."""
     try:
         yield
     except CubicfishError as problem:
@@ -188,9 +187,9 @@ def encode_picture(
     Args:
         path: where it will be; its suffix says what kind of file.
         picture: in BGR order.
-        quality: of a JPEG or lossy WebP file; None for that of ``like``, or else 95 in a JPEG
-            and no loss in a WebP file.
-        like: the file that it was made from, or nothing.
+        quality: quality of a JPEG or lossy WebP file; None takes that of ``like``, or else 95 for a
+            JPEG file and no loss for a WebP file.
+        like: the content of the file that it was made from; empty for none.
 
     Raises:
         OutputError: this kind of file cannot hold the picture.
@@ -215,7 +214,7 @@ def encode_picture(
         options, segments = jpeg_like(like, quality)
     elif suffix == ".webp" and quality is not None:
         options = [cv2.IMWRITE_WEBP_QUALITY, quality]
-    elif depth == 32:  # else some versions of OpenCV take LogLuv, which loses
+    elif depth == 32:  # without it some versions of OpenCV write LogLuv, which loses
         options = [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_LZW]
     try:
         with quiet_stderr():
@@ -237,11 +236,11 @@ _SAMPLINGS = {0x111111, 0x211111, 0x221111, 0x121111, 0x411111}
 
 
 def jpeg_like(data: bytes, quality: int | None = None) -> tuple[list[int], bytes]:
-    """What makes a JPEG file like another one.
+    """Find the options and segments that make a JPEG file like another one.
 
     Args:
-        data: the other file; one that is no JPEG tells nothing.
-        quality: 1 to 100; None for that of the standard tables that are nearest to the file's.
+        data: the content of the other file; one that is no JPEG gives nothing.
+        quality: 1 to 100; None takes that of the standard tables that are nearest to the file's.
 
     Returns:
         Options for ``cv2.imencode``; and the file's EXIF record and colour profile, as segments.
@@ -261,7 +260,7 @@ def jpeg_like(data: bytes, quality: int | None = None) -> tuple[list[int], bytes
                 marker == _APP2 and body.startswith(_PROFILE)
             ):
                 kept += _segment(marker, _without_thumbnail(body))
-    except (struct.error, IndexError):  # damaged here; its pixels may be whole all the same
+    except (struct.error, IndexError):  # damaged here, but its pixels may be whole
         pass
     return [cv2.IMWRITE_JPEG_QUALITY, quality or nearest, *options], kept
 
@@ -307,7 +306,7 @@ def _sampling(body: bytes) -> list[int]:
 
 @cache
 def _standard_tables() -> np.ndarray:
-    """(100, 64): the brightness table that the encoder uses for each quality from 1."""
+    """(100, 64): the brightness table that the encoder uses for each quality from 1 on."""
     dot = np.zeros((8, 8), np.uint8)
     tables = []
     for quality in range(1, 101):
@@ -322,7 +321,7 @@ def _nearest_quality(table: tuple[int, ...]) -> int:
 
 
 def _without_thumbnail(body: bytes) -> bytes:
-    """An EXIF record whose first directory is its last: the second would lead to the thumbnail."""
+    """An EXIF record whose first directory is its last: a second leads to the thumbnail."""
     tiff = len(_EXIF)
     order = {b"II": "<", b"MM": ">"}.get(body[tiff : tiff + 2])
     if order is None:

@@ -1,9 +1,9 @@
 """Maps for other programs: OpenCV's, STMaps, and ffmpeg's pair of pictures.
 
-All hold, for each pixel of the result, where it comes from in the source. What comes from
-nowhere is negative, or beyond the frame where a format has no negative numbers.
+All of them have, for each pixel of the result, its place in the source. Pixels without a place in
+the source are negative, or beyond the frame where a format has no negative numbers.
 
-The virtual camera of a view as a file in plain YAML.
+The virtual camera of a view is written as a file in plain YAML.
 """
 
 import json
@@ -32,7 +32,7 @@ _ROWS_PER_BLOCK = 32
 
 
 def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
-    """The map that makes the camera's photo again from a picture of the view.
+    """The map that renders the camera's photo again from a picture of the view.
 
     Raises:
         ViewError: the camera's photos are larger than ``cv2.remap`` can take.
@@ -60,8 +60,8 @@ def build_redistort_map(camera: CubicCamera, view: View) -> UndistortMap:
 def stmap(pixel_map: UndistortMap) -> tuple[Floats, Floats]:
     """The map as shares of the source's frame, 0 to 1 from edge to edge: two of (H, W) float32.
 
-    Pixel centres are at half pixels; −1 marks what comes from nowhere. The second counts upwards
-    from the bottom, as Nuke and Flame have it.
+    Pixel centres are at half pixels; −1 marks pixels without a place in the source. The second
+    array counts upwards from the bottom, as Nuke and Flame do.
     """
     width, height = pixel_map.image_size
     u = (pixel_map.map_x.astype(float) + 0.5) / width
@@ -82,7 +82,7 @@ def save_map(path: Path | str, undistort_map: UndistortMap, *, overwrite: bool =
 
 
 def write_npz(path: Path, made: UndistortMap) -> None:
-    """The same, of a map of either way: ``format`` says which; an existing file is replaced."""
+    """Write such a file of a map of either direction (``format``), over an existing file too."""
     way = "redistort_map" if made.redistorts else "undistort_map"
     with path.open("wb") as file:
         np.savez(
@@ -115,7 +115,7 @@ def write_exr(path: Path, made: UndistortMap) -> None:
 
 
 def require_exr(path: Path) -> Any:
-    """The library, for a file that the user named.
+    """Import the library that writes EXR files; ``path`` is the file that the user named.
 
     Raises:
         OutputError: the extra ``exr`` is not installed.
@@ -133,7 +133,7 @@ def require_exr(path: Path) -> Any:
 def png_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
     """STMap in 16 bits, x and y (H, W): value / 65535 is the share of the frame.
 
-    The half pixel at the frame's edge is never 0, so 0 marks what comes from nowhere.
+    The half pixel at the frame's edge is never 0, so 0 marks pixels without a place in the source.
     """
     u, v = (np.round(part * 65_535.0) for part in stmap(pixel_map))
     empty = pixel_map.empty
@@ -141,7 +141,7 @@ def png_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
 
 
 def pgm_values(pixel_map: UndistortMap) -> tuple[Shorts, Shorts]:
-    """For ffmpeg's remap filter, x and y (H, W): whole source pixels, 65535 for nowhere."""
+    """Maps for ffmpeg's remap filter, x and y (H, W): whole source pixels, 65535 for no place."""
     x, y = (
         np.where(pixel_map.empty, _BEYOND, np.rint(part)).astype(np.uint16)
         for part in (pixel_map.map_x, pixel_map.map_y)
@@ -156,7 +156,7 @@ def ffmpeg_command(path_x: Path, path_y: Path) -> str:
 
 
 def map_paths(output: Path, parts: Sequence[str] = ("",)) -> dict[str, tuple[Path, ...]]:
-    """The files that each part of a map named ``output`` consists of.
+    """The files of which each part of a map named ``output`` consists.
 
     Raises:
         UsageError: the name's suffix is none of .npz, .exr, .png and .pgm.
@@ -177,7 +177,7 @@ def map_paths(output: Path, parts: Sequence[str] = ("",)) -> dict[str, tuple[Pat
 
 
 def map_contents(paths: Sequence[Path], made: UndistortMap) -> dict[Path, Content]:
-    """What the files of one map hold, as :func:`write_files` takes them."""
+    """The contents of the files of one map, as :func:`write_files` takes them."""
     suffix = paths[0].suffix.lower()
     if suffix in _PAIRS:
         values = _PAIRS[suffix](made)
@@ -201,8 +201,8 @@ def view_files(
 
     Args:
         maps: part -> its map.
-        mask: where masks go; None for none.
-        beside: what the cameras' files are called after; None for none.
+        mask: the path of masks; None for no masks.
+        beside: the path after which the cameras' files are named; None for no such files.
 
     Raises:
         OutputError: no picture can have the mask's name.
@@ -219,9 +219,9 @@ def view_files(
 
 
 def view_text(view: View) -> str:
-    """The virtual camera in the style of camera.yaml.
+    """The text of a file of the virtual camera, in the style of camera.yaml.
 
-    ``K`` has the picture's scale in its middle, and is a pinhole's matrix where the kind is
+    ``K`` has the picture's scale in its middle, and is a pinhole's matrix if the kind is
     ``perspective``; ``camera_from_view`` is a rotation vector in radians.
     """
     lines = [

@@ -1,6 +1,6 @@
-"""What a view is asked to be: its kind, its size, its field, and where it looks.
+"""The options of a view: its kind, its size, its field, and where it looks.
 
-Nothing is loaded for it, so that a command line can check it before anything is.
+The module imports nothing heavy, so that a command line can check options before it loads more.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ _NUMBERS: Mapping[str, tuple[str, str, int, Callable[[float], bool]]] = {
     "fit": ("--fit", _FIT, 1, lambda share: INNER <= share <= OUTER),
     "rotate_deg": ("--rotate", "yaw,pitch,roll in degrees", 3, math.isfinite),
 }
-"""Name -> its option, what it must be, how many numbers that is, and what each holds to."""
+"""Name -> its option, what it must be, the count of its numbers, and a test of each number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """A view of any camera's photos, as the options of ``cubicfish undistort`` ask for it.
+    """The options of a view of any camera's photos, as ``cubicfish undistort`` has them.
 
     Attributes:
         kind: one of those of :func:`build_view`, or ``cube``; by default ``perspective``, and of a
@@ -59,10 +59,10 @@ class ViewOptions:
         hfov_deg, vfov_deg, focal, rotate_deg: as for :func:`build_view`.
         fit: likewise, or ``whole``: all that photos show, also where the camera is not calibrated.
 
-    Numbers of any kind are kept as Python has them, and ``fit`` as a share.
+    Numbers of any kind are converted to Python's own, and ``fit`` to a share.
 
     Raises:
-        UsageError: one is not usable, something is asked twice, or of a kind that does not have it.
+        UsageError: an option is not usable, is given twice, or is not one of this kind of view.
 
     """
 
@@ -103,7 +103,7 @@ class ViewOptions:
                 _refuse_too_wide(kind, axis, angle)
 
     def _number(self, name: str) -> Any:
-        """One number, or a tuple of several, of any kind, as Python has them."""
+        """Convert one number, or a tuple of several, of any kind to Python's own."""
         option, what, count, fits = _NUMBERS[name]
         given = getattr(self, name)
         if name == "fit" and isinstance(given, str) and given in _ENDS:
@@ -121,12 +121,12 @@ class ViewOptions:
 
     @property
     def leaves_field_open(self) -> bool:
-        """Whether neither size nor field were asked."""
+        """Whether neither size nor field was given."""
         return all(getattr(self, name) is None for name in ("size", *_FIELD))
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of the pictures that a photo becomes; one without a name unless it is a cube."""
+        """Names of the pictures that a photo becomes; a single picture has an empty name."""
         from cubicfish_cli.core.views.view import FACES
 
         return tuple(FACES) if self.kind == "cube" else ("",)
@@ -134,11 +134,11 @@ class ViewOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneOptions:
-    """The plane of a board in each photo, squarely from its front, a square around its corners.
+    """The plane of a board in each photo, seen from its front, with a square around its corners.
 
     Attributes:
         board: the name of one of the target's boards.
-        target: the target, or its file.
+        target: the target, or the path of its file.
         pixels_per_unit: the picture's scale; by default the largest that the photo has there.
 
     """
@@ -150,7 +150,7 @@ class PlaneOptions:
 
 def _refuse_too_wide(kind: str, axis: int, angle_deg: float) -> None:
     """Raise :class:`UsageError` where a kind of view cannot show a field across or down."""
-    from cubicfish_cli.core.views.view import PROJECTIONS  # loads numpy, which help does without
+    from cubicfish_cli.core.views.view import PROJECTIONS  # it loads numpy, which help does without
 
     def shows(name: str) -> bool:
         limit, closed = PROJECTIONS[name].widest[axis]

@@ -1,8 +1,8 @@
 """Map and video -> undistorted video, with its audio and its timestamps.
 
-Decoding, remapping and encoding run on threads of their own, a few frames apart. Pictures stay
-in the planes that codecs use (brightness, and colour at half the size): nothing is converted
-and nothing is lost by it, ten-bit video stays so, and half as many samples are remapped.
+Decoding, remapping and encoding run on threads of their own, a few frames apart. Pictures stay in
+the planes that codecs use (brightness, and colour at half the size): nothing is converted or lost
+by it, ten-bit video stays so, and half as many samples are remapped.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ if TYPE_CHECKING:
     import av
 
 DEFAULT_CRF = 18
-# What a kind of file takes, where it is not H.264.
+# Codecs for kinds of files that do not take H.264.
 _CODECS = {".webm": "libvpx-vp9"}
-# What is wrong with the disk and not with the video.
+# Errors of the disk, not of the video.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # Frames between one thread and the next: enough to even out their pace.
 _QUEUE = 4
-# Codecs whose colour samples lie in the middle of their columns; those of all others, and so those
-# that are written, lie on the first, unless a video says otherwise, which hardly any does.
+# Codecs whose colour samples lie in the middle of their columns. Those of all other codecs, also of
+# those that are written, lie on the first column, unless a video says otherwise; hardly any does.
 _CENTRED = frozenset(["mjpeg"])
 
-# Planes of green, blue and red. They are kept where no loss is asked for: H.264 has them by an
-# encoder of its own, others by themselves.
+# Planes of green, blue and red. They are kept where the options allow no loss: H.264 has an encoder
+# of its own for them, others take them as they are.
 _RGB = "gbrp"
 
 
@@ -59,9 +59,9 @@ class VideoResult:
     """What became of a video.
 
     Attributes:
-        frames: how many were written.
-        missing: how many more the source announces; 0 for a few, which is common.
-        turned_deg: how far players were told to turn the source; the result does not say so.
+        frames: how many frames were written.
+        missing: how many more frames the source announces; 0 for a few, which is common.
+        turned_deg: the angle by which the source tells players to turn it; the result does not.
 
     """
 
@@ -98,12 +98,12 @@ def undistort_video(
 
     Args:
         source: the video.
-        destination: where the result goes; its suffix says what kind of file.
+        destination: the path of the result; its suffix says what kind of file it is.
         make_map: frames' (width, height) -> the map for them.
-        interpolation: how pixels are blended.
-        crf: constant rate factor of the encoder; a lower number is better and makes a larger file.
+        interpolation: how pixels are interpolated.
+        crf: constant rate factor of the encoder; a lower number is better, and makes a larger file.
         overwrite: whether ``destination`` may be replaced.
-        progress: called with the number of frames done and of all (0 when unknown).
+        progress: called with the numbers of frames done and of all frames (0 when unknown).
 
     Raises:
         PhotoError: the video cannot be read to its end.
@@ -155,7 +155,7 @@ def _pipeline(
 
 
 def _ahead(items: Iterator[Any]) -> Generator[Any]:
-    """The items of an iterator that runs on a thread of its own, a few ahead of who takes them."""
+    """The items of an iterator that runs in a thread of its own, a few ahead of the consumer."""
     end = object()
     with ThreadPoolExecutor(1) as thread:
         try:
@@ -219,7 +219,7 @@ class _Writer:
         self._container.metadata.update(source.metadata)
 
     def _pixel_format(self, wanted: str) -> str:
-        """The source's own where the encoder takes it, or what is nearest."""
+        """The source's own format if the encoder takes it, or the nearest one that it takes."""
         usable = {one.name for one in self._stream.codec_context.codec.video_formats or []}
         deep = ["yuv420p10le"] if "10" in wanted or "12" in wanted else []
         known = [wanted] if _has_planes(wanted) else []
@@ -235,19 +235,19 @@ class _Writer:
                 self._container.mux(item)
 
     def finish(self) -> None:
-        """Encode what is held back and complete the file."""
+        """Encode the frames that are held back, and complete the file."""
         with self._errors():
             self._container.mux(self._stream.encode(None))
             self._container.close()
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file."""
         with suppress(self._av.FFmpegError):  # an unfinished file that is thrown away
             self._container.close()
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
-        """Turn what the video library raises into one line."""
+        """Turn errors of the video library into one line."""
         try:
             yield
         except (self._av.FFmpegError, ValueError) as problem:
@@ -345,7 +345,7 @@ def _chroma_maps(
 
 
 def _black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
-    """Brightness and two colour differences of what is black in this video."""
+    """Brightness and two colour differences of black in this video."""
     if frame.format.is_rgb:
         return 0, 0, 0
     full = frame.format.name.startswith("yuvj") or int(getattr(frame, "color_range", 0) or 0) == 2

@@ -17,15 +17,15 @@ LEVELS: Mapping[Level, str] = {
     "bad": "not to be trusted",
 }
 COVERED = "of the field covered by corners"
-"""What a coverage is a share of, wherever it is told: the field is where the camera may be trusted
-and does not see itself, in squares of an eighth of the photo's shorter side."""
+"""What a coverage is a share of, wherever it is printed. The field is where the camera may be
+trusted and does not see itself, in squares of an eighth of the photo's shorter side."""
 _UNKNOWN = "no figures are known"
-# Less of the rim than this is told beside the coverage of the whole.
+# The coverage of the rim is printed beside that of the whole if it is less than this.
 _WHOLE_RIM = 0.9
 
 
 def camera_line(known: CameraFacts) -> str:
-    """All that matters in one line, behind what its owner calls it."""
+    """The key figures in one line, without the name that the camera's owner gave it."""
     figures = camera_figures(known)
     return f"{known.title}: {figures}" if known.title else figures
 
@@ -52,7 +52,7 @@ def camera_figures(known: CameraFacts) -> str:
 
 
 def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
-    """What the lens is, as far as it is known: a name and figures in words each."""
+    """The figures of the lens that are known, a name and a text each."""
     rows = []
     units = (("focal length", "px per radian"), ("principal point", "px"))
     for (name, unit), value, sigma in zip(units, known.axis or (), known.axis_sigma, strict=False):
@@ -74,7 +74,7 @@ def _say_field(seen: FieldSeen) -> str:
 
 
 def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
-    """How far to trust a camera, as far as is known: name, value, unit and meaning each."""
+    """How far to trust a camera: the known figures, each with name, value, unit and meaning."""
     rows, fit = [], known.fit
     if known.max_angle_deg is not None:
         meaning = "from the axis, where the camera may be trusted"
@@ -95,18 +95,18 @@ def uncertainty_words(certain: FieldUncertainty) -> str:
 
 
 def uncertainty_meaning(certain: FieldUncertainty) -> str:
-    """What the median is of, and the other figure: to stand behind the median."""
+    """The meaning of the median, which stands behind it, with the other figure."""
     return f"1σ, median over the field; 95 % of it within {certain.p95_px:.3f} px"
 
 
 def pupil_meaning(pupil: PupilEffect) -> str:
-    """What stands behind :attr:`PupilEffect.rim_px`."""
+    """The meaning of :attr:`PupilEffect.rim_px`, which stands behind it."""
     away = length_words(pupil.distance, pupil.units or "")
     return f"outward at the rim, for things as near as the corners were: {away}"
 
 
 def pictures_of(fit: FitRecord) -> str | None:
-    """How many photos, or frames of which films, a fit is from; None where that is not known."""
+    """The photos, or the frames of films, that a fit is from; None where they are not known."""
     names = [photo.image for photo in fit.per_image]
     if fit.images <= 0:
         return None
@@ -142,7 +142,7 @@ def evaluation_figures(errors: ErrorStatistics, before_px: float) -> str:
 
 
 def verdict_line(judged: Verdict) -> str:
-    """All in one line: the word, and the figures or the first reason."""
+    """The verdict in one line: the word, and the figures or the first reason."""
     if not judged.reasons:
         return f"{judged.words}: {judged.figures}"
     more = len(judged.reasons) - 1
@@ -152,5 +152,5 @@ def verdict_line(judged: Verdict) -> str:
 
 
 def photo_words(told: Sequence[Finding]) -> str:
-    """What is told of a photo, in a few words; ``good`` where there is nothing."""
+    """The findings about a photo in a few words; ``good`` where there are none."""
     return "; ".join(finding.line for finding in told) or "good"
