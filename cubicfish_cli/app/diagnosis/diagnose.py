@@ -80,7 +80,7 @@ def _counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
     return _named(evidence, found) and all(one.code is not Code.CORNER_COUNT for one in found)
 
 
-def _as_drawn(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
+def _nominal(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
     """What was blamed on one board, or on the lens, is no reason to doubt every board."""
     faults = (*_LENSES, Code.BOARD_PLACE, Code.BOARD_SQUARE)
     return all(one.code not in faults for one in found)
@@ -113,7 +113,7 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _counted),
     Hypothesis(FitEvidence, repeats.repeats),
     Hypothesis(FitEvidence, left_out.dropped_boards),
-    Hypothesis(FitEvidence, wrong_drawing.doubted_boards, _as_drawn),
+    Hypothesis(FitEvidence, wrong_drawing.doubted_boards, _nominal),
     # About corners that do not fit: the first hypothesis that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
     Hypothesis(FailedFit, wrong_drawing.of_failure, _unexplained),

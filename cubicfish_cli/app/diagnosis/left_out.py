@@ -30,9 +30,9 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 
 # Other ways of counting that are tried: some lines further on, and every order of both axes.
-_REACH = range(-3, 4)
+_LINES = range(-3, 4)
 _STEPS = sorted(
-    ((x, y) for x in _REACH for y in _REACH if x or y), key=lambda at: abs(at[0]) + abs(at[1])
+    ((x, y) for x in _LINES for y in _LINES if x or y), key=lambda at: abs(at[0]) + abs(at[1])
 )
 FEWEST_CORNERS = 8
 """A board of fewer corners in a photo is not judged."""
@@ -302,7 +302,7 @@ def left_out_lens(
     if abs(ratio - 1) < _SAME_FOCAL and np.hypot(*shift) < 1:
         return None
     names = list(own.pairs.images)
-    if not _clearly_other(camera, own):
+    if not _is_clearly_other(camera, own):
         return None
     because, centre = "own_lens", centres[0]
     first = list(order[: len(names)]) == names
@@ -327,7 +327,7 @@ def left_out_lens(
     return found if many else replace(found, severity=Severity.CARE)
 
 
-def _clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
+def _is_clearly_other(camera: RadialCamera, own: RadialReference) -> bool:
     """Whether photos fit their own lens clearly better than another one, with free poses."""
     fit, placed, _ = fit_poses(camera, own.pairs)
     if fit is None or len(placed.pixel) < len(own.pairs.pixel):
@@ -342,7 +342,7 @@ def failed_lens(evidence: FailedFit) -> list[Finding]:
     if count <= _FEWEST_PHOTOS:
         return []
     lenses = []
-    for few in _subsets(count):
+    for few in _list_subsets(count):
         try:
             lens = fit_radial(select_photos(pairs, few), thorough=False)
         except (FitError, np.linalg.LinAlgError):
@@ -354,7 +354,7 @@ def failed_lens(evidence: FailedFit) -> list[Finding]:
     noise = min(noise_px(lens.residual) for lens in lenses)
     alike = [lens for lens in lenses if noise_px(lens.residual) <= 2 * noise]
     surest = sorted(alike, key=lambda lens: lens.focal_uncertainty)[:_MOST_LENSES]
-    agreeing = max((_agreeing(lens, pairs, noise) for lens in surest), key=len)
+    agreeing = max((_find_agreeing(lens, pairs, noise) for lens in surest), key=len)
     if not _FEWEST_PHOTOS <= len(agreeing) < count:
         return []
     lens = fit_radial(select_photos(pairs, agreeing))
@@ -375,7 +375,7 @@ def failed_lens(evidence: FailedFit) -> list[Finding]:
     ]
 
 
-def _subsets(count: int) -> Iterable[IntArray]:
+def _list_subsets(count: int) -> Iterable[IntArray]:
     """Yield a few photos at a time: neighbours, every second or third one, and at random."""
     size = max(_FEWEST_PHOTOS, min(6, count // 3))
     starts = np.arange(0, max(count - size, 0) + 1, max(1, size // 2))
@@ -389,7 +389,7 @@ def _subsets(count: int) -> Iterable[IntArray]:
         yield np.sort(rng.choice(count, min(_FEWEST_PHOTOS, count), replace=False))
 
 
-def _agreeing(lens: RadialReference, pairs: Observations, noise: float) -> IntArray:
+def _find_agreeing(lens: RadialReference, pairs: Observations, noise: float) -> IntArray:
     fit, own, placed = fit_poses(lens.camera, pairs)
     if fit is None:
         return np.zeros(0, np.intp)

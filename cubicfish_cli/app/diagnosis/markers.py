@@ -32,7 +32,7 @@ _PHOTOS = 3
 # Most columns that a board may have.
 _MOST_COLUMNS = 40
 # Fewest corners that show anything.
-_TELLING_CORNERS = 4
+_FEWEST_CORNERS = 4
 # Side by side in a row, two or three markers agree however long rows are: a whole board must agree
 # in a photo, and so many times more markers than for any other length. Likewise so many markers of
 # one family are no accident if they are so many times more than those of any other.
@@ -168,7 +168,7 @@ def otherwise_printed(evidence: MarkerEvidence) -> list[Finding]:
         for other in others:
             found = find_marked_corners(picture, other, grids)
             boards = [index for index in unseen if (found.board == index).any()]
-            if np.isin(found.board, unseen).sum() >= _TELLING_CORNERS:
+            if np.isin(found.board, unseen).sum() >= _FEWEST_CORNERS:
                 return [_describe_print(target, other, boards, len(found))]
     return []
 

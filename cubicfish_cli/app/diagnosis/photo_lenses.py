@@ -37,7 +37,7 @@ BY_CHANCE = 1e-6
 # A blamed thing must explain this share of the squared error, or it is not worth a word.
 WORTH = 0.05
 # Fewer photos do not show how much photos differ.
-FEWEST_TOLD_APART = 5
+FEWEST_COMPARED = 5
 # Pixels of a photo of 2000 pixels that a person would notice.
 _NOTICED_PX = 0.05
 ROUGH_DECREASE = 1e-4
@@ -309,7 +309,7 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
     There is one result for each of ``photos.photos``; none where they are too few.
     """
     count = len(photos.photos)
-    if count < FEWEST_TOLD_APART:
+    if count < FEWEST_COMPARED:
         return []
     own, size = photos.own, photos.own.shape[1]
     noise = photos.squares / np.maximum(photos.numbers, 1)

@@ -11,7 +11,7 @@ from scipy.special import fdtrc, ndtri
 
 from cubicfish_cli.app.diagnosis.photo_lenses import (
     BY_CHANCE,
-    FEWEST_TOLD_APART,
+    FEWEST_COMPARED,
     LENS,
     ROUGH_DECREASE,
     WORTH,
@@ -43,14 +43,14 @@ _BEYOND_STATED = 2.0
 _SURE = 1e-3
 _CLEAR_MARGIN = 0.1
 # A fit that one lens has bent to both shows less than there is: a first suspicion is followed up.
-_WORTH_FOLLOWING = 1e-2
+_SUSPECTED = 1e-2
 _ROUNDS = 12
 # Two lenses far apart have bent the fit so much that a step to each is far too long, or leads to a
 # scale below zero: the logarithm of a scale is changed by no more than this at once.
 _LONGEST_STEP, _LEAST_SCALE = 0.3, 0.1
 # Shares of the gain that makes two lenses worth it: the least gain of the first of these rounds,
 # and the gain over it below which rounds have converged.
-_AT_ONCE, _SETTLED = 0.5, 0.01
+_AT_ONCE, _STEADY = 0.5, 0.01
 # A change in the photos' order is the simpler thing: any other split must be as much better.
 _CLEARLY = 1.2
 _FEWEST_IN_GROUP = 2
@@ -95,12 +95,12 @@ def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
     for one in (fit,) if fit is evidence.nominal_fit else (fit, evidence.nominal_fit):
         photos = lenses_of(one)
         split = best_split(photos)
-        if split is None or split.chance > _WORTH_FOLLOWING or split.share < WORTH / 2:
+        if split is None or split.chance > _SUSPECTED or split.share < WORTH / 2:
             continue
         start = _Apart(
             scale=1.0, shift=np.zeros(2), second=split.second, fit=one, photos=photos, split=split
         )
-        apart = _fit_until_settled(start, together)
+        apart = _fit_until_converged(start, together)
         if apart is not None and _are_two_lenses(apart, together, limit):
             return [_describe(apart, together)]
     return []
@@ -208,7 +208,7 @@ def _put_to_nearer_lens(photos: PhotoLenses, second: BoolArray) -> BoolArray:
     return moved if 0 < moved.sum() < len(moved) else second
 
 
-def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
+def _fit_until_converged(start: _Apart, together: float) -> _Apart | None:
     """Fit with a scale and a centre for one of two groups, until they converge.
 
     Args:
@@ -237,7 +237,7 @@ def _fit_until_settled(start: _Apart, together: float) -> _Apart | None:
         if gained < before:
             break
         best = apart
-        if whole and gained - before < _SETTLED * worthy:
+        if whole and gained - before < _STEADY * worthy:
             break
     return best
 
@@ -302,7 +302,7 @@ def best_split(photos: PhotoLenses) -> TwoLenses | None:
 
     """
     count = len(photos.photos)
-    if count < FEWEST_TOLD_APART:
+    if count < FEWEST_COMPARED:
         return None
     own, weight = photos.own[:, LENS], photos.lens_information()
     off = own - mean_of(own, weight)
@@ -414,7 +414,7 @@ def lens_change(
             "where": "from" if in_order else "in",
             "in_order": in_order,
             "rest": rest,
-            "scale": _ratio_words(ratio),
+            "scale": _write_ratio(ratio),
             "focal_off": ratio - 1,
             "x_px": float(shift[0]),
             "y_px": float(shift[1]),
@@ -422,7 +422,7 @@ def lens_change(
     )
 
 
-def _ratio_words(ratio: float) -> str:
+def _write_ratio(ratio: float) -> str:
     """A ratio with two digits of its difference from 1, and three at least."""
     digits = 1 - int(np.floor(np.log10(max(abs(ratio - 1), 1e-9))))
     return f"{ratio:.{max(digits, 2)}f}"

@@ -41,7 +41,7 @@ _SOMEWHAT_WORSE = 1.3
 _NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
 # Where a fit is so much worse than its corners' noise, the target is measured to see whether it is
 # as drawn.
-_WORTH_MEASURING = 1.2
+_MEASURED_FROM = 1.2
 # Photos agree with a lens if their noise is within this many times that of the best ones.
 _AGREES = 6.0
 # Beyond these a deformation is no property of paper, plate or wall but a mistake in the drawing
@@ -154,7 +154,7 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
         return [replace(finding, severity=Severity.CARE) for finding in found]
     pairs, residual = fit.reference.pairs, fit.residual
     times = times_noise(pairs, residual)
-    if times is None or times < _WORTH_MEASURING:
+    if times is None or times < _MEASURED_FROM:
         return []
     own = replace(fit, nominal=replace(nominal, pairs=pairs))
     return _compare_refined(fit, refine_object(own, "shape", ()))
@@ -193,7 +193,7 @@ def doubted_boards(evidence: FitEvidence) -> list[Finding]:
     care = partial(Finding, severity=Severity.CARE)
     for one in evidence.departures:
         board = target.boards[target.board_names.index(one.board)]
-        size = _half_diagonal(board)
+        size = _find_half_diagonal(board)
         deepest, stretch = max(map(abs, (*one.bend, one.twist))), max(one.stretch, key=abs)
         moved = one.shift > _MOST_SHIFT_SHARE * size or one.turn_deg > _MOST_TURN_DEG
         off = one.offset_rms > _MOST_OFFSET_SHARE * (board.square or size)
@@ -210,7 +210,7 @@ def doubted_boards(evidence: FitEvidence) -> list[Finding]:
     return found
 
 
-def _half_diagonal(board: Board) -> float:
+def _find_half_diagonal(board: Board) -> float:
     if board.points is not None:
         return float(np.linalg.norm(np.ptp(board.points, axis=0))) / 2
     return float(np.hypot(*board.normalised(np.zeros(2))[1]))

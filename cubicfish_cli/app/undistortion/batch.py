@@ -219,7 +219,7 @@ def _by_executor(
     folders = {path.parent for job in jobs for path in job.outputs.values()}
     any_done = False
     try:
-        for number, problem in executor.each(work, list(map(_absolute, jobs))):
+        for number, problem in executor.each(work, list(map(_make_absolute, jobs))):
             if isinstance(problem, ClusterError):  # the executor does not know the photo
                 about = shown(jobs[number].source)
                 problem = ClusterError(str(problem), about=about, apart=True)
@@ -235,7 +235,7 @@ def _by_executor(
             remove_orphans(folder)
 
 
-def _absolute(job: Job) -> Job:
+def _make_absolute(job: Job) -> Job:
     photos, outputs = (
         {key: Path(abspath(path)) for key, path in paths.items()}
         for paths in (job.photos, job.outputs)

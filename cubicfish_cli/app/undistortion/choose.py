@@ -201,7 +201,7 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
         if not isinstance(camera, CubicCamera):
             raise UsageError("--fit whole is for photos of one camera: take --fit outer")
         camera = WholePhoto(camera=camera)
-    view, at_limit = _view_as_asked(asked, asked.size or camera.image_size), False
+    view, at_limit = _make_view(asked, asked.size or camera.image_size), False
     scale = view.size[0] / camera.image_size[0]
     asked_field = any(one is not None for one in (asked.hfov_deg, asked.vfov_deg, asked.focal))
     if view.kind.endswith("equirectangular") and asked.leaves_field_open:
@@ -221,7 +221,7 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
     return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, asked_field=asked_field)
 
 
-def _view_as_asked(asked: ViewOptions, size: tuple[int, int]) -> CentralView:
+def _make_view(asked: ViewOptions, size: tuple[int, int]) -> CentralView:
     """Make the view of a size, with its field if the options give one."""
     view = CentralView(
         kind=asked.kind or KINDS[0],

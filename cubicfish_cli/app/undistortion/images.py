@@ -248,18 +248,18 @@ def jpeg_like(data: bytes, quality: int | None = None) -> tuple[list[int], bytes
     """
     kept, nearest, options = b"", DEFAULT_QUALITY, []
     try:
-        for marker, body in _segments(data) if data.startswith(b"\xff\xd8\xff") else ():
+        for marker, body in _read_segments(data) if data.startswith(b"\xff\xd8\xff") else ():
             if marker == _DQT:
-                tables = dict(_tables(body))
-                nearest = _nearest_quality(tables[0]) if 0 in tables else nearest
+                tables = dict(_read_tables(body))
+                nearest = _find_quality(tables[0]) if 0 in tables else nearest
             elif marker in _FRAMES:
-                options += _sampling(body)
+                options += _find_sampling(body)
                 if marker == _PROGRESSIVE:
                     options += [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
             elif (marker == _APP1 and body.startswith(_EXIF)) or (
                 marker == _APP2 and body.startswith(_PROFILE)
             ):
-                kept += _segment(marker, _without_thumbnail(body))
+                kept += _write_segment(marker, _cut_thumbnail(body))
     except (struct.error, IndexError):  # damaged here, but its pixels may be whole
         pass
     return [cv2.IMWRITE_JPEG_QUALITY, quality or nearest, *options], kept
@@ -275,11 +275,11 @@ def with_segments(data: bytes, segments: bytes) -> bytes:
     return data[:at] + segments + data[at:]
 
 
-def _segment(marker: int, body: bytes) -> bytes:
+def _write_segment(marker: int, body: bytes) -> bytes:
     return struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
 
 
-def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+def _read_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
     """(marker, body) of the segments before the first scan."""
     for marker, at in jpeg_segments(data):
         if marker != _SOS:
@@ -287,7 +287,7 @@ def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
             yield marker, data[at + 2 : at + length]
 
 
-def _tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:
+def _read_tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:
     at = 0
     while at < len(body):
         wide, number = divmod(body[at], 16)
@@ -296,7 +296,7 @@ def _tables(body: bytes) -> Iterator[tuple[int, tuple[int, ...]]]:
         at += 1 + size
 
 
-def _sampling(body: bytes) -> list[int]:
+def _find_sampling(body: bytes) -> list[int]:
     """The option that samples colours as a file's frame says; none where that is unusual."""
     if body[5] != 3:
         return []
@@ -305,22 +305,22 @@ def _sampling(body: bytes) -> list[int]:
 
 
 @cache
-def _standard_tables() -> np.ndarray:
+def _make_tables() -> np.ndarray:
     """(100, 64): the brightness table that the encoder uses for each quality from 1 on."""
     dot = np.zeros((8, 8), np.uint8)
     tables = []
     for quality in range(1, 101):
         data = cv2.imencode(".jpg", dot, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-        body = next(body for marker, body in _segments(data) if marker == _DQT)
-        tables.append(dict(_tables(body))[0])
+        body = next(body for marker, body in _read_segments(data) if marker == _DQT)
+        tables.append(dict(_read_tables(body))[0])
     return np.array(tables)
 
 
-def _nearest_quality(table: tuple[int, ...]) -> int:
-    return 1 + int(np.abs(_standard_tables() - np.array(table)).sum(axis=1).argmin())
+def _find_quality(table: tuple[int, ...]) -> int:
+    return 1 + int(np.abs(_make_tables() - np.array(table)).sum(axis=1).argmin())
 
 
-def _without_thumbnail(body: bytes) -> bytes:
+def _cut_thumbnail(body: bytes) -> bytes:
     """An EXIF record whose first directory is its last: a second leads to the thumbnail."""
     tiff = len(_EXIF)
     order = {b"II": "<", b"MM": ">"}.get(body[tiff : tiff + 2])

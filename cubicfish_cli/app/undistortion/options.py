@@ -82,7 +82,7 @@ class ViewOptions:
             )
         for name in _NUMBERS:
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, self._number(name))
+                object.__setattr__(self, name, self._convert(name))
         given = [name for name in _FIELD if getattr(self, name) is not None]
         asked = [*dict.fromkeys(_NUMBERS[name][0] for name in given)]
         if kind == "cube":
@@ -102,7 +102,7 @@ class ViewOptions:
             if angle is not None:
                 _refuse_too_wide(kind, axis, angle)
 
-    def _number(self, name: str) -> Any:
+    def _convert(self, name: str) -> Any:
         """Convert one number, or a tuple of several, of any kind to Python's own."""
         option, what, count, fits = _NUMBERS[name]
         given = getattr(self, name)

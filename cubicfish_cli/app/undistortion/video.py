@@ -120,10 +120,10 @@ def undistort_video(
         with closing(writer):
             codec = stream.codec_context.name
             remapper = _PlaneRemapper(undistort_map, interpolation, writer.pixel_format, codec)
-            return _pipeline(source, container, stream, remapper, writer, progress)
+            return _run(source, container, stream, remapper, writer, progress)
 
 
-def _pipeline(
+def _run(
     source: Path,
     container: Any,
     stream: Any,
@@ -140,7 +140,7 @@ def _pipeline(
     begin, end, frames = int(stream.start_time or 0), 0.0, 0
     progress(0, total)
     decoded = decode(source, container, stream)
-    with closing(_ahead(decoded)) as ready, closing(_ahead(remapped(ready))) as flat:
+    with closing(_run_ahead(decoded)) as ready, closing(_run_ahead(remapped(ready))) as flat:
         for item in flat:
             writer.write(item)
             if is_frame(item):
@@ -154,7 +154,7 @@ def _pipeline(
     return VideoResult(frames=frames, missing=missing, turned_deg=remapper.turned_deg)
 
 
-def _ahead(items: Iterator[Any]) -> Generator[Any]:
+def _run_ahead(items: Iterator[Any]) -> Generator[Any]:
     """The items of an iterator that runs in a thread of its own, a few ahead of the consumer."""
     end = object()
     with ThreadPoolExecutor(1) as thread:
@@ -186,7 +186,7 @@ class _Writer:
         self.codec = codec = _CODECS.get(
             destination.suffix.lower(), "libx264rgb" if rgb else "libx264"
         )
-        with self._errors():
+        with self._explain_errors():
             known = {"crf": str(crf)}
             if codec == "libvpx-vp9":
                 known |= {"b": "0", "row-mt": "1", "lossless": str(int(crf == 0))}
@@ -196,8 +196,8 @@ class _Writer:
             )
         context = self._stream.codec_context
         width, height = undistort_map.view.size
-        self.pixel_format = _RGB if rgb else self._pixel_format(stream.codec_context.pix_fmt)
-        _, across, down = _layout_of(self.pixel_format)
+        self.pixel_format = _RGB if rgb else self._choose_format(stream.codec_context.pix_fmt)
+        _, across, down = _find_layout(self.pixel_format)
         if (across and width % across) or (down and height % down):
             self._container.close()
             raise ViewError(
@@ -211,14 +211,14 @@ class _Writer:
             value = getattr(stream.codec_context, name, None)
             if value is not None:
                 setattr(context, name, value)
-        with self._errors():
+        with self._explain_errors():
             self._audio = {
                 audio.index: self._container.add_stream_from_template(audio)
                 for audio in source.streams.audio
             }
         self._container.metadata.update(source.metadata)
 
-    def _pixel_format(self, wanted: str) -> str:
+    def _choose_format(self, wanted: str) -> str:
         """The source's own format if the encoder takes it, or the nearest one that it takes."""
         usable = {one.name for one in self._stream.codec_context.codec.video_formats or []}
         deep = ["yuv420p10le"] if "10" in wanted or "12" in wanted else []
@@ -227,7 +227,7 @@ class _Writer:
 
     def write(self, item: Any) -> None:
         """Encode a frame, or copy a packet of audio."""
-        with self._errors():
+        with self._explain_errors():
             if is_frame(item):
                 self._container.mux(self._stream.encode(item))
             else:
@@ -236,7 +236,7 @@ class _Writer:
 
     def finish(self) -> None:
         """Encode the frames that are held back, and complete the file."""
-        with self._errors():
+        with self._explain_errors():
             self._container.mux(self._stream.encode(None))
             self._container.close()
 
@@ -246,7 +246,7 @@ class _Writer:
             self._container.close()
 
     @contextmanager
-    def _errors(self) -> Iterator[None]:
+    def _explain_errors(self) -> Iterator[None]:
         """Turn errors of the video library into one line."""
         try:
             yield
@@ -271,14 +271,14 @@ class _PlaneRemapper:
         codec: str,
     ) -> None:
         """Prepare for frames of a codec."""
-        bits, across, down = _layout_of(pixel_format)
+        bits, across, down = _find_layout(pixel_format)
         self._format, self._size = pixel_format, undistort_map.view.size
         self._dtype = np.dtype(np.uint8 if bits == 8 else np.uint16)
         self._bits = bits
         self._interpolation = interpolation
         self._maps = [(undistort_map.map_x, undistort_map.map_y)]
         if across:
-            chroma = _chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
+            chroma = _make_chroma_maps(undistort_map, across, down, centred=codec in _CENTRED)
             self._maps += [chroma, chroma]
         self._values: tuple[int, ...] | None = None
         self.turned_deg = 0
@@ -289,17 +289,17 @@ class _PlaneRemapper:
         given = frame if frame.format.name == self._format else frame.reformat(format=self._format)
         made = pyav.VideoFrame(*self._size, self._format)
         if self._values is None:
-            self._values = _black(self._bits, frame)
+            self._values = _find_black(self._bits, frame)
         self.turned_deg = self.turned_deg or int(getattr(frame, "rotation", 0) or 0)
         for plane, out, (map_x, map_y), value in zip(
             given.planes, made.planes, self._maps, self._values, strict=False
         ):
-            flat = remap(self._pixels(plane), map_x, map_y, self._interpolation, value)
-            self._pixels(out)[...] = flat
+            flat = remap(self._view_pixels(plane), map_x, map_y, self._interpolation, value)
+            self._view_pixels(out)[...] = flat
         made.pts, made.time_base = frame.pts, frame.time_base
         return made
 
-    def _pixels(self, plane: Any) -> npt.NDArray[Any]:
+    def _view_pixels(self, plane: Any) -> npt.NDArray[Any]:
         rows = np.frombuffer(plane, self._dtype).reshape(
             plane.height, plane.line_size // self._dtype.itemsize
         )
@@ -313,7 +313,7 @@ def _has_planes(pixel_format: str) -> bool:
     return planes in ([0], [0, 1, 2]) and not kind.is_big_endian
 
 
-def _layout_of(pixel_format: str) -> tuple[int, int, int]:
+def _find_layout(pixel_format: str) -> tuple[int, int, int]:
     """Bits, and columns and rows of brightness for one sample of colour (0 for no colour)."""
     brightness, *colours = library().VideoFormat(pixel_format, 64, 64).components
     if not colours:
@@ -321,7 +321,7 @@ def _layout_of(pixel_format: str) -> tuple[int, int, int]:
     return brightness.bits, 64 // colours[0].width, 64 // colours[0].height
 
 
-def _chroma_maps(
+def _make_chroma_maps(
     undistort_map: UndistortMap, across: int, down: int, *, centred: bool
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """The map for colour samples, each of which stands for ``across`` x ``down`` pixels.
@@ -344,7 +344,7 @@ def _chroma_maps(
     return x.astype(np.float32), y.astype(np.float32)
 
 
-def _black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
+def _find_black(bits: int, frame: av.VideoFrame) -> tuple[int, int, int]:
     """Brightness and two colour differences of black in this video."""
     if frame.format.is_rgb:
         return 0, 0, 0

@@ -59,14 +59,14 @@ def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
         x, y = ("", "") if sigma is None else (f" ± {one:.2f}" for one in sigma)
         rows.append((name, f"x {value[0]:.2f}{x}, y {value[1]:.2f}{y} {unit}"))
     if known.field is not None:
-        rows.append(("field of view", _say_field(known.field)))
+        rows.append(("field of view", _describe_field(known.field)))
     if known.fit.pupil is not None:
         pupil = known.fit.pupil
         rows.append(("entrance pupil", f"{pupil.rim_px:.3f} px {pupil_meaning(pupil)}"))
     return rows
 
 
-def _say_field(seen: FieldSeen) -> str:
+def _describe_field(seen: FieldSeen) -> str:
     return (
         f"{seen.horizontal:.1f}° horizontal, {seen.vertical:.1f}° vertical, "
         f"{seen.diagonal:.1f}° diagonal"
@@ -151,6 +151,6 @@ def verdict_line(judged: Verdict) -> str:
     return f"{judged.words}: {first.why}{others}; {first.do}"
 
 
-def photo_words(told: Sequence[Finding]) -> str:
+def photo_words(findings: Sequence[Finding]) -> str:
     """The findings about a photo in a few words; ``good`` where there are none."""
-    return "; ".join(finding.line for finding in told) or "good"
+    return "; ".join(finding.line for finding in findings) or "good"

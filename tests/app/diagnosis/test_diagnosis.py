@@ -552,7 +552,7 @@ def test_one_photo_of_a_flat_board_has_no_lens_of_its_own(monkeypatch):
 
 @pytest.mark.parametrize("ratio", [1.004, 0.99996, 1 + 1e-12, 0.5, 2.0, 1.25])
 def test_a_ratio_is_never_printed_as_1(ratio):
-    words = two_lenses._ratio_words(ratio)
+    words = two_lenses._write_ratio(ratio)
     assert float(words) == pytest.approx(ratio, rel=0.05 * abs(ratio - 1) + 1e-8)
     assert float(words) != 1 or abs(ratio - 1) < 1e-9
 
@@ -1047,8 +1047,8 @@ def test_photos_that_do_not_go_with_the_others_are_named(points):
 
 
 def test_few_of_many_photos_are_tried():
-    assert len(list(left_out._subsets(1000))) < 40
-    assert max(len(few) for few in left_out._subsets(1000)) <= 6
+    assert len(list(left_out._list_subsets(1000))) < 40
+    assert max(len(few) for few in left_out._list_subsets(1000)) <= 6
 
 
 @pytest.mark.slow

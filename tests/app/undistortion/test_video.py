@@ -12,7 +12,7 @@ from lenses import cubic_camera
 from cubicfish_cli.app.films import source as source_of_frames
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.app.undistortion.video import (
-    _chroma_maps,
+    _make_chroma_maps,
     undistort_video,
     video_size,
 )
@@ -155,7 +155,7 @@ def test_colour_samples_lie_where_their_codec_has_them(centred):
     # A view that shows the photo shifted: every pixel (x, y) comes from (x + 10.5, y + 3).
     x, y = np.meshgrid(np.arange(64, dtype=np.float32), np.arange(32, dtype=np.float32))
     made = replace(MAP, map_x=x + 10.5, map_y=y + 3, valid=np.ones((32, 64), bool))
-    map_x, map_y = _chroma_maps(made, 2, 2, centred=centred)
+    map_x, map_y = _make_chroma_maps(made, 2, 2, centred=centred)
     columns, rows = np.meshgrid(np.arange(32), np.arange(16))
     place = 2 * columns + 10.5  # in pixels of brightness
     np.testing.assert_allclose(map_x, (place - centred / 2) / 2, atol=1e-4)
