@@ -140,8 +140,8 @@ class Observations(Brief):
     ) -> Observations:
         """Points of known places in the world, from plain arrays, one of each kind per photo.
 
-        They are taken where they are said to be. Corners of a board have names: a fit of
-        :meth:`from_corners` and their target can tell how the board departs from its drawing.
+        Their places are taken as given. Corners of a board have names: a fit of
+        :meth:`from_corners` and their target can show how the board departs from the nominal one.
 
         Args:
             world: for each photo (N, 3) points in the world frame, any unit of length.

@@ -1,4 +1,4 @@
-"""A camera in words: its key figures in one line and in rows, and what it is worth."""
+"""A camera in words: its key figures in one line and in rows, and the verdict."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""One mapping of a target file: its values by key, each checked as it is asked for."""
+"""One mapping of a target file: its values by key, each checked when it is read."""
 
 import math
 from collections.abc import Callable, Iterable

@@ -51,7 +51,7 @@ def select_model(
     """Refine the target up to the given level, or as far as held-out photos gain by it.
 
     Args:
-        fit: the fit to the target as drawn.
+        fit: the fit to the nominal target.
         refine_target: the level.
         hold_out: whether to measure the held-out error, which ``auto`` needs.
         progress: called at each step.

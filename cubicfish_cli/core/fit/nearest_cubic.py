@@ -40,7 +40,7 @@ SAFER_PULLS = (1e-2, 1.0, 100.0)
 # guess there, and a profile with many coefficients makes of it what no cubic can follow.
 _SHARES_BEYOND = (1e-3, 1e-2, 1e-1, 1.0)
 _MOST = 100  # evaluations
-_FREE = 47  # numbers of P, its scale held
+_FREE = 47  # numbers of P, its scale fixed
 # Error of a ray that the lens of a step does not see, pixels.
 _UNSEEN_PX = 1e3
 

@@ -283,7 +283,7 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The keys and values of a camera file of this version; what else it is, is told."""
+    """The keys and values of a camera file of this version; an error says what else it is."""
     text = read_text(path, max_bytes=_MAX_BYTES, error=CameraFileError)
     parsed: Any = None
     if not text.startswith("%"):  # OpenCV's files, which are not quite YAML
@@ -353,7 +353,7 @@ def _refuse_contradictions(file: Keys, image_size: tuple[int, int], fit: FitReco
 
 @dataclass(frozen=True)
 class Keys:
-    """Keys and values of a camera or rig file, each checked as it is asked for."""
+    """Keys and values of a camera or rig file, each checked when it is read."""
 
     path: Path
     data: dict[str, Any]

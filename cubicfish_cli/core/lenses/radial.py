@@ -1,8 +1,8 @@
 """The radial reference: the Kannala–Brandt lens (Kannala & Brandt 2006, as OpenCV's fisheye).
 
 r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), θ the angle from the optical axis, which may
-exceed 90°. It starts the cubic fit, holds it where no corner is, and stands beside it in
-every figure.
+exceed 90°. It starts the cubic fit, is its prior where there are no corners, and stands beside it
+in every figure.
 """
 
 from __future__ import annotations
