@@ -13,7 +13,7 @@ from cubicfish_cli.core.boards.shape import BoardShape
 from cubicfish_cli.core.codes import Code
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.held_out import HeldOut
-from cubicfish_cli.core.fit.photo_spread import _clusters
+from cubicfish_cli.core.fit.photo_spread import _group_photos
 from cubicfish_cli.core.fit.statistics import photo_weights, rms_px
 from cubicfish_cli.core.target import Target
 
@@ -93,11 +93,11 @@ def test_they_weigh_as_much_as_others_do(pairs):
 def test_they_are_no_clusters_that_could_be_left_out(pairs):
     some = replace(pairs, tells_error=pairs.certain)
     places = np.array([0, 1, 2, 2, 4, 5, 6, 7])
-    found = _clusters(places, some)
+    found = _group_photos(places, some)
     assert sorted(np.concatenate(found)) == [0, 2, 3, 5, 7]
     assert [2, 3] in [part.tolist() for part in found]
-    assert len(_clusters(places, pairs)) == PHOTOS - 1
-    assert not _clusters(places, replace(pairs, tells_error=pairs.image == 3))
+    assert len(_group_photos(places, pairs)) == PHOTOS - 1
+    assert not _group_photos(places, replace(pairs, tells_error=pairs.image == 3))
 
 
 def test_errors_are_compared_where_both_are_known():

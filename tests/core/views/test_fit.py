@@ -15,7 +15,7 @@ from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.views.fields import (
-    _region,
+    _sample_region,
     _shows,
     axis_focal,
     fit_view,
@@ -33,7 +33,7 @@ def kept_share(camera: AsymmetricLens, view: CentralView) -> float:
     return float(_shows(view, region(camera)).mean())
 
 
-region = cache(_region)
+region = cache(_sample_region)
 
 
 @cache
