@@ -48,7 +48,7 @@ def _not_bad(_: CornerEvidence, found: Sequence[Finding]) -> bool:
     return all(finding.severity is not Severity.BAD for finding in found)
 
 
-def _only_notes(_: PhotoEvidence, found: Sequence[Finding]) -> bool:
+def _only_notes(_: CornerEvidence | PhotoEvidence, found: Sequence[Finding]) -> bool:
     return all(finding.severity is Severity.NOTE for finding in found)
 
 
@@ -81,9 +81,9 @@ def _counted(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
 
 
 def _nominal(evidence: FitEvidence, found: Sequence[Finding]) -> bool:
-    """What was blamed on one board, or on the lens, is no reason to doubt every board."""
+    """What was blamed on one board, the lens or wrong names is no reason to doubt every board."""
     faults = (*_LENSES, Code.BOARD_PLACE, Code.BOARD_SQUARE)
-    return all(one.code not in faults for one in found)
+    return _not_bad(evidence, found) and all(one.code not in faults for one in found)
 
 
 def _counted_rightly(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
@@ -111,8 +111,8 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, wrong_drawing.wrong_drawing, _not_bad),
     Hypothesis(FitEvidence, left_out.left_out, _named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _counted),
+    Hypothesis(FitEvidence, left_out.dropped_boards, _only_notes),
     Hypothesis(FitEvidence, repeats.repeats),
-    Hypothesis(FitEvidence, left_out.dropped_boards),
     Hypothesis(FitEvidence, wrong_drawing.doubted_boards, _nominal),
     # About corners that do not fit: the first hypothesis that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),

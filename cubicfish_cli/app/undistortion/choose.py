@@ -21,7 +21,6 @@ from cubicfish_cli.core.views.maps import UndistortMap, WholePhoto, build_map
 from cubicfish_cli.core.views.view import (
     Camera,
     CentralView,
-    PlaneView,
     PointProjector,
     View,
     face_views,
@@ -117,16 +116,10 @@ class ChosenView:
 
     def describe(self) -> str:
         """Describe the view in a few words."""
-        view = self.first
-        words = f"{view.size[0]}x{view.size[1]} pixels"
+        width, height = self.first.size
         if len(self.views) > 1:
-            return f"the six faces of a cube, {words} each"
-        if isinstance(view, PlaneView):
-            words += f", the plane at {view.pixels_per_unit:.4g} pixels per {self.unit}"
-        if isinstance(view, CentralView):
-            words += f", {view.kind}" * (view.kind != KINDS[0])
-            words += f", {view.hfov_deg:.1f}° across, focal length {view.focal:.2f} px"
-        return words
+            return f"the six faces of a cube, {width}x{height} pixels each"
+        return f"{width}x{height} pixels, {self.first.describe(self.unit)}"
 
     def remarks(self) -> list[str]:
         """Where the camera's field ends before the view's does, and what of the photos is lost."""

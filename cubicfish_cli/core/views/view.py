@@ -108,6 +108,10 @@ class View(ABC):
         NaN where the view does not show the direction.
         """
 
+    @abstractmethod
+    def describe(self, unit: str = "unit") -> str:
+        """The view in a few words, after its size; ``unit`` is what lengths are in."""
+
     def as_record(self) -> dict[str, Any]:
         """The view as plain data: its kind, its size, and what its kind adds."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
@@ -338,6 +342,11 @@ class CentralView(View):
         own = np.asarray(rays, float) @ self.camera_from_view
         return PROJECTIONS[self.kind].offsets(own) * self.focal + self.middle
 
+    def describe(self, unit: str = "unit") -> str:
+        """Kind, field and focal length."""
+        kind = "" if self.kind == "perspective" else f"{self.kind}, "
+        return f"{kind}{self.hfov_deg:.1f}° across, focal length {self.focal:.2f} px"
+
 
 _ENDLESS = ("perspective", "stereographic")
 
@@ -378,6 +387,10 @@ class PlaneView(View):
         with np.errstate(divide="ignore", invalid="ignore"):
             pixel = homogeneous[..., :2] / homogeneous[..., 2:]
             return np.where(homogeneous[..., 2:] > 0, pixel, np.nan)
+
+    def describe(self, unit: str = "unit") -> str:
+        """The scale."""
+        return f"the plane at {self.pixels_per_unit:.4g} pixels per {unit}"
 
 
 def rotation_from_angles(
