@@ -68,10 +68,10 @@ def corners_of(folder: Path, camera: Path, count: int) -> Path:
 
 def main() -> None:
     """Print a row a command."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--photos", type=int, nargs="*", default=[1000, 3000])
-    asked.add_argument("--side", type=int, default=12_000)
-    given = asked.parse_args()
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--photos", type=int, nargs="*", default=[1000, 3000])
+    options.add_argument("--side", type=int, default=12_000)
+    given = options.parse_args()
     target = SAMPLE / "target.yaml"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -36,7 +36,7 @@ _PLACES = {
     "core.fit.evaluate": ("Evaluation",),
     "core.assess.verdict": ("Verdict",),
     "core.io.camera_yaml": ("CameraFile", "load_any_camera", "load_camera"),
-    "app.asked": ("Run",),
+    "app.run": ("Run",),
     "extensions.advice.command": ("AdviseOptions", "advise_files"),
     "commands.calibrate": ("CalibrateOptions", "calibrate_files"),
     "extensions.formats.corners": ("CornersOptions", "import_corner_files"),

@@ -1,12 +1,12 @@
 """The public names, for type checkers: each is loaded when it is first used."""
 
-from cubicfish_cli.app.asked import Run as Run
 from cubicfish_cli.app.comparison import Comparison as Comparison
 from cubicfish_cli.app.comparison import compare as compare
 from cubicfish_cli.app.detection import detect as detect
 from cubicfish_cli.app.listener import Event as Event
 from cubicfish_cli.app.listener import Listener as Listener
 from cubicfish_cli.app.photos import read_picture as read_picture
+from cubicfish_cli.app.run import Run as Run
 from cubicfish_cli.app.undistortion.choose import build_view as build_view
 from cubicfish_cli.app.undistortion.images import undistort as undistort
 from cubicfish_cli.app.undistortion.map_formats import save_map as save_map

@@ -18,7 +18,7 @@ from string import Template
 import click
 
 from cubicfish_cli.app.terminal.main import cli
-from cubicfish_cli.app.terminal.options import Argument
+from cubicfish_cli.app.terminal.parameters import Argument
 from cubicfish_cli.core.codes import Code, Remedy
 
 PAGE = Path(__file__).with_name("cli.md")

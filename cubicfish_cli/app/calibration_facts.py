@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cubicfish_cli.app.asked import target_in
 from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.sufficiency.enough import summary
+from cubicfish_cli.app.target_source import target_in
 from cubicfish_cli.app.words.camera import photo_words
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import FileRecord, FitRecord, Origin, PhotoRecord

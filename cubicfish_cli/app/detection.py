@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.asked import Run, StrPath
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.listener import SILENT, Event, Listener
 from cubicfish_cli.app.look import GridCache, Look, look_at, refused
 from cubicfish_cli.app.photos import Photo, find_photos, refuse_no_picture
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.words.catalogue import catalogue
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, OutputError
-from cubicfish_cli.core.files import refuse_outside
+from cubicfish_cli.core.files import StrPath, refuse_outside
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target

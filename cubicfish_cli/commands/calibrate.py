@@ -12,23 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import (
-    RUN,
-    Run,
-    StrPath,
-    TargetSource,
-    check_inputs,
-    made_at,
-    made_by_record,
-    path_or_none,
-    paths_of,
-    tables_among,
-)
 from cubicfish_cli.app.extensions import Output, extensions, load_place
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.pages.report_files import PAGE
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import check_inputs, path_or_none, paths_of, tables_among
+from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
     fitted_rows,
@@ -41,7 +32,7 @@ from cubicfish_cli.app.terminal.figures import (
     px,
     why_lost,
 )
-from cubicfish_cli.app.terminal.options import (
+from cubicfish_cli.app.terminal.parameters import (
     DEFAULT_MODEL,
     as_command,
     option,
@@ -59,7 +50,7 @@ from cubicfish_cli.app.terminal.terminal import (
 )
 from cubicfish_cli.app.words.phrases import counted, plural
 from cubicfish_cli.core.errors import OutputError, UsageError
-from cubicfish_cli.core.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
@@ -110,7 +101,7 @@ class CalibrateOptions:
 
     """
 
-    inputs: StrPath | Sequence[StrPath] = options.argument(
+    inputs: StrPath | Sequence[StrPath] = parameters.argument(
         "Photos (files, folders or globs), films, or one corners.csv or correspondences.csv.",
         nargs=-1,
         metavar="[PHOTOS|FILM|CSV]...",
@@ -119,16 +110,16 @@ class CalibrateOptions:
     correspondences: StrPath | None = option(
         "--correspondences FILE",
         "2D-3D pairs instead of photos: a CSV file with the columns image,X,Y,Z,x,y.",
-        options.FILE,
+        parameters.FILE,
     )
-    image_size: tuple[int, int] | None = options.size_option
-    folder: StrPath = options.output_option(
+    image_size: tuple[int, int] | None = parameters.size_option
+    folder: StrPath = parameters.output_option(
         "Where camera.yaml, undistort_map.npz, corners.csv and report.html go.",
         default="calibration",
         folder=True,
     )
     title: str | None = option("--title TEXT", "What to call this camera in its file and report.")
-    refine_target: RefineTarget | None = options.refine_target_option(
+    refine_target: RefineTarget | None = parameters.refine_target_option(
         "Fit the target too: the shapes and places of its boards (shape), or also the place of "
         "each corner (points). auto goes on as long as the held-out error falls. [default: auto]",
         default=None,
@@ -152,7 +143,7 @@ class CalibrateOptions:
         f"photos, and of films {MOST} frames]",
         click.IntRange(min=1),
     )
-    report: bool = options.report_option
+    report: bool = parameters.report_option
 
     def __post_init__(self) -> None:
         title = self.title
@@ -205,7 +196,7 @@ class CalibratedFiles:
         }
 
 
-def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFiles:
+def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedFiles:
     """Calibrate a camera from files into a folder, as ``cubicfish calibrate`` does.
 
     Everything is written together at the end, or nothing is, but for frames of films.
@@ -216,14 +207,14 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
             can be fitted.
 
     """
-    paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
-    pairs, folder = path_or_none(asked.correspondences), Path(asked.folder)
+    paths, source = paths_of(options.inputs), TargetSource.of(options.target)
+    pairs, folder = path_or_none(options.correspondences), Path(options.folder)
     is_of_pairs = check_inputs(
-        paths, source, run, correspondences=pairs, image_size=asked.image_size
+        paths, source, run, correspondences=pairs, image_size=options.image_size
     )
-    if is_of_pairs and asked.refine_target is not None:
+    if is_of_pairs and options.refine_target is not None:
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
-    if asked.most is not None and (pairs is not None or tables_among(paths)):
+    if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # said before the work if it cannot be
     from cubicfish_cli.app.inputs import load_inputs, recorded_as
@@ -238,11 +229,11 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     with_corners = bool(paths) and not _is_among(read, goals["corners"])
     kinds = {"corners": with_corners, "drawn": source.needs_file}
     for kind, one in more.items():
-        kinds[kind] = asked.report and not extra.missing(one.needs)
+        kinds[kind] = options.report and not extra.missing(one.needs)
     own = [kind for kind, wanted in kinds.items() if wanted]
     kinds_refused = ("camera", "map", "target", *own)
     refuse_existing(*(goals[kind] for kind in kinds_refused), overwrite=run.overwrite)
-    if asked.refine_target != "off" and _is_among(read, goals["target"]):
+    if options.refine_target != "off" and _is_among(read, goals["target"]):
         raise OutputError(
             f"{goals['target']} would be replaced, and is what this calibration is made from: "
             "choose another folder with -o"
@@ -250,31 +241,31 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
     photos, chosen = paths, None
     for reader in (place for one in extensions() for place in one.inputs):
         read_photos = load_place(reader)
-        photos, ended = read_photos(photos, folder / "frames", source, asked.most, run)
+        photos, ended = read_photos(photos, folder / "frames", source, options.most, run)
         chosen = ended or chosen
     loaded = load_inputs(
-        photos, source, run, correspondences=pairs, image_size=asked.image_size, most=asked.most
+        photos, source, run, correspondences=pairs, image_size=options.image_size, most=options.most
     )
     run.listener.found(loaded.photo_findings)
     uncertain = set(loaded.pairs.image[~loaded.pairs.certain].tolist())
-    if asked.refine_target in (None, "auto") and uncertain:
+    if options.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
     drawn = loaded.drawn(source)
-    how: dict[str, Any] = {"hold_out": asked.hold_out}
+    how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
-    if asked.lift == "point":
+    if options.lift == "point":
         from cubicfish_cli.app.lenses.point_fit import calibrate_points
 
         run.listener.progress("Fitting")
-        fitted, how = calibrate_points(loaded.pairs, **how), {"lift": asked.lift}
+        fitted, how = calibrate_points(loaded.pairs, **how), {"lift": options.lift}
     else:
         from cubicfish_cli.commands.calibration import calibrate
 
-        how["refine_target"] = asked.refine_target or "auto"
+        how["refine_target"] = options.refine_target or "auto"
         fitted = calibrate(loaded.given, **how, listener=run.listener)
         loaded = loaded.named_by(fitted)
-    named = {} if asked.title is None else {"title": asked.title}
+    named = {} if options.title is None else {"title": options.title}
     made_by = {**named, **made_by_record(run.command, how, loaded.target_file, loaded.files)}
     chosen = loaded.chosen or chosen
     if chosen is not None:
@@ -283,7 +274,7 @@ def calibrate_files(asked: CalibrateOptions, *, run: Run = RUN) -> CalibratedFil
         made_by["target"] = recorded_as(drawn, goals["drawn"])
     fitted = replace(fitted, made_by=made_by)
     contents = _contents(fitted, loaded.corners if with_corners else None, drawn)
-    if contents.get("map") is None and asked.lift == "ray":
+    if contents.get("map") is None and options.lift == "ray":
         width, height = fitted.camera.image_size
         run.listener.tell(Event.NO_MAP, width=width, height=height)
     for kind, one in more.items():

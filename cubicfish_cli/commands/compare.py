@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import in_folder, path_or_none
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import hold_gate, print_figure, print_spread, px
-from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import refuse_existing
+from cubicfish_cli.core.files import StrPath, refuse_existing
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.comparison import Comparison
@@ -32,14 +33,14 @@ class CompareOptions:
 
     """
 
-    first: StrPath = options.argument(
+    first: StrPath = parameters.argument(
         "The camera.yaml, or its folder, in whose pixels differences are.", metavar="A"
     )
-    second: StrPath = options.argument(
+    second: StrPath = parameters.argument(
         "The camera.yaml, or its folder, that is compared with it.", metavar="B"
     )
     picture: StrPath | None = option(
-        "--picture FILE", "Also draw the difference at every pixel of camera A.", options.FILE
+        "--picture FILE", "Also draw the difference at every pixel of camera A.", parameters.FILE
     )
 
 
@@ -62,7 +63,7 @@ class ComparedFiles:
         return {**self.comparison.as_record(), **drawn}
 
 
-def compare_files(asked: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
+def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     """Say how far apart two cameras see the same rays, as ``cubicfish compare`` does.
 
     Raises:
@@ -76,13 +77,13 @@ def compare_files(asked: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     from cubicfish_cli.app.undistortion.images import check_suffix, write_picture
     from cubicfish_cli.core.io.camera_yaml import load_camera
 
-    path = path_or_none(asked.picture)
+    path = path_or_none(options.picture)
     if path is not None:
         refuse_existing(path, overwrite=run.overwrite)
         check_suffix(path)
     elif run.overwrite:
         raise UsageError("--overwrite goes with --picture, which writes a file: leave it out")
-    both = (load_camera(in_folder(Path(given))).camera for given in (asked.first, asked.second))
+    both = (load_camera(in_folder(Path(given))).camera for given in (options.first, options.second))
     comparison = compare(*both)
     if path is not None:
         write_picture(path, _picture(comparison), overwrite=run.overwrite)

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, named_photos, paths_of
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import named_photos, paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import (
     GOOD,
     PhotoRow,
@@ -17,10 +19,11 @@ from cubicfish_cli.app.terminal.figures import (
     mark_of,
     print_photo_table,
 )
-from cubicfish_cli.app.terminal.options import as_command, option, record, target_options
+from cubicfish_cli.app.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How, say_found
 from cubicfish_cli.app.terminal.terminal import result, say
 from cubicfish_cli.app.words.phrases import plural
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
@@ -41,17 +44,17 @@ class DetectOptions:
 
     """
 
-    photos: StrPath | Sequence[StrPath] = options.argument(
+    photos: StrPath | Sequence[StrPath] = parameters.argument(
         "Photos: files, folders or globs.", nargs=-1, required=True, metavar="PHOTOS..."
     )
     target: TargetSource | Target | StrPath | None = target_options
-    table: StrPath = options.output_option("Where the corners go.", default="corners.csv")
+    table: StrPath = parameters.output_option("Where the corners go.", default="corners.csv")
     draw: StrPath | None = option(
         "--draw FOLDER",
         "Also write FOLDER/<photo>.png for each photo: the corners of each board in a colour of "
         "its own, a disc at corner (0, 0), arrows along x and y, and in red what was left out and "
         "why.",
-        options.FOLDER,
+        parameters.FOLDER,
     )
 
 
@@ -92,7 +95,7 @@ class DetectedFiles:
         }
 
 
-def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
+def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     """Find the corners of a target in photos and write them, as ``cubicfish detect`` does.
 
     Raises:
@@ -101,7 +104,7 @@ def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
             exists and may not be replaced.
 
     """
-    source, file = TargetSource.of(asked.target), Path(asked.table)
+    source, file = TargetSource.of(options.target), Path(options.table)
     source.check()
     from cubicfish_cli.app.detection import drawings, find_corners
     from cubicfish_cli.app.overlay import draw_found
@@ -111,12 +114,12 @@ def detect_files(asked: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
     from cubicfish_cli.core.io.observations_csv import save_corners
 
     refuse_existing(file, overwrite=run.overwrite)
-    found = named_photos(paths_of(asked.photos), run.listener)
-    pictures = {} if asked.draw is None else drawings(Path(asked.draw), found)
+    found = named_photos(paths_of(options.photos), run.listener)
+    pictures = {} if options.draw is None else drawings(Path(options.draw), found)
     refuse_existing(*pictures.values(), overwrite=run.overwrite)
     detection = find_corners(found, source.load(run.listener), run)
     save_corners(file, detection.corners, overwrite=run.overwrite)
-    if asked.draw is None:
+    if options.draw is None:
         return DetectedFiles(detection=detection, file=file)
     written, progress = [], run.listener.counting("Drawing")
     for done, (photo, report) in enumerate(zip(found, detection.photos, strict=True)):

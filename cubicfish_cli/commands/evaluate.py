@@ -8,16 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import (
-    RUN,
-    Run,
-    StrPath,
-    TargetSource,
-    check_inputs,
-    in_folder,
-    paths_of,
-)
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import check_inputs, in_folder, paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import (
     corners_by_board,
     fitted_rows,
@@ -29,10 +23,11 @@ from cubicfish_cli.app.terminal.figures import (
     px,
     why_lost,
 )
-from cubicfish_cli.app.terminal.options import as_command, record, target_options
+from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How, say_found, say_left_out
 from cubicfish_cli.app.terminal.terminal import result, say
 from cubicfish_cli.app.words.phrases import plural
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.inputs import Inputs
@@ -57,14 +52,14 @@ class EvaluateOptions:
 
     """
 
-    inputs: StrPath | Sequence[StrPath] = options.argument(
+    inputs: StrPath | Sequence[StrPath] = parameters.argument(
         "Photos (files, folders or globs), or one corners.csv or correspondences.csv.",
         nargs=-1,
         metavar="PHOTOS|CSV...",
     )
     target: TargetSource | Target | StrPath | None = target_options
-    camera: StrPath = options.model_options
-    image_size: tuple[int, int] | None = options.size_option
+    camera: StrPath = parameters.model_options
+    image_size: tuple[int, int] | None = parameters.size_option
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +89,7 @@ class EvaluatedFiles:
         return {**self.evaluation.as_record(), **uncertainty, **self.inputs.remarks()}
 
 
-def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
+def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
     """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
 
     Raises:
@@ -102,16 +97,16 @@ def evaluate_files(asked: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFiles:
         CubicfishError: an input cannot be used, or no photo can be placed.
 
     """
-    paths, source = paths_of(asked.inputs), TargetSource.of(asked.target)
-    check_inputs(paths, source, run, image_size=asked.image_size)
+    paths, source = paths_of(options.inputs), TargetSource.of(options.target)
+    check_inputs(paths, source, run, image_size=options.image_size)
     from cubicfish_cli.app.inputs import load_inputs
     from cubicfish_cli.core.assess.verdict import evaluation_verdict
     from cubicfish_cli.core.fit.evaluate import evaluate
     from cubicfish_cli.core.io.camera_yaml import load_camera
 
-    file = load_camera(in_folder(Path(asked.camera)))
+    file = load_camera(in_folder(Path(options.camera)))
     size = file.camera.image_size
-    loaded = load_inputs(paths, source, run, image_size=asked.image_size or size)
+    loaded = load_inputs(paths, source, run, image_size=options.image_size or size)
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
     sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)

@@ -8,14 +8,15 @@ from typing import Any
 
 import click
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
 from cubicfish_cli.app.extensions import written_formats
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
+from cubicfish_cli.app.paths import in_folder
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 # Maps are of no lens model, and so not among the registered formats.
 FORMATS = {
@@ -60,7 +61,7 @@ class LensOptions:
         click.Choice(list(FORMATS)),
         required=True,
     )
-    output: StrPath | None = options.output_option(
+    output: StrPath | None = parameters.output_option(
         "Where it goes. [default: the format's usual name, in the current folder]", folder=None
     )
     max_error: float | None = option(
@@ -81,7 +82,7 @@ class LensOptions:
 class ExportOptions(LensOptions):
     """A camera that is written for another tool: its file, or the folder of that, and how."""
 
-    camera: StrPath = options.camera_options
+    camera: StrPath = parameters.camera_options
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,7 +107,7 @@ class ExportedFiles:
         return self.record
 
 
-def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
+def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     """Write a camera for another tool, as ``cubicfish export`` does.
 
     Raises:
@@ -121,13 +122,13 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.maps import build_map
 
-    to, path = asked.to, in_folder(Path(asked.camera))
-    for name, given in (("--max-error", asked.max_error), ("--max-angle", asked.max_angle_deg)):
+    to, path = options.to, in_folder(Path(options.camera))
+    for name, given in (("--max-error", options.max_error), ("--max-angle", options.max_angle_deg)):
         if to == "maps" and given is not None:
             raise UsageError(f"{name} is of lens models: --to maps holds the camera as it is")
-    max_error = MAX_ERROR if asked.max_error is None else asked.max_error
+    max_error = MAX_ERROR if options.max_error is None else options.max_error
     usual = "undistort_map.npz" if to == "maps" else written_formats()[to].file_name
-    goal = Path(asked.output or usual)
+    goal = Path(options.output or usual)
     refuse_existing(goal, overwrite=run.overwrite)
     loaded = load_camera(path)
     if to == "maps":
@@ -136,7 +137,7 @@ def export_files(asked: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         save_map(goal, build_map(loaded.camera, build_view(loaded.camera)), overwrite=run.overwrite)
         return ExportedFiles(files=[goal], record={"file": goal, "format": to})
     run.listener.progress("Fitting the other lens")
-    lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=asked.max_angle_deg)
+    lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
     write_files({goal: lens.text}, overwrite=run.overwrite)
     warning = lens.warning(max_error)
     return ExportedFiles(

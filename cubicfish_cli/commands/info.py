@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import in_folder
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import print_verdict, px
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result
 from cubicfish_cli.app.words.phrases import plural
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.io.camera_yaml import CameraRecord
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 class InfoOptions:
     """A camera: its file, or the folder of that."""
 
-    camera: StrPath = options.camera_options
+    camera: StrPath = parameters.camera_options
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +76,7 @@ class CameraInfo:
         }
 
 
-def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
+def info_files(options: InfoOptions, *, run: Run = RUN) -> CameraInfo:
     """Say what a camera is, as ``cubicfish info`` does.
 
     Raises:
@@ -83,7 +85,7 @@ def info_files(asked: InfoOptions, *, run: Run = RUN) -> CameraInfo:
     """
     from cubicfish_cli.core.io.camera_yaml import load_any_camera
 
-    path = in_folder(Path(asked.camera))
+    path = in_folder(Path(options.camera))
     return CameraInfo(model=path, known=load_any_camera(path))
 
 

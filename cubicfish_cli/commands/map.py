@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.paths import in_folder
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.view_options import say_what_is_unseen, view_options
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.choose import ChosenView
@@ -35,7 +36,7 @@ _HELP = """Write where in the photo each pixel of a view comes from, and the cam
 photo_size_option: Any = option(
     "--photo-size",
     "The size of the photos, if they are an exact rescale of the calibrated ones.",
-    options.SIZE,
+    parameters.SIZE,
 )
 
 
@@ -52,11 +53,11 @@ class MapOptions:
 
     """
 
-    output: StrPath = options.argument(
+    output: StrPath = parameters.argument(
         "Where the map goes: a name that ends in .npz, .exr, .png or .pgm.",
         metavar="OUT",
     )
-    camera: StrPath = options.model_options
+    camera: StrPath = parameters.model_options
     view: View | ViewOptions | None = view_options
     photo_size: tuple[int, int] | None = photo_size_option
     redistort: bool = option(
@@ -103,7 +104,7 @@ class MapFiles:
         }
 
 
-def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
+def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
     """Write the map of a camera, and the camera of what it shows, as ``cubicfish map`` does.
 
     Raises:
@@ -117,15 +118,15 @@ def map_files(asked: MapOptions, *, run: Run = RUN) -> MapFiles:
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.maps import camera_for_photos
 
-    goal, view = Path(asked.output), asked.view
+    goal, view = Path(options.output), options.view
     plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
     refuse_existing(*files_of(plan), overwrite=run.overwrite)
-    path = in_folder(Path(asked.camera))
+    path = in_folder(Path(options.camera))
     loaded = load_camera(path).camera
-    there = camera_for_photos(loaded, asked.photo_size or loaded.image_size)
+    there = camera_for_photos(loaded, options.photo_size or loaded.image_size)
     chosen = chosen_view(there, view)
     maps = chosen.maps
-    if asked.redistort:
+    if options.redistort:
         maps = {name: build_redistort_map(there, one) for name, one in chosen.views.items()}
     return MapFiles(
         model=path,

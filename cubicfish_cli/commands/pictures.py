@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import Run, path_or_none
+from cubicfish_cli.app.paths import path_or_none
 from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, photo_size, shown
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
 from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.app.undistortion.images import check_suffix, part_name
@@ -86,7 +87,7 @@ def plan_jobs(
     kind: str,
     sources: Mapping[str, tuple[str, Mapping[str, Path]]],
     output: Path,
-    asked: PictureOptions,
+    options: PictureOptions,
     run: Run,
     *,
     alone: bool,
@@ -97,7 +98,7 @@ def plan_jobs(
         kind: what they are, in a word.
         sources: name -> the name of the result in a folder, and photos.
         output: a folder; of one that is named ``alone`` also a name for its result.
-        asked: what becomes of them.
+        options: what becomes of them.
         run: how the work is done.
         alone: whether there is one, named by itself.
 
@@ -107,7 +108,7 @@ def plan_jobs(
             exists and may be neither replaced nor left.
 
     """
-    if asked.skip_existing and run.overwrite:
+    if options.skip_existing and run.overwrite:
         raise UsageError("--skip-existing and --overwrite exclude each other")
     to_folder = _is_folder(output, "" if alone else plural(len(sources), kind))
     if kind == "video" and not to_folder and output.suffix.lower() not in VIDEO_SUFFIXES:
@@ -117,7 +118,7 @@ def plan_jobs(
     jobs = []
     for name, (result, photos) in sources.items():
         path = output / result if to_folder else output
-        outputs = {part: part_name(path, part) for part in asked.parts}
+        outputs = {part: part_name(path, part) for part in options.parts}
         for one in outputs.values():
             if one.exists() and any(one.samefile(photo) for photo in photos.values()):
                 raise OutputError(
@@ -126,7 +127,7 @@ def plan_jobs(
         jobs.append(Job(name=name, photos=photos, outputs=outputs))
     if to_folder:
         refuse_outside(output, (path for job in jobs for path in job.outputs.values()))
-    asked.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
+    options.refuse_unused(kind, {path.suffix for job in jobs for path in job.outputs.values()})
     left: list[Job] = []
     skipped: list[Job] = []
     for job in jobs:
@@ -134,12 +135,12 @@ def plan_jobs(
         lacking = {
             part: path
             for part, path in job.outputs.items()
-            if not (asked.skip_existing and path.is_file())
+            if not (options.skip_existing and path.is_file())
         }
         for path in lacking.values() if kind != "video" else ():
             check_suffix(path)
         refuse_existing(
-            *lacking.values(), overwrite=run.overwrite, can_skip=not asked.skip_existing
+            *lacking.values(), overwrite=run.overwrite, can_skip=not options.skip_existing
         )
         (left if lacking else skipped).append(replace(job, outputs=lacking or job.outputs))
     return left, skipped
@@ -170,7 +171,7 @@ def write_pictures(
     kind: str,
     jobs: Jobs,
     views: Views,
-    asked: PictureOptions,
+    options: PictureOptions,
     run: Run,
     *,
     model: Path | None,
@@ -183,7 +184,7 @@ def write_pictures(
         kind: what the sources are, in a word.
         jobs: which photos become which files.
         views: what is rendered of each.
-        asked: how.
+        options: how.
         run: how the work is done.
         model: the file of what took the photos, for the record.
         write: writes the result of one that is no photo.
@@ -196,7 +197,7 @@ def write_pictures(
     """
     left, skipped = jobs
     files: dict[Path, Content] = {}
-    if (asked.mask is not None or asked.virtual_camera is not None) and (left or skipped):
+    if (options.mask is not None or options.virtual_camera is not None) and (left or skipped):
         sources = [job.source for job in (*left, *skipped)]
         views_of = [views.chosen(source, size_of(source)) for source in sources]
         if any(one is not views_of[0] for one in views_of):
@@ -207,17 +208,17 @@ def write_pictures(
         from cubicfish_cli.app.undistortion.map_formats import view_files
 
         maps = views.maps(sources[0], size_of(sources[0]))
-        mask, virtual_camera = path_or_none(asked.mask), path_or_none(asked.virtual_camera)
+        mask, virtual_camera = path_or_none(options.mask), path_or_none(options.virtual_camera)
         files = view_files(maps, mask=mask, beside=virtual_camera)
-        if asked.skip_existing:
+        if options.skip_existing:
             files = {path: content for path, content in files.items() if not path.is_file()}
-        refuse_existing(*files, overwrite=run.overwrite, can_skip=not asked.skip_existing)
+        refuse_existing(*files, overwrite=run.overwrite, can_skip=not options.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
     # Videos are done one after the other, and each tells how far it is.
     counted = None if write else run.listener.counting("Undistorting")
     failures = write_many(
         left,
-        write or partial(write_one, render=views, quality=asked.quality),
+        write or partial(write_one, render=views, quality=options.quality),
         workers=1 if write else run.jobs or os.cpu_count() or 1,
         overwrite=run.overwrite,
         progress=counted or (lambda done, total: None),

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.asked import Run, target_in
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import Photo
+from cubicfish_cli.app.run import Run
+from cubicfish_cli.app.target_source import target_in
 from cubicfish_cli.app.undistortion.batch import Size, Views
 from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.app.undistortion.options import PlaneOptions
@@ -27,13 +28,13 @@ class PlaneViews(Views):
     """A board's plane, whose place is another one in each photo."""
 
     def __init__(
-        self, loaded: Calibrated | PointCameraFile | CubicCamera, asked: PlaneOptions, how: str
+        self, loaded: Calibrated | PointCameraFile | CubicCamera, options: PlaneOptions, how: str
     ) -> None:
         """Prepare for the board of a target.
 
         Args:
             loaded: the camera, maybe with the poses of the photos that it was calibrated from.
-            asked: of which board, and how.
+            options: of which board, and how.
             how: how pixels are blended.
 
         Raises:
@@ -43,10 +44,10 @@ class PlaneViews(Views):
         """
         fit = FitRecord() if isinstance(loaded, CubicCamera) else loaded.fit
         self._seen_by = loaded if isinstance(loaded, CubicCamera) else loaded.camera
-        self._plane, self._target = asked, target_in(asked.target)
+        self._plane, self._target = options, target_in(options.target)
         self.interpolation = how
         try:
-            board_with_plane(self._target, asked.board)
+            board_with_plane(self._target, options.board)
         except ViewError as problem:
             raise UsageError(str(problem)) from None
         self._poses = _poses_of(fit)

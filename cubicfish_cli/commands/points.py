@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.paths import in_folder
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import echo, say
 from cubicfish_cli.core.errors import CorrespondenceError, UsageError
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.reading import read_bytes
 from cubicfish_cli.core.wording import quoted
 
@@ -144,19 +146,19 @@ class ProjectOptions:
 
     """
 
-    points: StrPath = options.argument(
+    points: StrPath = parameters.argument(
         "A CSV file of points X,Y,Z, or one point such as 0.2,0.1,1. [default: stdin]",
         default=Path("-"),
     )
-    near: bool = options.option(
+    near: bool = parameters.option(
         "--near",
         "How near the points are counts: they are in the units of the calibration target, and "
         "the entrance pupil wanders.",
     )
-    camera: StrPath = options.model_options
+    camera: StrPath = parameters.model_options
 
 
-def project_points(asked: ProjectOptions, *, run: Run = RUN) -> Points:
+def project_points(options: ProjectOptions, *, run: Run = RUN) -> Points:
     """Project points to pixels, (N, 2), as ``cubicfish project`` does.
 
     Raises:
@@ -166,17 +168,17 @@ def project_points(asked: ProjectOptions, *, run: Run = RUN) -> Points:
     """
     from cubicfish_cli.core.io.camera_yaml import PointCameraFile, load_any_camera
 
-    loaded = load_any_camera(in_folder(Path(asked.camera)))
-    if isinstance(loaded, PointCameraFile) and asked.near:
+    loaded = load_any_camera(in_folder(Path(options.camera)))
+    if isinstance(loaded, PointCameraFile) and options.near:
         raise UsageError(
             "--near is of cameras with rays: with lift 'point' points count where they are"
         )
-    read = read_points(Path(asked.points), ("X", "Y", "Z"))
+    read = read_points(Path(options.points), ("X", "Y", "Z"))
     if isinstance(loaded, PointCameraFile):
         loaded.camera.refuse_off_boards(read.values)
         pixel = loaded.camera.project(read.values)
     else:
-        pixel = loaded.camera.project(read.values, near=asked.near)
+        pixel = loaded.camera.project(read.values, near=options.near)
     return replace(read, values=pixel)
 
 
@@ -212,14 +214,14 @@ class UnprojectOptions:
 
     """
 
-    pixels: StrPath = options.argument(
+    pixels: StrPath = parameters.argument(
         "A CSV file of pixels x,y, or one pixel such as 640,400. [default: stdin]",
         default=Path("-"),
     )
-    camera: StrPath = options.model_options
+    camera: StrPath = parameters.model_options
 
 
-def unproject_points(asked: UnprojectOptions, *, run: Run = RUN) -> Points:
+def unproject_points(options: UnprojectOptions, *, run: Run = RUN) -> Points:
     """Turn pixels into unit viewing rays, (N, 3), as ``cubicfish unproject`` does.
 
     Raises:
@@ -228,8 +230,8 @@ def unproject_points(asked: UnprojectOptions, *, run: Run = RUN) -> Points:
     """
     from cubicfish_cli.core.io.camera_yaml import load_camera
 
-    camera = load_camera(in_folder(Path(asked.camera))).camera
-    read = read_points(Path(asked.pixels), ("x", "y"))
+    camera = load_camera(in_folder(Path(options.camera))).camera
+    read = read_points(Path(options.pixels), ("x", "y"))
     return replace(read, values=camera.unproject(read.values))
 
 

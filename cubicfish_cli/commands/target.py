@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none, target_in
 from cubicfish_cli.app.extensions import extension_commands
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import path_or_none
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import target_in
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.main import LazyGroup
-from cubicfish_cli.app.terminal.options import (
+from cubicfish_cli.app.terminal.parameters import (
     as_command,
     common_options,
     examples,
@@ -26,7 +28,7 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.diagnosis.object_check import ObjectFacts, Turn
@@ -51,14 +53,14 @@ class CheckOptions:
 
     """
 
-    target: StrPath = options.argument(
+    target: StrPath = parameters.argument(
         "The target.yaml.",
         metavar="TARGET",
     )
     drawing: StrPath | None = option(
         "--draw FILE.svg",
         "Also draw the target: does it look like yours? Needs pip install 'cubicfish[report]'.",
-        options.FILE,
+        parameters.FILE,
     )
 
 
@@ -195,7 +197,7 @@ def _describe_turn(turn: Turn, *, alone: bool) -> str:
     return _say("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
 
 
-def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
+def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     """Look at the target in a file, and draw it, as ``cubicfish target check`` does.
 
     Raises:
@@ -204,7 +206,7 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         OutputError: the drawing exists and may not be replaced, or has another suffix.
 
     """
-    path = path_or_none(asked.drawing)
+    path = path_or_none(options.drawing)
     if path is None and run.overwrite:
         raise UsageError("--overwrite goes with --draw, which writes a file: leave it out")
     if path is not None:
@@ -213,7 +215,7 @@ def check_target_files(asked: CheckOptions, *, run: Run = RUN) -> TargetCheck:
         if extra.missing(extra.PRINTING):
             raise CubicfishError(f"a drawing needs matplotlib: {extra.INSTALL}")
         refuse_existing(path, overwrite=run.overwrite)
-    loaded = target_in(asked.target).as_printed()
+    loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")
     checked = check_target(loaded)
     if path is not None:

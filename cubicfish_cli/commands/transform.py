@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, made_by_record
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, Parsed, as_command, option, record
+from cubicfish_cli.app.paths import in_folder
+from cubicfish_cli.app.run import RUN, Run, made_by_record
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import FloatRange, Parsed, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result
 from cubicfish_cli.core.errors import UsageError, ViewError
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.io.camera_yaml import CameraFile
@@ -56,8 +58,8 @@ class TransformOptions:
 
     """
 
-    camera: StrPath = options.camera_options
-    output: StrPath = options.output_option("Where the camera goes.", default="camera.yaml")
+    camera: StrPath = parameters.camera_options
+    output: StrPath = parameters.output_option("Where the camera goes.", default="camera.yaml")
     crop: Crop | None = option(
         "--crop X,Y,WIDTHxHEIGHT",
         "What is left of the photo: its first pixel, and its size. [default: all]",
@@ -173,7 +175,7 @@ def _scaled(value: Any, factor: float, key: str = "") -> Any:
     return value * factor if counts else value
 
 
-def transform_files(asked: TransformOptions, *, run: Run = RUN) -> TransformedFile:
+def transform_files(options: TransformOptions, *, run: Run = RUN) -> TransformedFile:
     """Write a camera for another mode of its sensor, as ``cubicfish transform`` does.
 
     Raises:
@@ -185,11 +187,11 @@ def transform_files(asked: TransformOptions, *, run: Run = RUN) -> TransformedFi
     from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.core.io.camera_yaml import load_camera
 
-    path, goal = in_folder(Path(asked.camera)), Path(asked.output)
+    path, goal = in_folder(Path(options.camera)), Path(options.output)
     refuse_existing(goal, overwrite=run.overwrite)
     source, loaded = fingerprint(path), load_camera(path)
-    made = transform_camera(loaded, crop=asked.crop, scale=asked.scale)
-    given = {"crop": None if asked.crop is None else str(asked.crop), "scale": asked.scale}
+    made = transform_camera(loaded, crop=options.crop, scale=options.scale)
+    given = {"crop": None if options.crop is None else str(options.crop), "scale": options.scale}
     origin = made_by_record(run.command, given, None, [source])
     made = replace(made, made_by={**loaded.made_by, **origin})
     made.save(goal, overwrite=run.overwrite)

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, named_photos, paths_of
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.paths import in_folder, named_photos, paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say, tell
 from cubicfish_cli.app.undistortion.options import (
@@ -30,6 +31,7 @@ from cubicfish_cli.commands.view_options import (
     view_or_plane_options,
 )
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.undistortion.batch import Job, Views
@@ -72,12 +74,12 @@ class PictureOptions:
     mask: StrPath | None = option(
         "--mask FILE",
         "Also write a picture that is 255 where the result may be trusted, and 0 elsewhere.",
-        options.FILE,
+        parameters.FILE,
     )
     virtual_camera: StrPath | None = option(
         "--camera FILE",
         "Also write the virtual camera that took the result: for flat.png, flat.view.yaml.",
-        options.FILE,
+        parameters.FILE,
     )
     skip_existing: bool = option("--skip-existing", "Leave out photos whose result exists already.")
 
@@ -126,18 +128,18 @@ class UndistortOptions(PictureOptions):
 
     """
 
-    photos: StrPath | Sequence[StrPath] = options.argument(
+    photos: StrPath | Sequence[StrPath] = parameters.argument(
         "Photos or videos: files, folders or globs; '-' reads their names from stdin.",
-        type=options.NAME,
+        type=parameters.NAME,
         nargs=-1,
         required=True,
         metavar="IN...",
     )
-    output: StrPath = options.argument(
+    output: StrPath = parameters.argument(
         "The picture or video that is made of one; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
-    camera: StrPath | Calibrated | CubicCamera = options.model_options
+    camera: StrPath | Calibrated | CubicCamera = parameters.model_options
     view: View | ViewOptions | PlaneOptions | None = view_or_plane_options
     crf: int | None = option(
         "--crf 0-63",
@@ -146,7 +148,7 @@ class UndistortOptions(PictureOptions):
     )
 
 
-def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
+def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
 
     Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's
@@ -169,36 +171,36 @@ def undistort_files(asked: UndistortOptions, *, run: Run = RUN) -> UndistortedFi
     from cubicfish_cli.core.io.camera_yaml import load_any_camera, load_camera
     from cubicfish_cli.core.lenses.cubic import CubicCamera
 
-    kind, sources, alone = _find_sources(named_sources(asked.photos), run)
+    kind, sources, alone = _find_sources(named_sources(options.photos), run)
     photos = {name: (name, {"": one}) for name, one in sources}
-    if kind == "photo" and asked.crf is not None:
+    if kind == "photo" and options.crf is not None:
         raise UsageError("--crf goes with videos: leave it out, or give JPEG files --quality")
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")
-    jobs = plan_jobs(kind, photos, Path(asked.output), asked, run, alone=alone)
+    jobs = plan_jobs(kind, photos, Path(options.output), options, run, alone=alone)
     path: Path | None = None
-    known: Any = asked.camera
-    is_plane = isinstance(asked.view, PlaneOptions)
+    known: Any = options.camera
+    is_plane = isinstance(options.view, PlaneOptions)
     if isinstance(known, str | os.PathLike):
         path = in_folder(Path(known))
         known = load_any_camera(path) if is_plane else load_camera(path)
-    if isinstance(asked.view, PlaneOptions):
+    if isinstance(options.view, PlaneOptions):
         from cubicfish_cli.commands.planes import PlaneViews
 
-        planes = PlaneViews(known, asked.view, asked.interpolation)
+        planes = PlaneViews(known, options.view, options.interpolation)
         planes.find_poses([one for _, one in sources], run)
         views: Views = planes
     else:
         camera = known if isinstance(known, CubicCamera) else known.camera
-        views = Views(camera, asked.view, asked.interpolation)
+        views = Views(camera, options.view, options.interpolation)
     if kind == "photo":
-        return write_pictures(kind, jobs, views, asked, run, model=path)
+        return write_pictures(kind, jobs, views, options, run, model=path)
     from cubicfish_cli.app.undistortion.video import video_size
 
-    write = partial(_write_video, views=views, asked=asked, run=run)
+    write = partial(_write_video, views=views, options=options, run=run)
     return write_pictures(
-        kind, jobs, views, asked, run, model=path, write=write, size_of=video_size
+        kind, jobs, views, options, run, model=path, write=write, size_of=video_size
     )
 
 
@@ -226,7 +228,7 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, 
 
 
 def _write_video(
-    job: Job, views: Views, asked: UndistortOptions, run: Run, *, overwrite: bool
+    job: Job, views: Views, options: UndistortOptions, run: Run, *, overwrite: bool
 ) -> CubicfishError | None:
     """Write one video, telling how far that is; as :func:`write_one` writes pictures.
 
@@ -241,8 +243,8 @@ def _write_video(
             job.source,
             output,
             lambda size: views.maps(job.source, size)[""],
-            asked.interpolation,
-            crf=DEFAULT_CRF if asked.crf is None else asked.crf,
+            options.interpolation,
+            crf=DEFAULT_CRF if options.crf is None else options.crf,
             overwrite=overwrite,
             progress=run.listener.counting(job.name),
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.terminal.options import (
+from cubicfish_cli.app.terminal.parameters import (
     SIZE,
     FloatRange,
     bundle,
@@ -58,13 +58,13 @@ def _view_of(
             raise UsageError("--target goes with --view plane:BOARD: leave it out")
         across, *down = _numbers(field, "[xX×]") if field else (None,)
         turn = _numbers(rotate, ",") if rotate else ()
-        asked: dict[str, Any] = {
+        limits: dict[str, Any] = {
             "hfov_deg": across,
             "vfov_deg": down[0] if len(down) == 1 else down or None,
             "fit": _numbers(fit, "$")[0] if fit else None,
             "rotate_deg": (*turn, *(0.0,) * (3 - len(turn))),
         }
-        return ViewOptions(kind=kind, size=size, focal=scale, **asked)
+        return ViewOptions(kind=kind, size=size, focal=scale, **limits)
     others = {"--size": size, "--hfov": field, "--fit": fit, "--rotate": rotate}
     for name, value in others.items():
         if value is not None:

@@ -14,6 +14,8 @@ from pathlib import Path
 
 from cubicfish_cli.core.errors import CubicfishError, OutputError
 
+StrPath = str | os.PathLike[str]
+
 _host: ContextVar[str] = ContextVar("host", default="")
 
 

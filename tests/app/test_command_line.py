@@ -3,7 +3,7 @@
 import click
 from click.testing import CliRunner
 
-from cubicfish_cli.app.terminal.options import command_line
+from cubicfish_cli.app.terminal.parameters import command_line
 
 
 def test_an_option_that_was_given_twice_is_kept_twice() -> None:

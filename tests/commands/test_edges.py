@@ -11,7 +11,7 @@ import yaml
 from running import SAMPLE, Run
 
 from cubicfish_cli.app.look import GridCache
-from cubicfish_cli.app.terminal.options import FOLDER
+from cubicfish_cli.app.terminal.parameters import FOLDER
 from cubicfish_cli.corners.detection.grids import FoundGrids
 
 CORNERS, TARGET = SAMPLE / "true_corners.csv", SAMPLE / "target.yaml"

@@ -526,8 +526,8 @@ def test_own_exports_come_back_with_the_field_they_had(
     assert "that cubicfish exported" in run("import", path, "-o", back).stdout
     field = load_camera(calibrated / "camera.yaml").camera.max_angle_deg
     assert load_camera(back).camera.max_angle_deg == pytest.approx(field, abs=1e-3)
-    asked = run("import", path, "-o", back, "--overwrite", "--max-angle", "50").stdout
-    assert "the --max-angle given" in asked
+    options = run("import", path, "-o", back, "--overwrite", "--max-angle", "50").stdout
+    assert "the --max-angle given" in options
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cubicfish_cli.app.terminal.options import FloatRange
+from cubicfish_cli.app.terminal.parameters import FloatRange
 
 ANGLE = FloatRange(0, 360, min_open=True)
 

@@ -365,8 +365,8 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
 
     def call(*given: Any, **options: Any) -> Any:
         heard = {"diagnose", "progress"}
-        asked = {name: value for name, value in options.items() if name not in heard}
-        key = pickle.dumps((given, asked))
+        options = {name: value for name, value in options.items() if name not in heard}
+        key = pickle.dumps((given, options))
         if key not in known:
             try:
                 known[key] = function(*given, **options), None

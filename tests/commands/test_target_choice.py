@@ -9,7 +9,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.app.asked import colourings, target_in
+from cubicfish_cli.app.target_source import colourings, target_in
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.io.observations_csv import load_corners
 

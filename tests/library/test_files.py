@@ -68,13 +68,13 @@ def as_json(made: Any) -> Any:
 def test_a_program_is_told_what_is_done_and_says_nothing_of_a_command(
     tmp_path: Path, quick_fit: None
 ) -> None:
-    heard, asked = Heard(), CalibrateOptions(inputs=CORNERS, target=TARGET, folder=tmp_path / "b")
-    made = calibrate_files(asked, run=Run(listener=heard))
+    heard, options = Heard(), CalibrateOptions(inputs=CORNERS, target=TARGET, folder=tmp_path / "b")
+    made = calibrate_files(options, run=Run(listener=heard))
     assert heard.told == [(Event.FITTING, {"corners": 1139})]
     assert heard.steps[-1][0] == "Writing"
     assert "command" not in load_camera(made.files["camera"]).made_by
     with pytest.raises(OutputError, match="exists already"):
-        calibrate_files(asked)
+        calibrate_files(options)
 
 
 def test_a_target_in_memory_is_written_beside_its_camera(tmp_path: Path, quick_fit: None) -> None:
@@ -134,8 +134,8 @@ def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Pa
     for form, limit in (("opencv", 1.0), ("maps", None)):  # maps hold the camera as it is
         line = ("export", calibrated, "--to", form, "-o", tmp_path / "a.npz", "--json")
         said = json.loads(run_cli(*line, *(("--max-error", limit) if limit else ())).stdout)
-        asked = ExportOptions(camera=calibrated, to=form, output=tmp_path / "b.npz")
-        made = export_files(replace(asked, max_error=limit))
+        options = ExportOptions(camera=calibrated, to=form, output=tmp_path / "b.npz")
+        made = export_files(replace(options, max_error=limit))
         assert made.files == [tmp_path / "b.npz"]
         assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
         assert set(made.record) == set(said)
@@ -147,12 +147,12 @@ def test_a_camera_is_exported_as_the_command_does(calibrated: Path, tmp_path: Pa
 @pytest.mark.usefixtures("with_report")
 def test_a_page_is_that_of_the_command(calibrated: Path, tmp_path: Path) -> None:
     run_cli("report", calibrated, "-o", tmp_path / "a.html")
-    asked = ReportOptions(camera=calibrated, page=tmp_path / "b.html")
-    made = report_files(asked)
+    options = ReportOptions(camera=calibrated, page=tmp_path / "b.html")
+    made = report_files(options)
     assert made.verdict.level == "care"
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     with pytest.raises(OutputError, match="exists already"):
-        report_files(asked)
+        report_files(options)
 
 
 def test_maps_are_refused_before_a_camera_is_read(tmp_path: Path) -> None:
@@ -223,23 +223,25 @@ def test_files_beside_pictures_are_those_of_the_command(calibrated: Path, tmp_pa
 def test_a_board_that_there_is_not_is_refused(calibrated: Path, tmp_path: Path) -> None:
     view = PlaneOptions(board="flor", target=TARGET)
     folder = tmp_path / "a"
-    asked = UndistortOptions(photos=SAMPLE / "photos", output=folder, camera=calibrated, view=view)
+    options = UndistortOptions(
+        photos=SAMPLE / "photos", output=folder, camera=calibrated, view=view
+    )
     with pytest.raises(UsageError, match="did you mean 'floor'"):
-        undistort_files(asked)
+        undistort_files(options)
     assert not (tmp_path / "a").exists()
 
 
 @pytest.mark.parametrize(
-    ("kind", "asked", "said"),
+    ("kind", "options", "said"),
     [
         (ViewOptions, {"kind": "cubes"}, "did you mean 'cube'"),
         (ViewOptions, {"focal": 100, "fit": 0.5}, "--scale and --fit say the same thing twice"),
         (ViewOptions, {"hfov_deg": 200}, "--hfov 200 is too wide: a perspective view shows less"),
     ],
 )
-def test_options_that_cannot_be_are_refused(kind: Any, asked: dict[str, Any], said: str) -> None:
+def test_options_that_cannot_be_are_refused(kind: Any, options: dict[str, Any], said: str) -> None:
     with pytest.raises(UsageError, match=said):
-        kind(**asked)
+        kind(**options)
 
 
 @pytest.mark.slow
@@ -306,12 +308,12 @@ def test_what_cameras_are_and_how_far_apart_is_what_the_commands_say(
     true = SAMPLE / "true_camera.yaml"
     line = ("compare", calibrated, true, "--picture", tmp_path / "a.png", "--json")
     said = json.loads(run_cli(*line).stdout)
-    asked = CompareOptions(first=calibrated, second=true, picture=tmp_path / "b.png")
-    apart = compare_files(asked)
+    options = CompareOptions(first=calibrated, second=true, picture=tmp_path / "b.png")
+    apart = compare_files(options)
     assert same_records(as_json(apart), {**said, "picture": str(tmp_path / "b.png")})
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     with pytest.raises(OutputError, match="exists already"):
-        compare_files(asked)
+        compare_files(options)
 
 
 def test_what_rigs_are_and_how_far_apart_is_what_the_commands_say(

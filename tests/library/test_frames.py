@@ -11,11 +11,11 @@ pytest.importorskip("av")
 from filming import RATE, SIZE, TARGET, photos, spoilt_film, write_film
 from listening import Heard
 
-from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.films import frame_search
 from cubicfish_cli.app.films.choose import Choice, Patch, Seen
 from cubicfish_cli.app.films.frame_search import Found, Search
 from cubicfish_cli.app.photos import Photo, read_picture
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 from cubicfish_cli.core.finding import Finding

@@ -309,16 +309,16 @@ def test_what_a_photo_was_placed_by_says_nothing_of_the_object(
     from cubicfish_cli.core.fit import calibrate as fitting
     from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
 
-    asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(fitting, "calibrate", lambda pairs, **given: asked.append(given) or fitted)
+    calls: list[dict[str, Any]] = []
+    monkeypatch.setattr(fitting, "calibrate", lambda pairs, **given: calls.append(given) or fitted)
     finding: Finding = object()  # type: ignore[assignment]
     for exact in (True, False):
         report = PhotoReport(name="a", exact=exact)
         calibrate(Detection(corners=corners, photos=(report,), findings=(finding,)), target)
     calibrate(Detection(corners=corners, photos=(report,)), target, refine_target="shape")
-    assert [given["refine_target"] for given in asked] == ["auto", "auto", "shape"]
-    assert asked[0]["diagnose"].keywords == {"known": (finding,)}
-    assert asked[0]["target"] is target
+    assert [given["refine_target"] for given in calls] == ["auto", "auto", "shape"]
+    assert calls[0]["diagnose"].keywords == {"known": (finding,)}
+    assert calls[0]["target"] is target
 
 
 def test_a_picture_is_that_of_the_command_line(calibrated: Path, tmp_path: Path) -> None:
@@ -571,9 +571,9 @@ def test_photos_are_the_same_of_a_fit_a_camera_and_its_file(
 def test_what_cannot_be_simulated_is_refused(
     fitted: Calibration, target: Target, tmp_path: Path, options: dict[str, Any], said: str
 ) -> None:
-    asked: dict[str, Any] = {"camera": fitted.camera, "folder": tmp_path / "a", **options}
+    options: dict[str, Any] = {"camera": fitted.camera, "folder": tmp_path / "a", **options}
     assert said in refusal(
-        CubicfishError, lambda: simulate_files(SimulateOptions(target=target, **asked))
+        CubicfishError, lambda: simulate_files(SimulateOptions(target=target, **options))
     )
     assert not (tmp_path / "a").exists()
 
@@ -603,8 +603,8 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     run_cli("undistort", photos, tmp_path / "a", "-m", tmp_path, *line, code=1)
     heard = Heard()
     folder = tmp_path / "b"
-    asked = UndistortOptions(photos=photos, output=folder, camera=fitted, view=view)
-    made = undistort_files(asked, run=Run(jobs=1, listener=heard))
+    options = UndistortOptions(photos=photos, output=folder, camera=fitted, view=view)
+    made = undistort_files(options, run=Run(jobs=1, listener=heard))
     assert made.files == tuple(folder / photo.name for photo in PHOTOS)
     assert list(made.failed) == ["broken.png"]
     assert heard.of("Undistorting")[-1] == (3, 3)
@@ -622,7 +622,7 @@ def test_files_are_undistorted_as_the_command_does(fitted: Calibration, tmp_path
     assert np.abs(read_picture(own).astype(int) - flat).mean() < 3  # JPEG
     assert "is the photo itself" in refusal(
         OutputError,
-        lambda: undistort_files(replace(asked, output=photos), run=Run(overwrite=True)),
+        lambda: undistort_files(replace(options, output=photos), run=Run(overwrite=True)),
     )
 
 
@@ -638,17 +638,17 @@ def test_files_that_cannot_be_undistorted_are_refused(
     fitted: Calibration, tmp_path: Path, photos: Any, options: dict[str, Any], said: str
 ) -> None:
     folder = tmp_path / "flat"
-    asked = UndistortOptions(photos=photos, output=folder, camera=fitted, **options)
-    assert said in refusal(CubicfishError, lambda: undistort_files(asked))
+    options = UndistortOptions(photos=photos, output=folder, camera=fitted, **options)
+    assert said in refusal(CubicfishError, lambda: undistort_files(options))
     assert not folder.exists()
 
 
 def test_nothing_is_both_left_and_replaced(fitted: Calibration, tmp_path: Path) -> None:
     folder = tmp_path / "flat"
-    asked = UndistortOptions(photos=PHOTOS, output=folder, camera=fitted, skip_existing=True)
+    options = UndistortOptions(photos=PHOTOS, output=folder, camera=fitted, skip_existing=True)
     assert "exclude each other" in refusal(
         UsageError,
-        lambda: undistort_files(asked, run=Run(overwrite=True)),
+        lambda: undistort_files(options, run=Run(overwrite=True)),
     )
     assert not folder.exists()
 

@@ -184,9 +184,9 @@ def test_the_reader_of_camera_yaml_projects_as_the_library_does(
 def test_the_rig_of_the_program_has_what_it_asks() -> None:
     text = re.search(r"rig = calibrate_rig.*?^save_rig", ALL[ROOT / "docs/rigs.md"], re.S | re.M)
     assert text
-    asked = re.findall(r"\brig\.(\w+)(?:\.(\w+))?", text[0])
-    assert {one for one, _ in asked} <= {one.name for one in fields(Rig)}
-    assert {one for of, one in asked if of == "fit"} <= {one.name for one in fields(RigFit)}
+    options = re.findall(r"\brig\.(\w+)(?:\.(\w+))?", text[0])
+    assert {one for one, _ in options} <= {one.name for one in fields(Rig)}
+    assert {one for of, one in options if of == "fit"} <= {one.name for one in fields(RigFit)}
 
 
 def test_the_map_is_all_that_opencv_needs(

@@ -37,15 +37,15 @@ def test_versions_are_one() -> None:
 
 def test_the_recipe_asks_for_the_same_libraries() -> None:
     wanted = pins([*PROJECT["dependencies"], *EXTRAS["report"]])
-    asked = pins(yaml.safe_load(text("recipe/recipe.yaml"))["requirements"]["run"])
-    assert asked.pop("python").startswith(">=")
+    options = pins(yaml.safe_load(text("recipe/recipe.yaml"))["requirements"]["run"])
+    assert options.pop("python").startswith(">=")
     conda = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-base"}
     wanted["opencv-python-headless"] = re.sub(
         r"\.\d+,",
         ",",
         wanted["opencv-python-headless"],  # OpenCV's wheels have a fourth number
     )
-    assert asked == {conda.get(name, name): bounds for name, bounds in wanted.items()}
+    assert options == {conda.get(name, name): bounds for name, bounds in wanted.items()}
 
 
 def test_the_recipe_makes_the_same_program() -> None:

@@ -66,7 +66,7 @@ class Cluster:
     def __init__(self, client: Any, address: str, wait_s: float) -> None:
         """Use a ``distributed.Client`` that is connected to ``address``."""
         self._client, self._address, self._wait_s = client, address, wait_s
-        self._asked = self._seen = time.monotonic()
+        self._polled = self._seen = time.monotonic()
         self.workers = self.threads = 0
 
     def ask(self, so_far: str = "") -> int:
@@ -76,10 +76,10 @@ class Cluster:
         except (OSError, RuntimeError, concurrent.futures.TimeoutError, *CANCELLED) as problem:
             raise self._lost(so_far) from problem
         self.workers, self.threads = len(threads), sum(threads)
-        self._asked = time.monotonic()
+        self._polled = time.monotonic()
         if self.workers:
-            self._seen = self._asked
-        elif self._asked > self._seen + self._wait_s:
+            self._seen = self._polled
+        elif self._polled > self._seen + self._wait_s:
             raise ClusterError(
                 f"{self._address} has had no worker for {self._wait_s:g} s{so_far}: start some "
                 f"with 'dask worker {self._address}' and run this again"
@@ -114,7 +114,7 @@ class Cluster:
         try:
             while numbers:
                 so_far = f" ({every - len(numbers)} of {every} done)"
-                if time.monotonic() > self._asked + _POLL_S:
+                if time.monotonic() > self._polled + _POLL_S:
                     self.ask(so_far)
                 some = finished.next_batch(block=False)
                 if not some:

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.detection import first_look
 from cubicfish_cli.app.diagnosis.corner_count import squares_of_grids
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
@@ -26,6 +25,7 @@ from cubicfish_cli.app.films.scan import still_px
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.look import GridCache, look_at
 from cubicfish_cli.app.photos import Photo
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.sufficiency.worth import Worth
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, FitError

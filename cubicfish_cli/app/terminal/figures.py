@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.app.terminal.options import verbosity
+from cubicfish_cli.app.terminal.parameters import verbosity
 from cubicfish_cli.app.terminal.terminal import columns_of, print_table, result, tell
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app.extensions import extension_commands, load_place
-from cubicfish_cli.app.terminal.options import DEBUG_KEY, common_options, examples
-from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, asked
+from cubicfish_cli.app.terminal.parameters import DEBUG_KEY, common_options, examples
+from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, ending_signal
 from cubicfish_cli.app.terminal.terminal import Failure, lead_nowhere, safe, say_interrupted, tell
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.wording import did_you_mean
@@ -90,10 +90,10 @@ class Program(LazyGroup):
             result = super().invoke(ctx)
             sys.stdout.flush()
         except KeyboardInterrupt:
-            _end_as_asked()
+            _end_by_signal()
         except Exception as error:
-            if asked() is not None:
-                _end_as_asked()
+            if ending_signal() is not None:
+                _end_by_signal()
             if isinstance(error, BrokenPipeError):
                 # The reader has gone. Python flushes stdout once more on exit.
                 lead_nowhere(sys.stdout)
@@ -107,10 +107,10 @@ class Program(LazyGroup):
         return result
 
 
-def _end_as_asked() -> NoReturn:
+def _end_by_signal() -> NoReturn:
     """End as Ctrl-C or another signal has asked for."""
-    number = asked() or signal.SIGINT
-    if asked() is not None:  # once more ends it at once: all is cleaned up
+    number = ending_signal() or signal.SIGINT
+    if ending_signal() is not None:  # once more ends it at once: all is cleaned up
         signal.signal(number, signal.SIG_DFL)
     if number == signal.SIGINT:
         say_interrupted()
@@ -160,7 +160,7 @@ def tell_why_it_ended(error: Exception) -> int:
             error.show()
         return error.exit_code
     if isinstance(error, click.Abort):  # click's word for a signal
-        _end_as_asked()
+        _end_by_signal()
     why = _why(error)
     if why is None:
         raise error

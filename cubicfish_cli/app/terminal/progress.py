@@ -18,10 +18,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.listener import Listener
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import CAMERA_KEY, command_line, option, record, verbosity
+from cubicfish_cli.app.run import Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import (
+    CAMERA_KEY,
+    command_line,
+    option,
+    record,
+    verbosity,
+)
 from cubicfish_cli.app.terminal.terminal import (
     ERRORS,
     as_shown,
@@ -184,17 +190,17 @@ class How:
     ``max_rms`` is looked at by the commands themselves.
     """
 
-    max_rms: float | None = options.max_rms_option
-    overwrite: bool = options.overwrite_option
-    as_json: bool = options.json_option
-    jobs: int | None = options.jobs_option
+    max_rms: float | None = parameters.max_rms_option
+    overwrite: bool = parameters.overwrite_option
+    as_json: bool = parameters.json_option
+    jobs: int | None = parameters.jobs_option
     scheduler: str | None = option(
         "--scheduler ADDRESS",
         "Have the work done by the dask workers of tcp://HOST:8786, which must see the "
         "same files under the same names (a shared file system). Only use a scheduler that "
         "you trust. Needs pip install 'cubicfish[scale]'.",
     )
-    no_cache: bool = options.no_cache_option
+    no_cache: bool = parameters.no_cache_option
 
     def __post_init__(self) -> None:
         if self.scheduler is not None and self.jobs is not None:

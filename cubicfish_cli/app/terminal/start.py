@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 EXIT_SIGNAL = 128  # and the signal's number, as shells count
 
-_asked: int | None = None
+_ending_signal: int | None = None
 # A request that was lost is made again after so many seconds.
 _AGAIN = 0.01
 
@@ -45,9 +45,9 @@ def main() -> None:
         finally:
             _answer(numbers, signal.SIG_DFL)
     except (Exception, KeyboardInterrupt):
-        if _asked is None:
+        if _ending_signal is None:
             raise
-        sys.exit(EXIT_SIGNAL + _asked)
+        sys.exit(EXIT_SIGNAL + _ending_signal)
 
 
 def settle() -> None:
@@ -64,12 +64,12 @@ def settle() -> None:
     settle_streams()
 
 
-def asked() -> int | None:
+def ending_signal() -> int | None:
     """The signal that has asked for the end; None where none has.
 
     An exception may be another one's cause when it arrives, as while Python 3.11 makes a class.
     """
-    return _asked
+    return _ending_signal
 
 
 def _answer(numbers: list[int], how: signal._HANDLER) -> None:
@@ -78,8 +78,8 @@ def _answer(numbers: list[int], how: signal._HANDLER) -> None:
 
 
 def _ask(number: int, frame: FrameType | None) -> NoReturn:
-    global _asked
-    _asked = number
+    global _ending_signal
+    _ending_signal = number
     raise KeyboardInterrupt
 
 
@@ -88,11 +88,11 @@ def _not_lost(what: UnraisableHookArgs) -> None:
 
     What else finalisers say of work that was broken off is of no use to anybody.
     """
-    if _asked is None:
+    if _ending_signal is None:
         sys.__unraisablehook__(what)
     elif isinstance(what.exc_value, KeyboardInterrupt):
         import threading
 
-        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), _asked))
+        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), _ending_signal))
         again.daemon = True
         again.start()

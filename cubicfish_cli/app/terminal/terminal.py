@@ -23,7 +23,7 @@ from typing import Any, Literal, TextIO
 
 import click
 
-from cubicfish_cli.app.terminal.options import verbosity
+from cubicfish_cli.app.terminal.parameters import verbosity
 
 Style = Literal["good", "care", "bad", "strong"]
 

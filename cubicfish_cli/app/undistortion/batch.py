@@ -72,17 +72,17 @@ class Views:
     """
 
     def __init__(
-        self, camera: CubicCamera, asked: View | ViewOptions | None, interpolation: str
+        self, camera: CubicCamera, wanted: View | ViewOptions | None, interpolation: str
     ) -> None:
         """Prepare for photos of this camera.
 
         Args:
             camera: the camera.
-            asked: the view, or its options.
+            wanted: the view, or its options.
             interpolation: how pixels are interpolated.
 
         """
-        self._camera, self._asked, self.interpolation = camera, asked, interpolation
+        self._camera, self._wanted, self.interpolation = camera, wanted, interpolation
         self._chosen: dict[Size, ChosenView] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class Views:
 
         """
         if size not in self._chosen:
-            self._chosen[size] = chosen_view(camera_for_photos(self._camera, size), self._asked)
+            self._chosen[size] = chosen_view(camera_for_photos(self._camera, size), self._wanted)
         return self._chosen[size]
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:

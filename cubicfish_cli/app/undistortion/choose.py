@@ -76,10 +76,10 @@ def build_view(
     if fit == WHOLE:
         raise UsageError("fit 'whole' is what files are asked for: ViewOptions(fit='whole')")
     numbers: dict[str, Any] = {"size": size, "rotate_deg": rotate_deg}  # of any kind
-    asked = ViewOptions(
+    options = ViewOptions(
         kind=kind, hfov_deg=hfov_deg, vfov_deg=vfov_deg, focal=focal, fit=fit, **numbers
     )
-    view = chosen_view(camera, asked).first
+    view = chosen_view(camera, options).first
     assert isinstance(view, CentralView)
     return view
 
@@ -93,7 +93,7 @@ class ChosenView:
         camera: the camera whose photos are rendered; None for several cameras.
         at_limit: whether the camera sees more than the fitted view can show.
         unit: unit of length, for the picture of a plane.
-        asked_field: whether the caller gave its field.
+        given_field: whether the caller gave its field.
 
     """
 
@@ -101,7 +101,7 @@ class ChosenView:
     camera: PointProjector | None = None
     at_limit: bool = False
     unit: str = "unit"
-    asked_field: bool = True
+    given_field: bool = True
 
     @property
     def first(self) -> View:
@@ -142,7 +142,7 @@ class ChosenView:
             ]
             said.append(f"the camera sees {', '.join(words)}: the rest is empty")
         own = camera.camera if isinstance(camera, WholePhoto) else camera
-        if self.asked_field or not isinstance(own, CubicCamera):
+        if self.given_field or not isinstance(own, CubicCamera):
             return said
         uncalibrated, cut_off = lost_shares(own, view)
         if own is not camera and uncalibrated:
@@ -174,7 +174,7 @@ class ChosenView:
         return record
 
 
-def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
+def chosen_view(camera: Camera, wanted: View | ViewOptions | None) -> ChosenView:
     """Choose the view of a camera's photos: as it is given, or as its options describe it.
 
     Raises:
@@ -182,51 +182,53 @@ def chosen_view(camera: Camera, asked: View | ViewOptions | None) -> ChosenView:
         ViewError: the view is not one that can be rendered.
 
     """
-    if isinstance(asked, View):
-        return ChosenView(views={"": asked}, camera=camera)
-    asked = asked or ViewOptions()
-    if asked.kind == "cube":
+    if isinstance(wanted, View):
+        return ChosenView(views={"": wanted}, camera=camera)
+    options = wanted or ViewOptions()
+    if options.kind == "cube":
         side = max(1, round(2 * axis_focal(camera)))  # keeps the photo's scale on the axis
-        side = asked.size[0] if asked.size else side
-        faces = face_views(side, rotation_from_angles(*asked.rotate_deg))
+        side = options.size[0] if options.size else side
+        faces = face_views(side, rotation_from_angles(*options.rotate_deg))
         return ChosenView(views=faces, camera=camera)
-    if asked.fit == WHOLE:
+    if options.fit == WHOLE:
         if not isinstance(camera, CubicCamera):
             raise UsageError("--fit whole is for photos of one camera: take --fit outer")
         camera = WholePhoto(camera=camera)
-    view, at_limit = _make_view(asked, asked.size or camera.image_size), False
+    view, at_limit = _make_view(options, options.size or camera.image_size), False
     scale = view.size[0] / camera.image_size[0]
-    asked_field = any(one is not None for one in (asked.hfov_deg, asked.vfov_deg, asked.focal))
-    if view.kind.endswith("equirectangular") and asked.leaves_field_open:
+    given_field = any(
+        one is not None for one in (options.hfov_deg, options.vfov_deg, options.focal)
+    )
+    if view.kind.endswith("equirectangular") and options.leaves_field_open:
         view = cropped(camera, replace(view, focal=axis_focal(camera)))
-    elif view.kind == "perspective" and not asked_field and asked.fit is None:
+    elif view.kind == "perspective" and not given_field and options.fit is None:
         widest = min(MAX_DEFAULT_FIELD_DEG, 2 * camera.max_angle_deg)
         least = max(camera.image_size) / 2 / math.tan(math.radians(widest) / 2)
         view = replace(view, focal=max(axis_focal(camera), least) * scale)
-    elif not asked_field:
-        share = 1.0 if asked.fit in (None, WHOLE) else float(asked.fit)
+    elif not given_field:
+        share = 1.0 if options.fit in (None, WHOLE) else float(options.fit)
         view, at_limit = fit_view(camera, view, share)
-        if asked.fit is None and view.kind.endswith("cylindrical") and at_limit:
+        if options.fit is None and view.kind.endswith("cylindrical") and at_limit:
             # Nobody wants a view all round only because the camera sees something nearly overhead.
             focal = max(view.focal, axis_focal(camera) * scale)
             view, at_limit = replace(view, focal=focal), False
-    asked_field = asked_field or any(asked.rotate_deg)
-    return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, asked_field=asked_field)
+    given_field = given_field or any(options.rotate_deg)
+    return ChosenView(views={"": view}, camera=camera, at_limit=at_limit, given_field=given_field)
 
 
-def _make_view(asked: ViewOptions, size: tuple[int, int]) -> CentralView:
+def _make_view(options: ViewOptions, size: tuple[int, int]) -> CentralView:
     """Make the view of a size, with its field if the options give one."""
     view = CentralView(
-        kind=asked.kind or KINDS[0],
+        kind=options.kind or KINDS[0],
         size=size,
-        focal=asked.focal or 1.0,
-        rotation=rotation_from_angles(*asked.rotate_deg),
+        focal=options.focal or 1.0,
+        rotation=rotation_from_angles(*options.rotate_deg),
     )
     field = partial(CentralView.with_field, view.kind, rotation=view.rotation)
-    if asked.hfov_deg is None:
-        return view if asked.vfov_deg is None else field(asked.vfov_deg, size, vertical=True)
-    view = field(asked.hfov_deg, size)
-    if asked.vfov_deg is None:
+    if options.hfov_deg is None:
+        return view if options.vfov_deg is None else field(options.vfov_deg, size, vertical=True)
+    view = field(options.hfov_deg, size)
+    if options.vfov_deg is None:
         return view
-    one = field(asked.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
+    one = field(options.vfov_deg, (1, 1), vertical=True)  # its focal is 1 / height
     return replace(view, size=(size[0], max(1, round(view.focal / one.focal))))

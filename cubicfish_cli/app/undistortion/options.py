@@ -84,16 +84,16 @@ class ViewOptions:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._convert(name))
         given = [name for name in _FIELD if getattr(self, name) is not None]
-        asked = [*dict.fromkeys(_NUMBERS[name][0] for name in given)]
+        limits = [*dict.fromkeys(_NUMBERS[name][0] for name in given)]
         if kind == "cube":
-            if asked:
+            if limits:
                 raise UsageError(
-                    f"the faces of a cube have 90° each: leave out {asked[0]}, or choose --size"
+                    f"the faces of a cube have 90° each: leave out {limits[0]}, or choose --size"
                 )
             if self.size and self.size[0] != self.size[1]:
                 raise UsageError("a cube's faces are square: give --size as NxN")
-        if len(asked) > 1:
-            raise UsageError(f"{' and '.join(asked)} say the same thing twice: leave one out")
+        if len(limits) > 1:
+            raise UsageError(f"{' and '.join(limits)} say the same thing twice: leave one out")
         if {"hfov_deg", "vfov_deg"} <= {*given} and self.size is not None:
             raise UsageError(
                 "--hfov 90x60 sets how high the picture is: leave out --size, or the second angle"

@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
+from cubicfish_cli.app.paths import in_folder, path_or_none
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
-from cubicfish_cli.core.files import refuse_existing, write_files
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.advice.advise import Advice
@@ -36,14 +37,14 @@ class AdviseOptions:
 
     """
 
-    camera: StrPath = options.camera_options
-    target: StrPath | None = options.target_option
+    camera: StrPath = parameters.camera_options
+    target: StrPath | None = parameters.target_option
     corners: StrPath | None = option(
         "--corners FILE",
         "The corners.csv that the camera was calibrated from, where it is not beside it.",
-        options.FILE,
+        parameters.FILE,
     )
-    picture: StrPath | None = options.output_option(
+    picture: StrPath | None = parameters.output_option(
         "Also draw where the target should appear: a picture (.svg, .png, .pdf). Needs pip install "
         "'cubicfish[report]'.",
         metavar="FILE",
@@ -76,7 +77,7 @@ class AdviceFiles:
         return {**self.advice.as_record(), "model": self.model, "picture": self.picture}
 
 
-def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
+def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     """Say what the photos of a calibration leave open, as ``cubicfish advise`` does.
 
     Raises:
@@ -89,7 +90,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.extensions.advice.advise import advise
 
-    drawing, given, drawn = map(path_or_none, (asked.picture, asked.corners, asked.target))
+    drawing, given, drawn = map(path_or_none, (options.picture, options.corners, options.target))
     if drawing is not None and drawing.suffix.lower() not in _PICTURES:
         raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
     if drawing is not None and extra.missing(extra.PRINTING):
@@ -98,7 +99,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         raise UsageError("--overwrite goes with -o, which writes a file: leave it out")
     if drawing is not None:
         refuse_existing(drawing, overwrite=run.overwrite)
-    path = in_folder(Path(asked.camera))
+    path = in_folder(Path(options.camera))
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)
     if given is not None and facts.target is None:
         raise UsageError("name the target of these corners with --target target.yaml")
@@ -113,7 +114,7 @@ def advise_files(asked: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
         raise CubicfishError(f"{path}: {facts.lack}: {do}")
     run.listener.progress("Looking for photos that would help")
     advice = advise(
-        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=asked.goal_px
+        facts.camera, facts.fit, facts.errors.pairs, facts.target, goal_px=options.goal_px
     )
     if drawing is not None:
         with extra.quiet():

@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, option, record, target_options
+from cubicfish_cli.app.paths import paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import PhotoError
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
@@ -36,11 +39,11 @@ class FramesOptions:
 
     """
 
-    films: StrPath | Sequence[StrPath] = options.argument(
+    films: StrPath | Sequence[StrPath] = parameters.argument(
         "Films of one camera, all of one size.", nargs=-1, required=True, metavar="FILM..."
     )
     target: TargetSource | Target | StrPath | None = target_options
-    folder: StrPath = options.output_option(
+    folder: StrPath = parameters.output_option(
         "Where the frames (PNG, with their time in the name) and contact_sheet.html go.",
         folder=True,
         required=True,
@@ -76,7 +79,7 @@ class ChosenFrames:
         return dict(vars(self))
 
 
-def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
+def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
     They are written as PNG, with their time in the name, beside a contact sheet, or nothing is.
@@ -94,13 +97,13 @@ def choose_frames(asked: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     from cubicfish_cli.extensions.films.frames import chosen_of, scanned
     from cubicfish_cli.extensions.films.written import SHEET, write_chosen
 
-    folder, source = Path(asked.folder), TargetSource.of(asked.target)
+    folder, source = Path(options.folder), TargetSource.of(options.target)
     targets = source.load(run.listener) if source.is_known else None
-    films = open_films(_expanded(asked.films))
+    films = open_films(_expanded(options.films))
     refuse_existing(folder / SHEET, overwrite=run.overwrite)
     with room_for_frames(folder) as room:
-        measured = scanned(films, room, asked.most, run.listener)
-        chosen = chosen_of(measured, targets, asked.most, run)
+        measured = scanned(films, room, options.most, run.listener)
+        chosen = chosen_of(measured, targets, options.most, run)
         run.listener.progress("Writing frames")
         write_chosen(folder, chosen, overwrite=run.overwrite)
     return ChosenFrames(
@@ -162,8 +165,8 @@ def with_frames(
     if not films:
         return inputs, None
     target = replace(target, told=False)  # it is told where corners are found
-    asked = FramesOptions(films=films, folder=folder, target=target, most=best or MOST)
-    chosen = choose_frames(asked, run=run)
+    options = FramesOptions(films=films, folder=folder, target=target, most=best or MOST)
+    chosen = choose_frames(options, run=run)
     told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
     run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
     photos = [path for path in inputs if path not in films]

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.films.choose import Scale, Seen
 from cubicfish_cli.app.films.frame_search import Search, why_ended
 from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
 from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import Photo, shown
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import DetectionError
 from cubicfish_cli.core.frame_names import frame_name

@@ -7,12 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of, target_in
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.paths import paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import target_in
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result, say
 from cubicfish_cli.app.words.phrases import plural
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.wording import listed
 
 if TYPE_CHECKING:
@@ -44,16 +47,16 @@ class CornersOptions:
 
     """
 
-    files: StrPath | Sequence[StrPath] = options.argument(
+    files: StrPath | Sequence[StrPath] = parameters.argument(
         "What the detector wrote.",
         nargs=-1,
         required=True,
         metavar="FILES...",
     )
-    target: Target | StrPath = options.needed_target
-    table: StrPath = options.output_option("Where the corners go.", default="corners.csv")
+    target: Target | StrPath = parameters.needed_target
+    table: StrPath = parameters.output_option("Where the corners go.", default="corners.csv")
     image_size: tuple[int, int] = option(
-        "--size", "Size of the photos.", options.SIZE, required=True
+        "--size", "Size of the photos.", parameters.SIZE, required=True
     )
     board: str | None = option(
         "--board NAME", "The target's board in the photos. [default: the only one]"
@@ -61,7 +64,7 @@ class CornersOptions:
     only: str | None = option("--only GLOB", "Only photos whose names match, such as 'left*'.")
 
 
-def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCorners:
+def import_corner_files(options: CornersOptions, *, run: Run = RUN) -> ImportedCorners:
     """Write corners that another detector found as corners.csv, as ``cubicfish corners`` does.
 
     Raises:
@@ -73,14 +76,14 @@ def import_corner_files(asked: CornersOptions, *, run: Run = RUN) -> ImportedCor
     from cubicfish_cli.core.io.observations_csv import save_corners
     from cubicfish_cli.extensions.formats.vnlog import read_vnlogs
 
-    goal = Path(asked.table)
+    goal = Path(options.table)
     refuse_existing(goal, overwrite=run.overwrite)
     read = read_vnlogs(
-        paths_of(asked.files),
-        target_in(asked.target),
-        image_size=asked.image_size,
-        board=asked.board,
-        only=asked.only,
+        paths_of(options.files),
+        target_in(options.target),
+        image_size=options.image_size,
+        board=options.board,
+        only=options.only,
     )
     save_corners(goal, read.corners, overwrite=run.overwrite)
     return replace(read, file=goal)

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, made_at, made_by_record
 from cubicfish_cli.app.extensions import read_formats
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
+from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.formats.importing import Imported
@@ -42,7 +43,7 @@ class ImportOptions:
 
     """
 
-    path: StrPath = options.argument(
+    path: StrPath = parameters.argument(
         "The other tool's camera file.",
         metavar="FILE",
     )
@@ -56,7 +57,7 @@ class ImportOptions:
         "Which camera, where the file holds several: cam1, COLMAP's CAMERA_ID, 1 for M1 and D1.",
     )
     image_size: Sequence[int] | None = option(
-        "--size", "Size of the photos, where the file does not say.", options.SIZE
+        "--size", "Size of the photos, where the file does not say.", parameters.SIZE
     )
     max_angle_deg: float | None = option(
         "--max-angle DEG",
@@ -64,12 +65,12 @@ class ImportOptions:
         "calibrated. [default: what it shows in the photo, at most 110]",
         FloatRange(min=0, max=175, min_open=True),
     )
-    output: StrPath = options.output_option(
+    output: StrPath = parameters.output_option(
         "Where the camera goes.", default="calibration/camera.yaml"
     )
 
 
-def import_files(asked: ImportOptions, *, run: Run = RUN) -> Imported:
+def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
     """Write another tool's camera as camera.yaml, as ``cubicfish import`` does.
 
     Raises:
@@ -82,16 +83,16 @@ def import_files(asked: ImportOptions, *, run: Run = RUN) -> Imported:
     from cubicfish_cli.extensions.formats.importing import import_camera
 
     made_at()  # said before the work if it cannot be
-    goal = Path(asked.output)
+    goal = Path(options.output)
     refuse_existing(goal, overwrite=run.overwrite)
-    source = fingerprint(Path(asked.path))
+    source = fingerprint(Path(options.path))
     run.listener.progress("Fitting the cubic camera to the lens")
     imported = import_camera(
-        asked.path,
-        written_by=asked.written_by,
-        camera=asked.camera,
-        image_size=asked.image_size,
-        max_angle_deg=asked.max_angle_deg,
+        options.path,
+        written_by=options.written_by,
+        camera=options.camera,
+        image_size=options.image_size,
+        max_angle_deg=options.max_angle_deg,
     )
     made_by = {**made_by_record(run.command, {}, None, [source]), **imported.made_by}
     imported = replace(imported, made_by=made_by, file=goal)
@@ -120,20 +121,20 @@ def command(imported: Imported, given: ImportOptions, how: How) -> None:
         f"wrote {imported.file}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
-    result(f"field: {_why_it_ends(imported, asked=given.max_angle_deg is not None)}")
+    result(f"field: {_why_it_ends(imported, limited=given.max_angle_deg is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"
     )
 
 
-def _why_it_ends(imported: Imported, *, asked: bool) -> str:
+def _why_it_ends(imported: Imported, *, limited: bool) -> str:
     """What ends the field, and what to do where that may be wrong."""
     trusted = f"{imported.camera.max_angle_deg:.1f}°"
     ended_by, fold_deg = imported.conversion.ended_by, imported.conversion.fold_deg
     if ended_by == "region":
         return "as far as the file says that the lens is valid"
-    if ended_by == "angle" and asked:
+    if ended_by == "angle" and limited:
         return f"cut at {trusted}, the --max-angle given"
     if ended_by == "angle" and imported.knows_its_field:
         return f"as far as the camera was trusted that cubicfish exported, {trusted}"

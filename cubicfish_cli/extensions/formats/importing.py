@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.asked import StrPath
 from cubicfish_cli.app.extensions import read_formats
 from cubicfish_cli.app.lenses.foreign_files import own_field_deg, read_foreign
 from cubicfish_cli.app.lenses.from_lens import (
@@ -17,6 +16,7 @@ from cubicfish_cli.app.lenses.from_lens import (
 from cubicfish_cli.core.arrays import Refusal
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import CameraFileError
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.io.camera_yaml import CameraFile
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.wording import did_you_mean, quoted

@@ -11,15 +11,16 @@ import click
 
 from cubicfish_cli import __version__
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath, length_mm, target_in
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import COUNTS, as_command, option, record
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import length_mm, target_in
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import COUNTS, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, UsageError
-from cubicfish_cli.core.files import Content, refuse_existing, write_files
+from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.printing.layout import Page
@@ -51,7 +52,7 @@ class PrintOptions:
 
     """
 
-    target: StrPath | None = options.argument(
+    target: StrPath | None = parameters.argument(
         "The target.yaml of boards that are there already; leave it out with --object.",
         required=False,
         metavar="[TARGET]",
@@ -75,7 +76,7 @@ class PrintOptions:
         "--square LENGTH",
         "Side of a target's squares (of an aprilgrid's tags): 30mm, 3cm, 1.25in. [default: as "
         "large as covers most of the paper]",
-        options.LENGTH,
+        parameters.LENGTH,
     )
     counts: tuple[int, int] | None = option(
         "--corners --tags COLUMNSxROWS",
@@ -90,10 +91,10 @@ class PrintOptions:
     margin: str = option(
         "--margin LENGTH",
         "Along the paper's edges, where the printer cannot print.",
-        options.LENGTH,
+        parameters.LENGTH,
         "8mm",
     )
-    folder: StrPath = options.output_option(
+    folder: StrPath = parameters.output_option(
         "Where boards.pdf and target.yaml go.", default="printed", folder=True
     )
 
@@ -145,7 +146,7 @@ class PrintedFiles:
         return {**self.files, "paper": self.paper.name, "pages": pages}
 
 
-def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
+def print_target_files(options: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     """Print the boards of a target, or of a new one, as ``cubicfish target print`` does.
 
     Raises:
@@ -162,33 +163,33 @@ def print_target_files(asked: PrintOptions, *, run: Run = RUN) -> PrintedFiles:
     lacking = extra.missing(extra.PRINTING)
     if lacking:
         raise CubicfishError(f"printing needs {' and '.join(lacking)}: {extra.INSTALL}")
-    on, rim = paper_of(asked.paper), length_mm(asked.margin)
+    on, rim = paper_of(options.paper), length_mm(options.margin)
     contents: dict[str, Content] = {}
-    if asked.target is not None:
-        loaded = target_in(asked.target).as_printed()
+    if options.target is not None:
+        loaded = target_in(options.target).as_printed()
         pages = [lay_out(board, on, margin=rim) for board in boards_in_millimetres(loaded)]
         if any(board.shape is not None for board in loaded.boards):
             run.listener.tell(Event.PRINTED_AS_DRAWN)
-    elif asked.kind is not None:
-        loaded, pages = design(asked, on, margin=rim)
+    elif options.kind is not None:
+        loaded, pages = design(options, on, margin=rim)
         checked = check_target(loaded)
         for about, words in checked.advice if checked.facts.ambiguous else ():
             if about == "Names":
                 run.listener.tell(Event.AMBIGUOUS, line=words)
         join = "" if len(pages) == 1 else " Cut and join them as it says, and measure."
         contents["target"] = (
-            f"# {asked.kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at 100 %."
-            f"{join}\n{target_text(loaded)}"
+            f"# {options.kind}, printed by cubicfish {__version__} on {on.name}: boards.pdf at "
+            f"100 %.{join}\n{target_text(loaded)}"
         )
     with extra.quiet():
         from cubicfish_cli.extensions.printing.drawing import write_boards
 
     contents = {"boards": lambda path: write_boards(path, pages), **contents}
-    outputs = {name: Path(asked.folder) / NAMES[name] for name in contents}
+    outputs = {name: Path(options.folder) / NAMES[name] for name in contents}
     refuse_existing(*outputs.values(), overwrite=run.overwrite)
     run.listener.progress(f"Drawing {plural(len(pages), 'page')}")
     files = {path: contents[name] for name, path in outputs.items()}
-    write_files(files, overwrite=run.overwrite, folder=Path(asked.folder))
+    write_files(files, overwrite=run.overwrite, folder=Path(options.folder))
     return PrintedFiles(files=outputs, pages=pages, paper=on)
 
 

@@ -55,12 +55,12 @@ class Design:
         # The square up-left of corner (0, 0) is dark, and so is the larger half of an odd number.
         return (counts[0] + 1) * (counts[1] + 1) // 2 if self.marker else 0
 
-    def family(self, asked: str | None, count: int) -> str:
+    def family(self, chosen: str | None, count: int) -> str:
         """The family of ``count`` markers: the one that is asked for, else the usual one."""
         if self.type == "aprilgrid":
-            return asked or "tag36h11"
+            return chosen or "tag36h11"
         enough = [one for one in _USUAL_FAMILIES if MARKER_DICTIONARIES[one] >= count]
-        return asked or next(iter(enough), _USUAL_FAMILIES[-1])
+        return chosen or next(iter(enough), _USUAL_FAMILIES[-1])
 
     def record(self, counts: Counts, square: float, family: str, first: int) -> dict[str, Any]:
         """What target.yaml says of a board of so many corners (or tags).

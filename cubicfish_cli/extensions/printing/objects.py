@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cubicfish_cli.app.asked import length_mm
+from cubicfish_cli.app.target_source import length_mm
 from cubicfish_cli.core.boards.board import Board
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
@@ -98,11 +98,11 @@ _SHEETS: dict[str, tuple[_Sheet, ...]] = {
 }
 
 
-def design(asked: PrintOptions, paper: Paper, *, margin: float) -> tuple[Target, list[Page]]:
+def design(options: PrintOptions, paper: Paper, *, margin: float) -> tuple[Target, list[Page]]:
     """A target that fits the paper, each board on one page.
 
     Args:
-        asked: what it is to be like.
+        options: what it is to be like.
         paper: the paper.
         margin: at the paper's edges, where nothing is printed, in millimetres.
 
@@ -110,7 +110,7 @@ def design(asked: PrintOptions, paper: Paper, *, margin: float) -> tuple[Target,
         TargetError: nothing like that fits, or the markers' family has not enough of them.
 
     """
-    kind, made = asked.kind or "board", DESIGNS[asked.board_type or "checkerboard"]
+    kind, made = options.kind or "board", DESIGNS[options.board_type or "checkerboard"]
     sheets = _SHEETS[kind]
     if kind == "board":
         # White up to the paper's edge begins where the printer can print.
@@ -118,9 +118,9 @@ def design(asked: PrintOptions, paper: Paper, *, margin: float) -> tuple[Target,
     else:
         sides, rim = _largest(kind, paper, margin), 0.0
     rooms = [sides[[*one.size]] for one in sheets]
-    square, counts = _fitting(asked, made, rooms, paper, rim=rim)
+    square, counts = _fitting(options, made, rooms, paper, rim=rim)
     markers = list(map(made.marker_count, counts))
-    family = made.family(asked.dictionary, sum(markers))
+    family = made.family(options.dictionary, sum(markers))
     places = [
         _place(one.meets(sheets), room, made, own, square)
         for one, room, own in zip(sheets, rooms, counts, strict=True)
@@ -164,16 +164,16 @@ def _largest(kind: str, paper: Paper, margin: float) -> FloatArray:
 
 
 def _fitting(
-    asked: PrintOptions, made: Design, rooms: Sequence[FloatArray], paper: Paper, *, rim: float
+    options: PrintOptions, made: Design, rooms: Sequence[FloatArray], paper: Paper, *, rim: float
 ) -> tuple[float, list[Counts]]:
     """The squares and their numbers that cover most of sheets of these widths and heights.
 
     White at the sheets' edges is at least ``rim`` wide.
     """
-    side = None if asked.square is None else length_mm(asked.square)
-    if side is not None and asked.counts is not None:
-        return side, [asked.counts]
-    most = made.counts[1] if asked.square is None and asked.counts is None else 1000
+    side = None if options.square is None else length_mm(options.square)
+    if side is not None and options.counts is not None:
+        return side, [options.counts]
+    most = made.counts[1] if options.square is None and options.counts is None else 1000
     best: tuple[float, float, list[Counts]] = (0.0, 0.0, [])
     for square in _SQUARES if side is None else (side,):
         quiet = made.quiet * square
@@ -185,20 +185,20 @@ def _fitting(
             )
             for width, height in rooms
         ]
-        if asked.counts is None:
+        if options.counts is None:
             counts = _told_apart(made, limits)
         else:
-            counts = [asked.counts] if (np.array(limits) >= asked.counts).all() else []
+            counts = [options.counts] if (np.array(limits) >= options.counts).all() else []
         lengths = [[made.length(n, square) for n in own] for own in counts]
         best = max(best, (sum(across * down for across, down in lengths), square, counts))
     if not best[2]:
         what = f"{made.type}s"
         if side is not None:
             what = f"squares of {side:g} mm"
-        elif asked.counts is not None:
-            what = "{}x{} corners".format(*asked.counts)
+        elif options.counts is not None:
+            what = "{}x{} corners".format(*options.counts)
         raise TargetError(
-            f"a {asked.kind} of {what} does not fit on {paper.name}, one board per page: take "
+            f"a {options.kind} of {what} does not fit on {paper.name}, one board per page: take "
             "larger paper, smaller squares or fewer corners"
         )
     return float(best[1]), best[2]

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from cubicfish_cli.app.asked import length_mm
+from cubicfish_cli.app.target_source import length_mm
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.wording import did_you_mean, quoted
 

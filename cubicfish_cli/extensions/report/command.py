@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.asked import RUN, Run, StrPath, in_folder, path_or_none
 from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles, refuse_without_extra
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import in_folder, path_or_none
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import print_verdict
-from cubicfish_cli.app.terminal.options import as_command, option, record
+from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result, say
-from cubicfish_cli.core.files import refuse_existing, write_text
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
 
 
 @record
@@ -28,21 +29,21 @@ class ReportOptions:
 
     """
 
-    camera: StrPath = options.camera_options
-    target: StrPath | None = options.target_option
+    camera: StrPath = parameters.camera_options
+    target: StrPath | None = parameters.target_option
     photos: Sequence[StrPath] = option(
         "--photos PATH",
         "The photos (a folder, a file or a glob), where they are not at their old place. May be "
         "given again.",
-        options.FILE,
+        parameters.FILE,
         multiple=True,
     )
-    page: StrPath | None = options.output_option(
+    page: StrPath | None = parameters.output_option(
         "The page. [default: report.html beside the camera]"
     )
 
 
-def report_files(asked: ReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
     """Write a page about a camera, as ``cubicfish report`` does.
 
     Raises:
@@ -51,15 +52,15 @@ def report_files(asked: ReportOptions, *, run: Run = RUN) -> ReportFiles:
 
     """
     refuse_without_extra()
-    model, target = in_folder(Path(asked.camera)), path_or_none(asked.target)
-    path = path_or_none(asked.page) or model.parent / PAGE
+    model, target = in_folder(Path(options.camera)), path_or_none(options.target)
+    path = path_or_none(options.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
     with extra.quiet():
         from cubicfish_cli.app.calibration_facts import facts_of_files
         from cubicfish_cli.extensions.report.page import report_html
 
     run.listener.progress("Making the report")
-    facts = facts_of_files(model, target=target, photos=list(map(Path, asked.photos)))
+    facts = facts_of_files(model, target=target, photos=list(map(Path, options.photos)))
     write_text(path, report_html(facts), overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 

@@ -9,22 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked import (
-    RUN,
-    Run,
-    StrPath,
-    TargetSource,
-    in_folder,
-    made_at,
-    made_by_record,
-    paths_of,
-)
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.pages.report_files import PAGE
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import in_folder, paths_of
+from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import hold_gate, mark_of
-from cubicfish_cli.app.terminal.options import (
+from cubicfish_cli.app.terminal.parameters import (
     FILE,
     SECONDS,
     as_command,
@@ -36,7 +29,7 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
-from cubicfish_cli.core.files import refuse_existing
+from cubicfish_cli.core.files import StrPath, refuse_existing
 from cubicfish_cli.core.wording import quoted
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_rig
@@ -71,7 +64,7 @@ class RigOptions:
 
     """
 
-    cameras: Mapping[str, StrPath] | Sequence[StrPath] = options.argument(
+    cameras: Mapping[str, StrPath] | Sequence[StrPath] = parameters.argument(
         "For each camera a folder of photos, a film, a corners.csv, or the folder that calibrate "
         "wrote (camera.yaml and corners.csv), whose lens stays as it is. The first camera's frame "
         "is the rig's.",
@@ -79,7 +72,7 @@ class RigOptions:
         metavar="CAMERA CAMERA...",
     )
     target: TargetSource | Target | StrPath | None = target_options
-    folder: StrPath = options.output_option(
+    folder: StrPath = parameters.output_option(
         "Where rig.yaml goes, and each camera's camera.yaml in a folder of its name.",
         default="rig",
         folder=True,
@@ -116,10 +109,10 @@ class RigOptions:
         "--hold-lenses",
         "Leave the lenses as each camera alone has them, and fit their places only.",
     )
-    refine_target: RefineTarget | None = options.refine_target_option(
+    refine_target: RefineTarget | None = parameters.refine_target_option(
         "Fit the target too, as 'cubicfish calibrate' does. [default: auto]", default=None
     )
-    report: bool = options.report_option
+    report: bool = parameters.report_option
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,7 +137,7 @@ class RigFiles:
         }
 
 
-def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
+def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
 
     Raises:
@@ -169,28 +162,28 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     from cubicfish_cli.extensions.rigs.report import write_rig_page
     from cubicfish_cli.extensions.rigs.rig import save_rig
 
-    source, cameras, names = TargetSource.of(asked.target), asked.cameras, asked.names
+    source, cameras, names = TargetSource.of(options.target), options.cameras, options.names
     if isinstance(cameras, Mapping):
         names, cameras = ",".join(cameras), list(cameras.values())
     inputs = paths_of(cameras)
     called = _name_cameras(inputs, names)
-    lenses = _name_lenses(asked.lenses, called)
+    lenses = _name_lenses(options.lenses, called)
     films = films_among(inputs)
-    _refuse_unused(asked, inputs, films)
+    _refuse_unused(options, inputs, films)
     if films:
         source.check()
-    elif check_camera_inputs(inputs, source, run) and asked.refine_target is not None:
+    elif check_camera_inputs(inputs, source, run) and options.refine_target is not None:
         raise UsageError("--refine-target is of a target, and 2D-3D pairs have none: leave it out")
     kept = {name for name, path in zip(called, inputs, strict=True) if is_calibrated(path)}
     for name, given in (
-        ("--hold-lenses", asked.hold_lenses),
-        ("--refine-target", asked.refine_target is not None),
+        ("--hold-lenses", options.hold_lenses),
+        ("--refine-target", options.refine_target is not None),
     ):
         if given and len(kept | {*lenses}) == len(called):
             raise UsageError(f"{name} is of cameras that are calibrated here: leave it out")
     made_at()  # said before the work if it cannot be
-    place, listener = Path(asked.folder), run.listener
-    pages = [place / PAGE] if asked.report and not extra.missing(extra.REPORT) else []
+    place, listener = Path(options.folder), run.listener
+    pages = [place / PAGE] if options.report and not extra.missing(extra.REPORT) else []
     own_files = [place / name / "camera.yaml" for name in called]
     corners = [place / name / "corners.csv" for name in called]
     refuse_existing(place / "rig.yaml", *pages, *own_files, *corners, overwrite=run.overwrite)
@@ -208,8 +201,8 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
                 room,
                 source.load(),
                 run,
-                most=asked.most or MOST,
-                tolerance=asked.tolerance,
+                most=options.most or MOST,
+                tolerance=options.tolerance,
             )
         for name, path in zip(called, inputs, strict=True):
             listener.tell(Event.CAMERA, name=name, path=path)
@@ -221,23 +214,23 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
             if shown:
                 moving[name] = moving_corners(shown, loaded[name].pairs, listener)
     first = loaded[called[0]]
-    by = "films" if frames else str(asked.shots or ("time" if asked.tolerance else "name"))
+    by = "films" if frames else str(options.shots or ("time" if options.tolerance else "name"))
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
-    refine_target = asked.refine_target or "auto"
+    refine_target = options.refine_target or "auto"
     rig = calibrate_rig(
         {name: own.given for name, own in loaded.items()},
         first.pairs.target,
-        shots=rows or (load_shots(Path(asked.shots)) if asked.shots else by),
-        tolerance=asked.tolerance or TOLERANCE,
-        times=None if asked.times is None else load_times(Path(asked.times), called),
+        shots=rows or (load_shots(Path(options.shots)) if options.shots else by),
+        tolerance=options.tolerance or TOLERANCE,
+        times=None if options.times is None else load_times(Path(options.times), called),
         moving=moving,
         known=known,
-        hold_lenses=asked.hold_lenses,
+        hold_lenses=options.hold_lenses,
         refine_target=refine_target,
         listener=listener,
     )
     files = [file for own in loaded.values() for file in own.files]
-    held = {"hold_lenses": asked.hold_lenses, "refine_target": refine_target, "shots": by}
+    held = {"hold_lenses": options.hold_lenses, "refine_target": refine_target, "shots": by}
     made_by = made_by_record(run.command, held, first.target_file, files)
     listener.progress("Writing")
     written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
@@ -248,19 +241,19 @@ def calibrate_rig_files(asked: RigOptions, *, run: Run = RUN) -> RigFiles:
     return RigFiles(rig=rig, files=[*written, *corners, *pages])
 
 
-def _refuse_unused(asked: RigOptions, inputs: Sequence[Path], films: Sequence[Path]) -> None:
+def _refuse_unused(options: RigOptions, inputs: Sequence[Path], films: Sequence[Path]) -> None:
     """Refuse inputs that do not go together, and options that say nothing of them."""
     if films and len(films) < len(inputs):
         raise UsageError(
             f"{quoted(str(films[0]))} is a film, and other cameras have none: give a film of each "
             "camera, or take its frames with 'cubicfish frames'"
         )
-    if films and (asked.shots or asked.times):
+    if films and (options.shots or options.times):
         raise UsageError("--shots and --times go with photos: films are matched by time")
-    if asked.most is not None and not films:
+    if options.most is not None and not films:
         raise UsageError("--most goes with films: photos are all taken")
-    if asked.shots and asked.tolerance:
-        raise UsageError(f"--shots {asked.shots} says what is a shot: leave --tolerance out")
+    if options.shots and options.tolerance:
+        raise UsageError(f"--shots {options.shots} says what is a shot: leave --tolerance out")
 
 
 def _name_lenses(

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import px
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
+from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
     from cubicfish_cli.extensions.rigs.fit.compare import ComparedCamera
@@ -27,10 +28,10 @@ class RigCompareOptions:
 
     """
 
-    first: StrPath = options.argument(
+    first: StrPath = parameters.argument(
         "The rig.yaml, or its folder, in whose frame differences are.", metavar="A"
     )
-    second: StrPath = options.argument(
+    second: StrPath = parameters.argument(
         "The rig.yaml, or its folder, that is compared with it.", metavar="B"
     )
 
@@ -53,7 +54,7 @@ class ComparedRigFiles:
         return {"units": self.units, "cameras": [one.as_record() for one in self.cameras]}
 
 
-def compare_rig_files(asked: RigCompareOptions, *, run: Run = RUN) -> ComparedRigFiles:
+def compare_rig_files(options: RigCompareOptions, *, run: Run = RUN) -> ComparedRigFiles:
     """Say how far apart two rigs are, camera by camera, as ``cubicfish rig compare`` does.
 
     Raises:
@@ -64,8 +65,8 @@ def compare_rig_files(asked: RigCompareOptions, *, run: Run = RUN) -> ComparedRi
     from cubicfish_cli.extensions.rigs.fit.compare import compare_rigs
     from cubicfish_cli.extensions.rigs.rig import load_rig
 
-    rig = load_rig(asked.first)
-    return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(asked.second)))
+    rig = load_rig(options.first)
+    return ComparedRigFiles(units=rig.units, cameras=compare_rigs(rig, load_rig(options.second)))
 
 
 @as_command(

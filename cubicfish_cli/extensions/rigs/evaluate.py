@@ -6,16 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, TargetSource, paths_of
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import hold_gate
-from cubicfish_cli.app.terminal.options import as_command, record, target_options
+from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_json, say
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.evaluate import say_unplaced
 from cubicfish_cli.core.errors import UsageError
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.extensions.rigs.options import times_option
 from cubicfish_cli.extensions.rigs.printed import print_evaluation
 
@@ -36,11 +39,11 @@ class RigEvaluateOptions:
 
     """
 
-    rig: StrPath = options.argument(
+    rig: StrPath = parameters.argument(
         "The folder that 'cubicfish rig calibrate' wrote, or its rig.yaml.",
         metavar="RIG",
     )
-    cameras: Sequence[StrPath] = options.argument(
+    cameras: Sequence[StrPath] = parameters.argument(
         "Photos (a folder or a glob) or a corners.csv of each camera: called as the cameras are, "
         "or in the rig's order.",
         nargs=-1,
@@ -50,7 +53,7 @@ class RigEvaluateOptions:
     times: StrPath | None = times_option
 
 
-def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvaluation:
+def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEvaluation:
     """Measure a rig on files of its cameras, as ``cubicfish rig evaluate`` does.
 
     Raises:
@@ -64,7 +67,7 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
     from cubicfish_cli.extensions.rigs.inputs import check_camera_inputs, load_camera_inputs
     from cubicfish_cli.extensions.rigs.rig import REFINED, load_rig, rig_file
 
-    model, inputs = rig_file(asked.rig), paths_of(asked.cameras)
+    model, inputs = rig_file(options.rig), paths_of(options.cameras)
     known = load_rig(model)
     names = [one.name for one in known.cameras]
     own = owners_of(inputs, names)
@@ -72,9 +75,9 @@ def evaluate_rig_files(asked: RigEvaluateOptions, *, run: Run = RUN) -> RigEvalu
         raise UsageError(
             f"name photos or a corners.csv of two or more of the cameras {', '.join(names)}"
         )
-    source = TargetSource.of(asked.target)
+    source = TargetSource.of(options.target)
     check_camera_inputs(inputs, source, run)
-    times = None if asked.times is None else load_times(Path(asked.times), own)
+    times = None if options.times is None else load_times(Path(options.times), own)
     loaded = {
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath
 from cubicfish_cli.app.extensions import load_place, written_formats
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.commands.export import LensOptions, print_exported
 from cubicfish_cli.core.errors import FitError, UsageError
-from cubicfish_cli.core.files import write_files
+from cubicfish_cli.core.files import StrPath, write_files
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_argument
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class RigExportOptions(LensOptions):
     pair: tuple[str, str] | None = pair_option
 
 
-def export_rig_files(asked: RigExportOptions, *, run: Run = RUN) -> ExportedFiles:
+def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFiles:
     """Write all cameras of a rig, or two, with their places, as ``cubicfish rig export`` does.
 
     Raises:
@@ -60,10 +60,10 @@ def export_rig_files(asked: RigExportOptions, *, run: Run = RUN) -> ExportedFile
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
-    to, max_error = asked.to, MAX_ERROR if asked.max_error is None else asked.max_error
-    path = rig_file(asked.rig)
+    to, max_error = options.to, MAX_ERROR if options.max_error is None else options.max_error
+    path = rig_file(options.rig)
     known = load_rig(path)
-    chosen = known.cameras if asked.pair is None else tuple(map(known.camera, asked.pair))
+    chosen = known.cameras if options.pair is None else tuple(map(known.camera, options.pair))
     formats = written_formats()
     if to not in formats or not formats[to].write_rig:
         first = path.parent / known.cameras[0].path
@@ -72,11 +72,11 @@ def export_rig_files(asked: RigExportOptions, *, run: Run = RUN) -> ExportedFile
             "choose one of " + ", ".join(name for name, made in formats.items() if made.write_rig)
         )
     run.listener.progress("Fitting the other lenses")
-    goal = Path(asked.output or formats[to].rig_name)
+    goal = Path(options.output or formats[to].rig_name)
     made = []
     for one in chosen:
         try:
-            own = export_camera(one, to, max_error=max_error, max_angle_deg=asked.max_angle_deg)
+            own = export_camera(one, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.asked import Run
 from cubicfish_cli.app.films.choose import Seen, choose_shots
 from cubicfish_cli.app.films.frame_search import found_in, why_ended
 from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
 from cubicfish_cli.app.films.source import open_films
 from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import Photo, read_grey
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 from cubicfish_cli.core.files import refuse_existing, whole_files, write_text
 from cubicfish_cli.core.frame_names import frame_name

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.extensions.rigs.options import rig_argument
 from cubicfish_cli.extensions.rigs.printed import print_rig
 
@@ -42,7 +43,7 @@ class RigInfo:
         return {"model": self.model, "rig": held}
 
 
-def info_rig_files(asked: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
+def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
     """Say what a rig is, as ``cubicfish rig info`` does.
 
     Raises:
@@ -51,7 +52,7 @@ def info_rig_files(asked: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
     """
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
-    path = rig_file(asked.rig)
+    path = rig_file(options.rig)
     return RigInfo(model=path, rig=load_rig(path))
 
 

@@ -6,11 +6,13 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish_cli.app.asked import RUN, Run, TargetSource, check_inputs, tables_among
 from cubicfish_cli.app.films.recordings import is_recording, label_of
 from cubicfish_cli.app.fingerprint import fingerprint
 from cubicfish_cli.app.inputs import Inputs, load_inputs
+from cubicfish_cli.app.paths import check_inputs, tables_among
 from cubicfish_cli.app.photos import VIDEO_SUFFIXES
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import TargetSource
 from cubicfish_cli.core.errors import CorrespondenceError
 from cubicfish_cli.core.io.camera_yaml import CameraFile, load_camera
 

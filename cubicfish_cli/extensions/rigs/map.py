@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.commands.map import MapFiles, files_of, photo_size_option, print_maps, write_maps
 from cubicfish_cli.commands.view_options import view_bundle
 from cubicfish_cli.core.errors import CameraFileError, UsageError, ViewError
-from cubicfish_cli.core.files import refuse_existing
+from cubicfish_cli.core.files import StrPath, refuse_existing
 from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import pair_option, rig_option
 
@@ -47,7 +47,7 @@ class RigMapOptions:
 
     """
 
-    output: StrPath = options.argument(
+    output: StrPath = parameters.argument(
         "Where the maps go: a name that ends in .npz, .exr, .png or .pgm.",
         metavar="OUT",
     )
@@ -79,7 +79,7 @@ class PairMapFiles(MapFiles):
         return {**super().as_record(), "stereo": self.stereo}
 
 
-def map_rig_files(asked: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
+def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     """Write a map for each of two cameras of a rig, as ``cubicfish rig map`` does.
 
     Returns:
@@ -102,12 +102,12 @@ def map_rig_files(asked: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.stereo import rectify
 
-    goal, photo_size = Path(asked.output), asked.photo_size
+    goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
-    view = _row_aligned(asked.view)
-    path = rig_file(asked.rig)
+    view = _row_aligned(options.view)
+    path = rig_file(options.rig)
     loaded = load_rig(path)
-    both = asked.pair or tuple(one.name for one in loaded.cameras)
+    both = options.pair or tuple(one.name for one in loaded.cameras)
     if len(both) != 2:
         raise CameraFileError(f"name two of the rig's cameras with --pair: {', '.join(both)}")
     about = goal.with_suffix(".stereo.yaml")

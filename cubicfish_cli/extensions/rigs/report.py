@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, path_or_none
 from cubicfish_cli.app.pages.report_files import PAGE
-from cubicfish_cli.app.terminal import options
+from cubicfish_cli.app.paths import path_or_none
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import print_verdict
-from cubicfish_cli.app.terminal.options import as_command, record
+from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import result
-from cubicfish_cli.core.files import refuse_existing, write_text
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
 from cubicfish_cli.extensions.rigs.options import rig_argument
 
 if TYPE_CHECKING:
@@ -31,10 +32,12 @@ class RigReportOptions:
     """
 
     rig: StrPath = rig_argument
-    page: StrPath | None = options.output_option("The page. [default: report.html beside the rig]")
+    page: StrPath | None = parameters.output_option(
+        "The page. [default: report.html beside the rig]"
+    )
 
 
-def report_rig_files(asked: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
+def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
     """Write a page about a rig, as ``cubicfish rig report`` does.
 
     Raises:
@@ -46,8 +49,8 @@ def report_rig_files(asked: RigReportOptions, *, run: Run = RUN) -> ReportFiles:
     from cubicfish_cli.extensions.rigs.rig import rig_file
 
     refuse_without_extra()
-    model = rig_file(asked.rig)
-    path = path_or_none(asked.page) or model.parent / PAGE
+    model = rig_file(options.rig)
+    path = path_or_none(options.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=write_rig_page(model, path, run))
 

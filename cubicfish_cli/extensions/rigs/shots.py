@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.asked import named_photos
 from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.app.paths import named_photos
 from cubicfish_cli.app.photos import Picture, natural_key, photo_size
 from cubicfish_cli.app.undistortion.batch import MAKING, Job, Size, Views
 from cubicfish_cli.app.undistortion.choose import ChosenView

@@ -7,13 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, paths_of
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import FloatRange, as_command, option, record
+from cubicfish_cli.app.paths import paths_of
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.undistortion.options import KINDS, ViewOptions
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
 from cubicfish_cli.commands.view_options import say_what_is_unseen, view_bundle
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import rig_option
 
@@ -41,14 +43,14 @@ class RigUndistortOptions(PictureOptions):
 
     """
 
-    photos: StrPath | Sequence[StrPath] = options.argument(
+    photos: StrPath | Sequence[StrPath] = parameters.argument(
         "Photos of the rig's cameras: files, folders or globs; '-' reads their names from stdin.",
-        type=options.NAME,
+        type=parameters.NAME,
         nargs=-1,
         required=True,
         metavar="IN...",
     )
-    output: StrPath = options.argument(
+    output: StrPath = parameters.argument(
         "The picture that is made of one shot; of several, or without a suffix, a folder.",
         metavar="OUT",
     )
@@ -69,7 +71,7 @@ class RigUndistortOptions(PictureOptions):
     )
 
 
-def undistort_rig_files(asked: RigUndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
+def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> UndistortedFiles:
     """Make one picture of each shot of a rig, as ``cubicfish rig undistort`` does.
 
     One that fails does not stop the others.
@@ -90,19 +92,19 @@ def undistort_rig_files(asked: RigUndistortOptions, *, run: Run = RUN) -> Undist
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
 
-    model = rig_file(asked.rig)
+    model = rig_file(options.rig)
     known = load_rig(model)
-    names, sources = [one.name for one in known.cameras], paths_of(named_sources(asked.photos))
+    names, sources = [one.name for one in known.cameras], paths_of(named_sources(options.photos))
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    planned = plan_jobs("shot", jobs, Path(asked.output), asked, run, alone=len(shots) == 1)
-    view = asked.view or ViewOptions()
+    planned = plan_jobs("shot", jobs, Path(options.output), options, run, alone=len(shots) == 1)
+    view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")
-    body = body_for_photos(Body(cameras=known.cameras, distance=asked.distance), shots)
-    views = RigViews(body, chosen_view(body, view), asked.interpolation)
-    return write_pictures("shot", planned, views, asked, run, model=model)
+    body = body_for_photos(Body(cameras=known.cameras, distance=options.distance), shots)
+    views = RigViews(body, chosen_view(body, view), options.interpolation)
+    return write_pictures("shot", planned, views, options, run, model=model)
 
 
 @as_command(

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.asked import RUN, Run, StrPath, target_in
-from cubicfish_cli.app.terminal import options
-from cubicfish_cli.app.terminal.options import (
+from cubicfish_cli.app.run import RUN, Run
+from cubicfish_cli.app.target_source import target_in
+from cubicfish_cli.app.terminal import parameters
+from cubicfish_cli.app.terminal.parameters import (
     FloatRange,
     as_command,
     bundle,
@@ -24,6 +25,7 @@ from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, print_wrote, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import OutputError, UsageError
+from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.wording import did_you_mean, quoted
 
 if TYPE_CHECKING:
@@ -119,19 +121,19 @@ class SimulateOptions:
 
     """
 
-    target: Target | StrPath = options.needed_target
-    camera: Calibrated | CubicCamera | StrPath = options.model_options
+    target: Target | StrPath = parameters.needed_target
+    camera: Calibrated | CubicCamera | StrPath = parameters.model_options
     number: int | None = option(
         "-n --number N", "How many photos. [default: 12]", click.IntRange(1, _MOST_PHOTOS)
     )
-    folder: StrPath = options.output_option(
+    folder: StrPath = parameters.output_option(
         "Where the photos and their truth go.", default="simulated", folder=True
     )
     poses: StrPath | None = option(
         "--poses FILE",
         "Take the photos from these poses: a CSV file with the columns image,rx,ry,rz,tx,ty,tz "
         "(camera_from_world), such as the true_poses.csv of earlier photos.",
-        options.FILE,
+        parameters.FILE,
     )
     look: LookOptions = bundle(LookOptions)
     form: str = option(
@@ -176,7 +178,7 @@ class SimulatedFiles:
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
 
-def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
+def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
     """Render photos of a target beside their truth, as ``cubicfish simulate`` does.
 
     The poses fill the camera's field. All files are written, or none.
@@ -203,9 +205,14 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
         simulated_photos,
     )
 
-    thing, form, look, listener = target_in(asked.target), asked.form, asked.look, run.listener
+    thing, form, look, listener = (
+        target_in(options.target),
+        options.form,
+        options.look,
+        run.listener,
+    )
     listener.progress("Choosing where to take photos from")
-    made_by, known = {"command": "simulate"}, asked.camera
+    made_by, known = {"command": "simulate"}, options.camera
     if isinstance(known, str | os.PathLike):
         made_by["camera"], known = str(known), load_camera(Path(known))
     camera = known if isinstance(known, CubicCamera) else known.camera
@@ -213,13 +220,13 @@ def simulate_files(asked: SimulateOptions, *, run: Run = RUN) -> SimulatedFiles:
     lens = NearLens(camera=camera) if camera.pupil_travel else camera
     if any(board.shape is not None for board in thing.boards):
         listener.tell(Event.RENDERED_FLAT)
-    folder, flat = Path(asked.folder), thing.with_flat_boards()
-    if asked.poses is None:
-        chosen = chosen_poses(thing, lens, size, asked.number or 12, seed=look.seed)
+    folder, flat = Path(options.folder), thing.with_flat_boards()
+    if options.poses is None:
+        chosen = chosen_poses(thing, lens, size, options.number or 12, seed=look.seed)
         digits = max(2, len(str(len(chosen))))
         named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
     else:
-        named = poses_of_table(Path(asked.poses), form)
+        named = poses_of_table(Path(options.poses), form)
     corners = true_corners_text(flat, lens, named, size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")

@@ -937,10 +937,10 @@ def test_photos_with_the_same_fault_are_told_together(changed, cause, of_photos,
         LENS, one_photo(lambda c: {"column": c.column + (c.board == 0)}), TARGET, 1.0, 0.1
     )
     faults = [replace(fault, images=(f"0{number}.png",)) for number in range(3)]
-    asked = []
+    options = []
 
     def is_usual(board, times):
-        asked.append((board, times))
+        options.append((board, times))
         return times == 3
 
     found, single = board_findings([*faults, other], lambda board, times: False)
@@ -948,7 +948,7 @@ def test_photos_with_the_same_fault_are_told_together(changed, cause, of_photos,
     assert (found.severity, found.images) == ("note", ("00.png", "01.png", "02.png"))
     assert "1 column too far" in single.what
     found, single = board_findings([*faults, other], is_usual)
-    assert asked == [(*fault.boards, 3), ("floor", 1)]
+    assert options == [(*fault.boards, 3), ("floor", 1)]
     assert of_drawing in found.what
     assert (found.severity, found.code, found.boards) == ("care", cause, fault.boards)
     assert single.severity == "note"

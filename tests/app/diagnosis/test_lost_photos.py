@@ -86,8 +86,8 @@ def test_wrong_counts_are_the_first_reason_wherever_a_verdict_is(run, tmp_path, 
             cv2.fillPoly(picture, [np.round(pixel * 16).astype(np.int32)], 130, cv2.LINE_AA, 4)
         cv2.imwrite(str(tmp_path / "photos" / f"{name}.png"), picture)
     folder = tmp_path / "calibration"
-    asked = ("--board", "7x5", "--square", "30mm", "-o", folder, "--json")
-    made = json.loads(run("calibrate", tmp_path / "photos", *asked).stdout)
+    options = ("--board", "7x5", "--square", "30mm", "-o", folder, "--json")
+    made = json.loads(run("calibrate", tmp_path / "photos", *options).stdout)
     assert made["images"] == 6
     first = made["verdict"]["reasons"][0]
     assert (made["verdict"]["level"], first["code"]) == ("care", "too_large")

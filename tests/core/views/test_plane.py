@@ -16,14 +16,14 @@ TILT = np.radians(35)
 X, Y = np.array([np.cos(TILT), 0, np.sin(TILT)]), np.array([0.0, 1, 0])
 
 
-def made(origin=ORIGIN, x_axis=X, y_axis=Y, **asked):
+def made(origin=ORIGIN, x_axis=X, y_axis=Y, **options):
     """A board of corners 10 apart over 60 x 40, the first of them 5 before the origin along x."""
     pose = np.eye(3), np.zeros(3)
     places = {"x_axis": tuple(x_axis.tolist()), "y_axis": tuple(y_axis.tolist())}
     first = tuple((np.asarray(origin) - 5 * x_axis).tolist())
     board = Checkerboard(name="b", columns=7, rows=5, square=10.0, origin=first, **places)
     target = Target(units="mm", boards=(board,))
-    return build_plane(CAMERA, target, "b", *pose, margin=0.0, **asked)
+    return build_plane(CAMERA, target, "b", *pose, margin=0.0, **options)
 
 
 def test_a_pixel_is_a_point_of_the_plane_at_the_scale():

@@ -299,8 +299,8 @@ def test_a_good_calibration_is_enough(fitted):
     # Where the verdict asks for photos, nothing says that there are enough.
     overfit = replace(fitted.fit, rms_px=0.15, held_out_rms_px=0.3)
     assert "enough" not in summary(fitted.camera, overfit, fitted.pairs)
-    asked = advise(fitted.camera, overfit, fitted.pairs, TARGET, proposals=1)
-    assert [reason.code for reason in asked.reasons] == [Code.OVERFITTED]
+    options = advise(fitted.camera, overfit, fitted.pairs, TARGET, proposals=1)
+    assert [reason.code for reason in options.reasons] == [Code.OVERFITTED]
     # Least of all where the camera is not to be trusted.
     wrong = replace(fitted.fit, held_out_rms_px=9 * fitted.fit.rms_px + 1)
     assert "enough" not in summary(fitted.camera, wrong, fitted.pairs)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic import checkerboard
 
-from cubicfish_cli.app.asked import length_mm
 from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.diagnosis.object_check import check_object
+from cubicfish_cli.app.target_source import length_mm
 from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target, load_target, target_text
 from cubicfish_cli.extensions.printing.command import PrintOptions

@@ -187,13 +187,15 @@ def test_help_says_what_a_rig_has_and_nothing_of_one_camera(
     assert ("stereographic" in said) == (command == "undistort")
 
 
-@pytest.mark.parametrize("asked", [("--view", "cube"), ("--view", "plane:one"), ("--fit", "whole")])
+@pytest.mark.parametrize(
+    "options", [("--view", "cube"), ("--view", "plane:one"), ("--fit", "whole")]
+)
 @pytest.mark.parametrize("command", ["undistort", "map"])
 def test_what_is_of_one_camera_is_refused(
-    run: Run, rig: Path, shots: Path, tmp_path: Path, command: str, asked: tuple[str, str]
+    run: Run, rig: Path, shots: Path, tmp_path: Path, command: str, options: tuple[str, str]
 ) -> None:
     sources = [shots] if command == "undistort" else []
-    line = ("rig", command, *sources, tmp_path / "out.npz", "-m", rig, *asked)
+    line = ("rig", command, *sources, tmp_path / "out.npz", "-m", rig, *options)
     said = run(*line, code=2).stderr
-    assert asked[1] in said or asked[0] in said
+    assert options[1] in said or options[0] in said
     assert list(tmp_path.iterdir()) == []

@@ -54,26 +54,26 @@ class Program:
     def has(self, extra: str) -> bool:
         """Whether the libraries of an extra are there."""
         needed = {"report": "matplotlib, jinja2", "exr": "OpenEXR", "video": "av"}[extra]
-        asked = subprocess.run(
+        options = subprocess.run(
             [self.python, "-c", f"import {needed}"], capture_output=True, check=False
         )
-        return asked.returncode == 0
+        return options.returncode == 0
 
     def versions(self) -> str:
         """The libraries that are there, and their versions."""
-        asked = subprocess.run(
+        options = subprocess.run(
             [self.python, "-c", _VERSIONS], capture_output=True, text=True, check=True
         )
-        return asked.stdout.strip()
+        return options.stdout.strip()
 
     def is_here(self, sandbox: Sandbox) -> bool:
         """Whether what runs is what was installed, and not what some checkout has."""
-        asked = subprocess.run(
+        options = subprocess.run(
             [self.python, "-c", "import cubicfish_cli; print(cubicfish_cli.__file__)"],
             cwd=sandbox.work, env=self.environment(sandbox, sandbox.base / "none"),
             capture_output=True, text=True, check=True,
         )  # fmt: skip
-        found = Path(asked.stdout.strip())
+        found = Path(options.stdout.strip())
         wanted = self.path[0] if self.path else self.python.parents[1]
         return found.is_relative_to(wanted)
 

@@ -220,10 +220,10 @@ def test_what_the_metadata_promise() -> None:
     assert named == sorted(named, key=lambda name: int(name.split(".")[1]))
     assert f"py{oldest.replace('.', '')}" in (PROJECT / "pyproject.toml").read_text()
     # Each library that the code imports is asked for, and the other way round.
-    asked = {re.split(r"[=<>\[]", pin)[0].lower() for pin in lower_bounds(project)}
+    options = {re.split(r"[=<>\[]", pin)[0].lower() for pin in lower_bounds(project)}
     names = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "mpl_toolkits": "matplotlib"}
     used = {names.get(name, name.lower()) for name in imported_libraries()}
-    assert used == asked
+    assert used == options
 
 
 def imported_libraries() -> set[str]:

@@ -102,8 +102,8 @@ def test_a_rig_is_evaluated_with_the_times_that_it_was_fitted_with(tmp_path: Pat
         rows += [f"{name},{photo},{time}" for photo, time in times.items()]
     (tmp_path / "times.csv").write_text("\n".join(rows) + "\n")
     told = {"target": tmp_path / "target.yaml", "times": tmp_path / "times.csv"}
-    asked = RigOptions(cameras=files, folder=tmp_path / "rig", refine_target="off", **told)
-    rig = calibrate_rig_files(asked).rig
+    options = RigOptions(cameras=files, folder=tmp_path / "rig", refine_target="off", **told)
+    rig = calibrate_rig_files(options).rig
     found = evaluate_rig_files(RigEvaluateOptions(rig=tmp_path / "rig", cameras=files, **told))
     assert found.rms_px == pytest.approx(rig.fit.rms_px, rel=0.1)
 

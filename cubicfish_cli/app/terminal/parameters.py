@@ -16,7 +16,8 @@ from typing import Any, TypeVar, dataclass_transform
 import click
 from click.core import ParameterSource
 
-from cubicfish_cli.app.asked import TargetSource, in_folder, length_mm
+from cubicfish_cli.app.paths import in_folder
+from cubicfish_cli.app.target_source import TargetSource, length_mm
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.wording import quoted
 
@@ -230,7 +231,7 @@ def as_command(
     def decorate(show: Callable[..., None]) -> click.Command:
         known = vars(sys.modules[show.__module__])
         kinds = [known[show.__annotations__[to]] for to in ("given", "how")]
-        asked, ways = (Bundle(kind=kind, fields=getattr(kind, _OPTIONS)) for kind in kinds)
+        options, ways = (Bundle(kind=kind, fields=getattr(kind, _OPTIONS)) for kind in kinds)
         ways = replace(ways, fields={one: ways.fields[one] for one in how})
 
         @functools.wraps(show)
@@ -238,14 +239,14 @@ def as_command(
             try:
                 # What is wrong with this is known before any file is looked for.
                 way = ways.value("how", values)
-                given = asked.value("given", values)
+                given = options.value("given", values)
                 with way.run() as run:
                     made = do(given, run=run)
                 show(made, given, way)
             except UsageError as problem:
                 raise click.UsageError(str(problem)) from problem
 
-        params = asked.parameters() + ways.parameters()
+        params = options.parameters() + ways.parameters()
         shown = {"short_help": short_help, "epilog": examples(*lines), **more}
         return common_options(click.command(name, params=params, **shown)(command))
 
@@ -342,7 +343,7 @@ def is_given(parameter: str) -> bool:
 
 def command_line() -> str:
     """The command that is being run, without what is by default and what changes no camera."""
-    from cubicfish_cli.app.asked import as_text
+    from cubicfish_cli.app.run import as_text
 
     context = click.get_current_context()
     words = context.command_path.split()
