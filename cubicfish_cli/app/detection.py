@@ -17,7 +17,12 @@ from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.listener import SILENT, Event, Listener
-from cubicfish_cli.app.look import GridCache, Look, look_at, refused
+from cubicfish_cli.app.photo_detection import (
+    GridCache,
+    PhotoDetection,
+    detect_in_photo,
+    make_refusal,
+)
 from cubicfish_cli.app.photos import Photo, find_photos, refuse_no_picture
 from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.words.catalogue import catalogue
@@ -58,7 +63,7 @@ def detect(
 ) -> Detection:
     """Find the corners of ``target`` in photos and name them, as ``cubicfish detect`` does.
 
-    A second look follows where a camera fitted to the corners expects more. Photos that cannot be
+    A second pass follows where a camera fitted to the corners expects more. Photos that cannot be
     used are reported in the result, and passed over.
 
     Args:
@@ -87,7 +92,7 @@ def detect(
 
 
 def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
-    """Both looks of :func:`detect`; of several targets, for the one that explains most corners.
+    """Both passes of :func:`detect`; of several targets, for the one that explains most corners.
 
     Raises:
         DetectionError: no corner could be named in any photo.
@@ -95,7 +100,7 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
     """
     run.listener.tell(Event.LOOKING, photos=len(photos))
     work = run.work("Finding corners")
-    detection = first_look(photos, targets, work, run.cache)
+    detection = first_pass(photos, targets, work, run.cache)
     target = detection.corners.target
     if target is not None:
         detection = second_pass(photos, detection, target, run.work("Looking again"))
@@ -106,8 +111,8 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Again:
-    """A photo to be looked at again.
+class _Expected:
+    """A photo that a fitted camera expects corners in.
 
     Attributes:
         photo: where it is.
@@ -127,13 +132,13 @@ class _Again:
 def second_pass(
     photos: Sequence[Photo], detection: Detection, target: Target, work: Work
 ) -> Detection:
-    """Add the corners that a camera fitted to the first look predicts and the photos show.
+    """Add the corners that a camera fitted to the first pass predicts and the photos show.
 
     Args:
         photos: the photos that ``detection`` is of, in its order.
-        detection: the first look.
+        detection: the first pass.
         target: the calibration target.
-        work: who looks at the photos.
+        work: who searches the photos.
 
     Returns:
         The detection with the added corners; the same one where no camera can be fitted.
@@ -141,11 +146,11 @@ def second_pass(
     """
     expected = predicted_corners(detection, target)
     seen = {photo.name: photo for photo in _reachable(photos, work)}
-    again = [_Again(photo=seen[name], expected=one) for name, one in expected.items()]
-    return with_added(detection, work.done(_look_again, again)) if again else detection
+    again = [_Expected(photo=seen[name], expected=one) for name, one in expected.items()]
+    return with_added(detection, work.done(_search_again, again)) if again else detection
 
 
-def _look_again(one: _Again) -> Observations:
+def _search_again(one: _Expected) -> Observations:
     return one.expected.seen_in(one.photo.read_grey())
 
 
@@ -154,7 +159,7 @@ def _reachable(photos: Sequence[Photo], work: Work) -> Sequence[Photo]:
     return photos if work.executor is None else [photo.absolute() for photo in photos]
 
 
-def first_look(
+def first_pass(
     photos: Sequence[Photo], targets: Sequence[Target], work: Work, cache: StrPath | None = None
 ) -> Detection:
     """Find and name the corners of the one of several targets that explains most of them.
@@ -162,7 +167,7 @@ def first_look(
     Args:
         photos: the photos.
         targets: at least one; ``corners.target`` of the result says which it is.
-        work: who looks at the photos.
+        work: who searches the photos.
         cache: a folder in which what is found in files is kept.
 
     Raises:
@@ -225,7 +230,7 @@ def detect_corners(
     Args:
         photos: where the photos are.
         target: the calibration target.
-        work: who looks at the photos.
+        work: who searches the photos.
         cache: what was found in photos that were searched before; None searches them all.
 
     Raises:
@@ -233,29 +238,29 @@ def detect_corners(
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
-    look = partial(look_at, target=target, cache=cache)
-    found = work.done(look, _reachable(photos, work))
+    detect_one = partial(detect_in_photo, target=target, cache=cache)
+    found = work.done(detect_one, _reachable(photos, work))
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))
     with_boards = [_shows_boards(one) for one in found]
     found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
-    looks = [found[index] for index in usable]
-    grids = [look.grids for look in looks if look.grids is not None]
+    detections = [found[index] for index in usable]
+    grids = [detected.grids for detected in detections if detected.grids is not None]
     names = [photos[index].name for index in usable]
     identified = None
     if target.has_markers:
-        marked = [look.marked for look in looks if look.marked is not None]
+        marked = [detected.marked for detected in detections if detected.marked is not None]
         corners = marked_corners(marked, target, size, names)
         parts = [
             PhotoReport(
                 name=name,
-                refusal=look.refusal,
+                refusal=detected.refusal,
                 remarks=_twice_in_view(own, name, target),
                 found=replace(shown, grids=()),
             )
-            for look, own, shown, name in zip(looks, marked, grids, names, strict=True)
+            for detected, own, shown, name in zip(detections, marked, grids, names, strict=True)
         ]
     else:
         identified = name_grids([one.grids for one in grids], target, size, names)
@@ -264,21 +269,21 @@ def detect_corners(
         parts = [
             PhotoReport(
                 name=name,
-                refusal=look.refusal,
+                refusal=detected.refusal,
                 remarks=tuple(
                     remark for grid in own if (remark := remark_of(name, grid, odd=fits))
                 ),
                 exact=bool(exact),
-                found=look.grids,
+                found=detected.grids,
                 grids=own,
             )
-            for look, name, own, exact in zip(
-                looks, names, identified.grids, identified.exact, strict=True
+            for detected, name, own, exact in zip(
+                detections, names, identified.grids, identified.exact, strict=True
             )
         ]
     reports = [
-        PhotoReport(name=photo.name, refusal=look.refusal)
-        for photo, look in zip(photos, found, strict=True)
+        PhotoReport(name=photo.name, refusal=detected.refusal)
+        for photo, detected in zip(photos, found, strict=True)
     ]
     for number, (index, part) in enumerate(zip(usable, parts, strict=True)):
         board = corners.board[corners.image == number]
@@ -321,25 +326,25 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
             raise DetectionError(_NOT_NAMED, do=finding.line)
 
 
-def _shows_boards(look: Look) -> bool:
+def _shows_boards(detected: PhotoDetection) -> bool:
     """Whether a photo shows squares in rows, and so many that they are likely a board's."""
-    grids = () if look.grids is None else look.grids.grids
+    grids = () if detected.grids is None else detected.grids.grids
     return any(len(grid) >= FEWEST_CORNERS for grid in grids)
 
 
-def _common_size(found: Sequence[Look]) -> tuple[int, int] | None:
+def _common_size(found: Sequence[PhotoDetection]) -> tuple[int, int] | None:
     """The size that most photos have; of equally frequent ones the first."""
     sizes = Counter(one.grids.image_size for one in found if one.grids is not None)
     return sizes.most_common(1)[0][0] if sizes else None
 
 
-def _of_size(one: Look, name: str, size: tuple[int, int]) -> Look:
+def _of_size(one: PhotoDetection, name: str, size: tuple[int, int]) -> PhotoDetection:
     if one.grids is None or one.grids.image_size == size:
         return one
     width, height = one.grids.image_size
     figures = {"width": width, "height": height, "most_width": size[0], "most_height": size[1]}
     case = "turned" if (height, width) == size else ""
-    return Look(grids=None, refusal=refused(name, Code.OTHER_SIZE, case, **figures))
+    return PhotoDetection(grids=None, refusal=make_refusal(name, Code.OTHER_SIZE, case, **figures))
 
 
 def _twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:
@@ -351,7 +356,7 @@ def _refused(finding: Finding) -> DetectionError:
     return DetectionError(finding.why, do=finding.do)
 
 
-def _nothing_read(found: Sequence[Look]) -> Finding:
+def _nothing_read(found: Sequence[PhotoDetection]) -> Finding:
     if not found:
         return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
     first = next(one.refusal.line for one in found if one.refusal)
@@ -360,7 +365,7 @@ def _nothing_read(found: Sequence[Look]) -> Finding:
     return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
 
 
-def _no_checkerboard(found: Sequence[Look]) -> DetectionError:
+def _no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
     """Why no photo shows anything: what most of them say."""
     refusals = [one.refusal for one in found if one.refusal]
     lines = Counter(refusal.line for refusal in refusals)

@@ -44,7 +44,7 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
     """The photo, dimmed, with all that was found in it and what became of it.
 
     Each board has a colour: lines along its rows and columns, rings at its corners (squares
-    where a second look found them), a disc at corner (0, 0), arrows along growing column (x)
+    where a second pass found them), a disc at corner (0, 0), arrows along growing column (x)
     and growing row (y) from the first corner in view, the last one's column and row.
     Grids that were left out are red crosses with the reason beside them. The caption counts all.
 

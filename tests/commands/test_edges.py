@@ -10,7 +10,7 @@ import pytest
 import yaml
 from running import SAMPLE, Run
 
-from cubicfish_cli.app.look import GridCache
+from cubicfish_cli.app.photo_detection import GridCache
 from cubicfish_cli.app.terminal.parameters import FOLDER
 from cubicfish_cli.corners.detection.grids import FoundGrids
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cubicfish_cli.app.detection import first_look
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.diagnosis.corner_count import squares_of_grids
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence
 from cubicfish_cli.app.executors.pool import Work
@@ -23,7 +23,7 @@ from cubicfish_cli.app.films.choose import FEWEST, Choice, Patch, Seen, choose
 from cubicfish_cli.app.films.measure import sharpness
 from cubicfish_cli.app.films.scan import still_px
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.look import GridCache, look_at
+from cubicfish_cli.app.photo_detection import GridCache, detect_in_photo
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.sufficiency.worth import Worth
@@ -98,10 +98,10 @@ def found_in(
 
     """
     if targets:
-        detection = first_look(photos, targets, work, cache)
+        detection = first_pass(photos, targets, work, cache)
         return replace(_of_corners(detection.corners), findings=detection.findings)
     kept = None if cache is None else GridCache(folder=cache)
-    found = work.done(partial(look_at, target=None, cache=kept), photos)
+    found = work.done(partial(detect_in_photo, target=None, cache=kept), photos)
     return _of_grids([photo.name for photo in photos], [one.grids for one in found])
 
 

@@ -15,7 +15,7 @@ _MOST_HALVINGS = 6
 # Standard deviation, pixels, at full size: just enough that a photo sharpened by its camera is not
 # undersampled for the sub-pixel fit.
 SMOOTHING = 0.5
-# Zoom of a second look at twice the photo's size: windows and rings that cannot be smaller than
+# Zoom of a second search at twice the photo's size: windows and rings that cannot be smaller than
 # some pixels then fit into squares, margins of markers and modules half as large.
 CLOSE = 0.5
 # cv2.remap takes no more rows than fit a short.

@@ -1,6 +1,6 @@
 """Grids -> named corners: which grid is which board of the target, and which corner is (0, 0).
 
-`app/detection.py` is the recipe. `app/look.py` reads one photo and finds its nameless
+`app/detection.py` is the recipe. `app/photo_detection.py` reads one photo and finds its nameless
 grids, or why there are none, and remembers what was found in it (`GridCache`). A photo in which
 nothing is found is searched at twice its size, for smaller squares and markers, and so is what lies
 around a part of a board of small squares (`closer.py`); the photo itself then says where their
@@ -10,6 +10,6 @@ Plain boards are named by geometry (`name_grids.py`): all grids as nameless plan
 (`scene.py`), and with it known every place on the target is tried photo by photo (`search.py`,
 `decide.py`), with what cannot be decided left out, and once more with the boards where they are.
 What is wrong where grids fit nowhere, or are named as other corners, `app/detection.py` asks of
-`app/diagnosis`. `second_pass.py` then looks where a fitted camera expects more corners, boards
+`app/diagnosis`. `second_pass.py` then searches where a fitted camera expects more corners, boards
 without markers on a marked target among them. All this needs lenses: it imports `core/fit`.
 """

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from cubicfish_cli.app import look
-from cubicfish_cli.app.look import GridCache, look_at
+from cubicfish_cli.app import photo_detection
+from cubicfish_cli.app.photo_detection import GridCache, detect_in_photo
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
@@ -101,12 +101,12 @@ def test_a_closer_look_is_remembered(tmp_path, monkeypatch, photo, squares):
     cv2.imwrite(str(path), picture)
     shot = Photo(name="photo.png", path=path)
     cache = GridCache(folder=tmp_path / "cache")
-    first = look_at(shot, target=TARGET, cache=cache)
+    first = detect_in_photo(shot, target=TARGET, cache=cache)
     assert first.refusal is None
     assert first.grids is not None
     assert len(first.grids.grids[0]) == COLUMNS * ROWS
     for name in ("find_grids", "look_closer", "decode_picture"):
-        monkeypatch.setattr(look, name, None)
-    again = look_at(shot, target=TARGET, cache=cache)
+        monkeypatch.setattr(photo_detection, name, None)
+    again = detect_in_photo(shot, target=TARGET, cache=cache)
     assert again.grids is not None
     np.testing.assert_array_equal(again.grids.grids[0].pixel, first.grids.grids[0].pixel)

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cubicfish_cli.app import look
-from cubicfish_cli.app import look as cache_module
+from cubicfish_cli.app import photo_detection
 from cubicfish_cli.app.detection import detect_corners
 from cubicfish_cli.app.executors.pool import Work
-from cubicfish_cli.app.look import GridCache
+from cubicfish_cli.app.photo_detection import GridCache
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid
@@ -71,7 +70,7 @@ def test_key_follows_the_bytes_and_the_finder(cache, monkeypatch):
     key = cache.key(b"photo")
     assert cache.key(b"photo") == key
     assert cache.key(b"photO") != key
-    monkeypatch.setattr(cache_module, "_searcher", lambda: "another")
+    monkeypatch.setattr(photo_detection, "_searcher", lambda: "another")
     assert cache.key(b"photo") != key
 
 
@@ -89,8 +88,8 @@ def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
     for name in ("corner_01.jpg", "corner_03.jpg"):
         shutil.copy(SAMPLE / "photos" / name, folder / name)
     searched = []
-    search = look.find_grids
-    monkeypatch.setattr(look, "find_grids", lambda p: searched.append(1) or search(p))
+    search = photo_detection.find_grids
+    monkeypatch.setattr(photo_detection, "find_grids", lambda p: searched.append(1) or search(p))
     first = detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
     assert len(searched) == 2
     (folder / "corner_03.jpg").rename(folder / "renamed.jpg")

@@ -9,7 +9,7 @@ from asymmetric_lens import AsymmetricLens
 from looking import look_at
 from synthetic import plain_background
 
-from cubicfish_cli.app.look import look_at as search
+from cubicfish_cli.app.photo_detection import detect_in_photo as search
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.app.viewpoints.truth import camera_points, project_corners
 from cubicfish_cli.core.boards.markers import Markers

@@ -1,4 +1,4 @@
-"""One photo, read and searched: its grids and markers, or why there are none.
+"""Detection in one photo: its grids and markers, or why there are none.
 
 Grids of photos that were searched before are remembered, so that unchanged photos are not searched
 again. An entry is named by the SHA-256 of the photo's bytes and by what searches: the version of
@@ -45,7 +45,7 @@ class GridCache:
 
     def key(self, data: bytes) -> str:
         """Name of the entry of a photo with these bytes."""
-        return hashlib.sha256(data).hexdigest()[:32] + "-" + _searcher()
+        return hashlib.sha256(data).hexdigest()[:32] + "-" + _hash_sources()
 
     def load(self, key: str) -> FoundGrids | None:
         """The entry, or None where there is none or it is damaged."""
@@ -94,7 +94,7 @@ class GridCache:
 
 
 @cache
-def _searcher() -> str:
+def _hash_sources() -> str:
     """The package's version and a hash of the source that reads pictures and finds grids."""
     digest = hashlib.sha256(__version__.encode())
     finding = sorted(Path(str(detection.__file__)).parent.glob("*.py"))
@@ -105,12 +105,12 @@ def _searcher() -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
-    """What a photo shows.
+class PhotoDetection:
+    """What was detected in a photo.
 
     Attributes:
         grids: its grids; None where it is of no use.
-        refusal: why nothing was looked for, or found, in it.
+        refusal: why nothing was searched for, or found, in it.
         marked: the corners that its markers name, where the target has any.
 
     """
@@ -126,7 +126,9 @@ class Look:
         return not (len(named) if named is not None else self.grids and self.grids.grids)
 
 
-def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> Look:
+def detect_in_photo(
+    photo: Photo, *, target: Target | None, cache: GridCache | None
+) -> PhotoDetection:
     """Read a photo and search it.
 
     Args:
@@ -138,18 +140,20 @@ def look_at(photo: Photo, *, target: Target | None, cache: GridCache | None) -> 
     """
     try:
         data = read_file(photo.path) if photo.picture is None else b""
-        return _searched(photo, data, target, cache)
+        return _detect_cached(photo, data, target, cache)
     except PhotoError as error:
-        why = refused(photo.name, Code.CANNOT_BE_READ, problem=str(error))
-        return Look(grids=None, refusal=why)
+        why = make_refusal(photo.name, Code.CANNOT_BE_READ, problem=str(error))
+        return PhotoDetection(grids=None, refusal=why)
 
 
-def refused(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
+def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
     """Why a photo is of no use."""
     return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
 
 
-def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache | None) -> Look:
+def _detect_cached(
+    photo: Photo, data: bytes, target: Target | None, cache: GridCache | None
+) -> PhotoDetection:
     @lru_cache(maxsize=1)
     def picture() -> Picture:
         return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
@@ -171,31 +175,31 @@ def _searched(photo: Photo, data: bytes, target: Target | None, cache: GridCache
 
     grids = remembered(lambda: find_grids(picture()))
     if target is None:
-        return Look(grids=grids)
-    look = _looked(picture, target, grids)
+        return PhotoDetection(grids=grids)
+    detected = _detect_markers(picture, target, grids)
     width, height = grids.image_size
-    if look.is_empty and 4 * width * height <= MOST_PIXELS:
-        closer = remembered(lambda: find_grids(picture(), closely=True), "-close")
-        closer_look = _looked(picture, target, closer, closely=True)
-        look = look if closer_look.is_empty else closer_look
-    if look.is_empty and target.has_markers and grids.grids:
-        return replace(look, refusal=refused(photo.name, Code.NO_MARKERS))
-    if look.is_empty:
+    if detected.is_empty and 4 * width * height <= MOST_PIXELS:
+        found = remembered(lambda: find_grids(picture(), closely=True), "-close")
+        closer = _detect_markers(picture, target, found, closely=True)
+        detected = detected if closer.is_empty else closer
+    if detected.is_empty and target.has_markers and grids.grids:
+        return replace(detected, refusal=make_refusal(photo.name, Code.NO_MARKERS))
+    if detected.is_empty:
         why = explain_no_grids(picture(), grids)
-        return replace(look, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
+        return replace(detected, refusal=replace(why, severity=Severity.CARE, images=(photo.name,)))
     if target.has_markers:
-        return look
+        return detected
     sizes = sorted({(board.columns, board.rows) for board in target.boards})
     if not any(is_part(grid, sizes) for grid in grids.grids):
-        return look
+        return detected
     name = "-" + "-".join(f"{columns}x{rows}" for columns, rows in sizes)
-    return Look(grids=remembered(lambda: look_closer(picture(), grids, sizes), name))
+    return PhotoDetection(grids=remembered(lambda: look_closer(picture(), grids, sizes), name))
 
 
-def _looked(
+def _detect_markers(
     picture: Callable[[], Picture], target: Target, grids: FoundGrids, *, closely: bool = False
-) -> Look:
+) -> PhotoDetection:
     if not target.has_markers:
-        return Look(grids=grids)
+        return PhotoDetection(grids=grids)
     marked = find_marked_corners(picture(), target, grids, closely=closely)
-    return Look(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
+    return PhotoDetection(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
