@@ -23,11 +23,11 @@ from cubicfish_cli.core.files import whole_file
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners import detection, mosaic
-from cubicfish_cli.corners.detection.closer import is_part, look_closer
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
 from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, settled
 from cubicfish_cli.corners.detection.markers import MarkedCorners, find_marked_corners
+from cubicfish_cli.corners.detection.partial_grids import complete_grids, is_part
 
 _OF_GRID = [field.name for field in fields(Grid)]
 
@@ -193,7 +193,7 @@ def _detect_cached(
     if not any(is_part(grid, sizes) for grid in grids.grids):
         return detected
     name = "-" + "-".join(f"{columns}x{rows}" for columns, rows in sizes)
-    return PhotoDetection(grids=remembered(lambda: look_closer(picture(), grids, sizes), name))
+    return PhotoDetection(grids=remembered(lambda: complete_grids(picture(), grids, sizes), name))
 
 
 def _detect_markers(

@@ -43,18 +43,18 @@ def search(monkeypatch, adds: list[bool], most: int = 60) -> Search:
         run=Run(),
         what="frames",
         at_once=2,
-        glances=1,
+        quick_jobs=1,
     )
 
 
-def look(looking: Search, glance, closely, good, others) -> None:
-    """Look by ways that are made up."""
-    looking.glance, looking.closely = glance, closely
-    looking.look(good, others)
+def search_by(looking: Search, quick, full, good, others) -> None:
+    """Search by detections that are made up."""
+    looking.detect_quickly, looking.detect = quick, full
+    looking.search(good, others)
 
 
 def shows(what: list[bool], findings=()):
-    """A look at pictures of which some show the object."""
+    """A detection in pictures of which some show the object."""
     patch = Patch(board=0, cells=np.zeros((1, 2), int), pixel=np.zeros((1, 2)))
 
     def found(numbers) -> Found:
@@ -83,60 +83,60 @@ def test_what_is_uncertain_of_names_goes_along() -> None:
     }
 
 
-def test_pictures_are_looked_at_until_hardly_any_is_chosen(monkeypatch) -> None:
+def test_pictures_are_searched_until_hardly_any_is_chosen(monkeypatch) -> None:
     all_ten, way = list(range(10)), shows([True] * 10)
     # One that adds nothing, in the first round or in the second, says nothing of the others.
     for useless in (5, 6):
         looking = search(monkeypatch, [at != useless for at in range(10)])
-        look(looking, way, way, all_ten, [])
-        assert looking.looked_at == set(range(10))
+        search_by(looking, way, way, all_ten, [])
+        assert looking.searched == set(range(10))
     # Rounds are 0 and 5, 1 and 6, ...
     looking = search(monkeypatch, [at in (0, 5) for at in range(10)])
-    look(looking, way, way, all_ten, [])
-    assert looking.looked_at == {0, 5, 1, 6}
+    search_by(looking, way, way, all_ten, [])
+    assert looking.searched == {0, 5, 1, 6}
     looking = search(monkeypatch, [True] * 10, most=4)
-    look(looking, way, way, all_ten, [])
-    assert looking.looked_at == {0, 5, 1, 6}
+    search_by(looking, way, way, all_ten, [])
+    assert looking.searched == {0, 5, 1, 6}
 
 
 def test_pictures_that_show_nothing_do_not_end_the_search(monkeypatch) -> None:
     looking = search(monkeypatch, [True] * 10)
     way = shows([at in (4, 9) for at in range(10)])
-    look(looking, way, way, range(10), [])
+    search_by(looking, way, way, range(10), [])
     assert looking.choice.order == (4, 9)
     with pytest.raises(DetectionError, match="nothing there"):
-        look(search(monkeypatch, [True] * 4), shows([False] * 4), shows_nothing, range(4), [])
+        search_by(search(monkeypatch, [True] * 4), shows([False] * 4), shows_nothing, range(4), [])
 
 
-def test_worse_pictures_are_looked_at_where_good_ones_show_little(monkeypatch) -> None:
+def test_worse_pictures_are_searched_where_good_ones_show_little(monkeypatch) -> None:
     good, others = [0, 1, 2, 3], [4, 5, 7]
     looking = search(monkeypatch, [True] * 8)
-    look(looking, shows([True] * 8), shows_nothing, good, others)
-    assert looking.looked_at == set(good)
+    search_by(looking, shows([True] * 8), shows_nothing, good, others)
+    assert looking.searched == set(good)
     looking = search(monkeypatch, [True] * 8)
     way = shows([False] * 3 + [True] * 5)
-    look(looking, way, way, good, others)
-    assert looking.looked_at == {*good, *others}
+    search_by(looking, way, way, good, others)
+    assert looking.searched == {*good, *others}
     assert looking.choice.order == (3, 4, 5, 7)
 
 
-def test_what_is_not_seen_at_a_glance_is_looked_at_closely(monkeypatch) -> None:
-    glance, closely = shows([at == 0 for at in range(8)]), shows([at > 0 for at in range(8)])
+def test_what_quick_detection_misses_is_detected_fully(monkeypatch) -> None:
+    quick, full = shows([at == 0 for at in range(8)]), shows([at > 0 for at in range(8)])
     looking = search(monkeypatch, [True] * 8)
-    look(looking, glance, closely, range(8), [])
-    assert looking.choice.order == tuple(range(1, 8))  # what a glance showed is forgotten
+    search_by(looking, quick, full, range(8), [])
+    assert looking.choice.order == tuple(range(1, 8))  # what quick detection found is forgotten
     looking = search(monkeypatch, [True] * 8)
-    look(looking, shows([True] * 8), shows_nothing, range(8), [])
+    search_by(looking, shows([True] * 8), shows_nothing, range(8), [])
 
 
 @pytest.mark.parametrize(("hidden", "chosen"), [(3, 11), (10, 13)])
-def test_more_are_looked_at_closely_where_a_glance_shows_fewer_than_the_verdict_asks_for(
+def test_full_detection_follows_where_the_quick_one_finds_fewer_than_the_verdict_asks_for(
     monkeypatch, hidden: int, chosen: int
 ) -> None:
     seen = shows([at >= hidden for at in range(26)])
     looking = search(monkeypatch, [at % 2 == 0 for at in range(26)])
     looking.at_once = 26
-    look(looking, seen, shows([True] * 26), range(26), [])
+    search_by(looking, seen, shows([True] * 26), range(26), [])
     assert len(looking.choice.order) == chosen
 
 
@@ -150,10 +150,10 @@ def test_counts_of_corners_that_few_pictures_show_end_the_search(monkeypatch) ->
     )
     few = shows([at < 2 for at in range(10)], (counts,))
     with pytest.raises(DetectionError, match="found 1x2 inner corners in 9 photos"):
-        look(search(monkeypatch, [True] * 10), shows([False] * 10), few, range(10), [])
-    # At a glance it is a reason to look closely, which tells it or not.
+        search_by(search(monkeypatch, [True] * 10), shows([False] * 10), few, range(10), [])
+    # Found quickly it is a reason to detect fully, which reports it or not.
     looking = search(monkeypatch, [True] * 10)
-    look(looking, shows([True] * 10, (counts,)), shows([True] * 10), range(10), [])
+    search_by(looking, shows([True] * 10, (counts,)), shows([True] * 10), range(10), [])
     assert len(looking.choice.order) == 10
 
 

@@ -1,7 +1,7 @@
-"""Looking for boards in many pictures of one camera, as long as that brings anything.
+"""Searching many pictures of one camera for boards, as long as that brings anything.
 
-A glance at each tells what it shows and what it would add. Only where boards are not seen at a
-glance, in small squares for example, they are looked for as `detect` does.
+A quick detection in each tells what it shows and what it would add. Only where it misses boards,
+those of small squares for example, the pictures are searched as `detect` does.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.corners.detection.grids import FoundGrids
-from cubicfish_cli.corners.identification.glance import (
-    Glimpse,
-    glance_at_grids,
-    glance_at_markers,
-    named_at_a_glance,
+from cubicfish_cli.corners.identification.quick_detect import (
+    QuickDetection,
+    name_quick_detections,
+    quick_detect_grids,
+    quick_detect_markers,
 )
 
 # Where fewer than these of the pictures show the target, what is good is not told by them.
@@ -89,8 +89,8 @@ def found_in(
 
     Args:
         photos: all of one size.
-        targets: what the target may be; None looks for any checkerboard.
-        work: who looks at them.
+        targets: what the target may be; None finds any checkerboard.
+        work: who searches them.
         cache: a folder in which what is found in files is kept.
 
     Raises:
@@ -105,11 +105,11 @@ def found_in(
     return _of_grids([photo.name for photo in photos], [one.grids for one in found])
 
 
-def _glimpse(photo: Photo, *, marked: Target | None) -> Glimpse | None:
+def _quick_detect(photo: Photo, *, marked: Target | None) -> QuickDetection | None:
     grey = photo.grey_if_readable()
     if grey is None:
         return None
-    return glance_at_grids(grey) if marked is None else glance_at_markers(grey, marked)
+    return quick_detect_grids(grey) if marked is None else quick_detect_markers(grey, marked)
 
 
 def _of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
@@ -151,9 +151,9 @@ class Search:
         targets: what the target may be; None where none is known.
         run: how the work is done.
         what: they are, in the plural.
-        at_once: how many are glanced at before it is asked whether more would add anything.
-        glances: processes to use for glances.
-        looked_at: numbers of those that were looked at.
+        at_once: how many are searched quickly before it is asked whether more would add anything.
+        quick_jobs: processes to use for quick detection.
+        searched: numbers of those that were searched.
         choice: what is chosen of these.
 
     """
@@ -166,12 +166,12 @@ class Search:
     run: Run
     what: str
     at_once: int
-    glances: int | None
-    looked_at: set[int] = field(default_factory=set)
+    quick_jobs: int | None
+    searched: set[int] = field(default_factory=set)
     choice: Choice = field(init=False)
 
-    def look(self, good: Sequence[int], others: Sequence[int]) -> None:
-        """Look at good pictures, and only where these show little, at others and more closely.
+    def search(self, good: Sequence[int], others: Sequence[int]) -> None:
+        """Search good pictures quickly; only where these show little, others, and all fully.
 
         Args:
             good: numbers of pictures.
@@ -184,34 +184,34 @@ class Search:
         found = Found()
         self._choose(found)
         for numbers in (good, others):
-            found = self._glanced(numbers, found)
+            found = self._search_quickly(numbers, found)
             if self._is_well_seen(found):
                 return
         # All at once: what is wrong with the target is told by many photos.
         for numbers in (good, [*good, *others]) if others else (good,):
             try:
-                found = self.closely(numbers)
+                found = self.detect(numbers)
             except DetectionError:
                 if len(numbers) == len(good) + len(others):
                     raise
                 continue
-            self.looked_at.update(numbers)
+            self.searched.update(numbers)
             self._choose(found)
             if self._is_well_seen(found):
                 return
         if found.miscounted is not None:
             raise DetectionError(found.miscounted.why, do=found.miscounted.do)
 
-    def glance(self, numbers: Sequence[int]) -> Found:
-        """What some pictures show at a glance."""
+    def detect_quickly(self, numbers: Sequence[int]) -> Found:
+        """What quick detection finds in some pictures."""
         photos = [self.photos[at] for at in numbers]
         names = [photo.name for photo in photos]
-        work = replace(self.run, jobs=self.glances).work(f"Glancing at {self.what}")
+        work = replace(self.run, jobs=self.quick_jobs).work(f"Glancing at {self.what}")
         marked = [one for one in self.targets or () if one.has_markers][:1]
-        seen = work.done(partial(_glimpse, marked=marked[0] if marked else None), photos)
+        seen = work.done(partial(_quick_detect, marked=marked[0] if marked else None), photos)
         if not self.targets:
             return _of_grids(names, [one if isinstance(one, FoundGrids) else None for one in seen])
-        corners, identified = named_at_a_glance(seen, self.targets, self.size, names)
+        corners, identified = name_quick_detections(seen, self.targets, self.size, names)
         found = _of_corners(corners)
         if identified is None or found.target is None:
             return found
@@ -226,20 +226,20 @@ class Search:
         )
         return replace(found, findings=tuple(squares_of_grids(evidence)))
 
-    def closely(self, numbers: Sequence[int]) -> Found:
-        """What some pictures show as the finder finds it."""
+    def detect(self, numbers: Sequence[int]) -> Found:
+        """What full detection finds in some pictures."""
         photos = [self.photos[at] for at in numbers]
         return found_in(photos, self.targets, self.run.work("Finding boards"), self.run.cache)
 
-    def _glanced(self, numbers: Sequence[int], found: Found) -> Found:
-        """Glance at pictures from the beginning to the end, until more add hardly anything."""
+    def _search_quickly(self, numbers: Sequence[int], found: Found) -> Found:
+        """Search pictures from the beginning to the end quickly, until more add hardly anything."""
         rounds = math.ceil(len(numbers) / self.at_once)
         for first in range(rounds):
             some = numbers[first::rounds]
-            found = found.with_more(self.glance(some))
+            found = found.with_more(self.detect_quickly(some))
             if found.target is not None:
                 self.targets = [found.target]
-            self.looked_at.update(some)
+            self.searched.update(some)
             self._choose(found)
             chosen = set(self.choice.order)
             new = chosen.intersection(some)
@@ -250,10 +250,10 @@ class Search:
 
     def _is_well_seen(self, found: Found) -> bool:
         """Whether what was seen tells of the target, and is enough for a camera."""
-        seen, looked_at = len(found.patches), len(self.looked_at)
-        if found.miscounted is not None or seen < max(_FEW, _FEW_SHARE * looked_at):
+        seen, searched = len(found.patches), len(self.searched)
+        if found.miscounted is not None or seen < max(_FEW, _FEW_SHARE * searched):
             return False
-        return seen == looked_at or len(self.choice.order) >= min(FEWEST, self.most)
+        return seen == searched or len(self.choice.order) >= min(FEWEST, self.most)
 
     def _choose(self, found: Found) -> None:
         """Choose by what pictures add to the camera, or where none is fitted, by what they show."""
@@ -309,9 +309,9 @@ def choose_photos(
         run=run,
         what="photos",
         at_once=len(usual),
-        glances=run.jobs,
+        quick_jobs=run.jobs,
     )
-    search.look(range(len(usual)), ())
+    search.search(range(len(usual)), ())
     return [usual[at] for at in sorted(search.choice.order)], why_ended(search.choice, "photo")
 
 

@@ -13,7 +13,7 @@ Grey = npt.NDArray[np.integer[Any] | np.floating[Any]]
 Bytes = npt.NDArray[np.uint8]
 Float32Array = npt.NDArray[np.float32]
 
-# Lines of the frame that are looked at for its sharpness, along and across.
+# Lines of the frame that its sharpness is measured on, along and across.
 _LINES = 32
 # Edges that count are at least this share of the strongest: the rest is noise and shading.
 _STRONG = 0.4

@@ -72,7 +72,7 @@ def _wrapped(angle: FloatArray) -> FloatArray:
     return (angle + np.pi) % _TURN - np.pi
 
 
-def glance(image: Float32Array, pixel: FloatArray) -> FloatArray:
+def measure_contrast(image: Float32Array, pixel: FloatArray) -> FloatArray:
     """Contrast (N,) of a few samples on the second ring; 0 where half a turn changes it much.
 
     What passes all rings passes this, and of what else responds as a saddle (edges, noise,
@@ -295,7 +295,7 @@ def _at_scale(
     column, row = np.rint(pixel).astype(int).T
     free = np.flatnonzero(taken[row, column] == 0)
     free = free[_first(response[free], _MOST_SADDLES)]
-    likely = glance(image, pixel[free])
+    likely = measure_contrast(image, pixel[free])
     candidates = np.flatnonzero(likely)
     chosen = free[candidates[_first(likely[candidates], _MOST_RINGED)]]
     rings, ok = check_rings(image, pixel[chosen], _NOISE_CONTRAST * noise)

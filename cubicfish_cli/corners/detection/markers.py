@@ -81,7 +81,7 @@ def find_marked_corners(
         image: (H, W) grey photo, uint8, uint16 or float.
         target: the calibration target; boards without markers are passed over.
         grids: what :func:`~.finder.find_grids` found in the same photo.
-        closely: look at the photo at twice its size, for markers half as small.
+        closely: search the photo at twice its size, for markers half as small.
 
     """
     return _however_printed(_find_closely if closely else _find, image, target, grids)

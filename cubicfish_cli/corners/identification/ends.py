@@ -35,7 +35,7 @@ _FEW, _FEW_SHARE, _MOST_SHARE = 4, 0.125, 0.25
 # predicts as corners of boards do, and where its squares differ by no smaller share of what those
 # of the corners around do: light falls off by less from one line to the next.
 _SAME_CONTRAST = 0.4
-# Lines beyond the grid's box that are looked at. What lies further is no better known.
+# Lines beyond the grid's box that are searched. What lies further is no better known.
 _LINES = 2
 # A corner is expected only where its squares are in the picture, hardly smaller than nearly all
 # squares that were found, and no farther out than nearly all corners of all photos.

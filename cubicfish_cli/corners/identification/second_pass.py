@@ -177,7 +177,7 @@ def with_added(detection: Detection, found: Sequence[Observations]) -> Detection
     added = {new.images[0]: len(new.image) for new in found}
     numbers = (corners.images.index(name) for name in added)
     parts = [replace(new, image=new.image + n) for new, n in zip(found, numbers, strict=True)]
-    # Only photos whose names are certain are looked at again.
+    # Only photos whose names are certain are searched again.
     joint = Observations.stacked([corners, *parts]).in_order()
     return replace(
         detection,

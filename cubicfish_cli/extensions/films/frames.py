@@ -24,7 +24,7 @@ _KEPT, _KEPT_SECONDS, _MOST_KEPT = 1.5, 2.0, 5.0
 _RATE = 30.0  # frames per second of films that do not say
 # One frame of so many is kept where a film does not say how many it has.
 _EVERY = 15
-# Frames are looked at in rounds of so many from all over the films, until more would hardly add
+# Frames are searched in rounds of so many from all over the films, until more would hardly add
 # anything.
 _ROUND = 24
 
@@ -36,7 +36,7 @@ class Candidate:
     Attributes:
         film, index: the film's number, and the frame's place in it.
         photo: its picture, until the choice is made.
-        seen: what was measured of it, and what it shows where it was looked at.
+        seen: what was measured of it, and what it shows where it was searched.
         gain: what it adds, where it was chosen.
 
     """
@@ -89,7 +89,7 @@ def kept_of(films: Sequence[Film], most: int) -> int:
 def chosen_of(
     measured: Sequence[Measured], targets: Sequence[Target] | None, most: int, run: Run
 ) -> Chosen:
-    """Look at frames that were kept, and choose.
+    """Search frames that were kept for boards, and choose.
 
     Raises:
         DetectionError: no frame shows the target.
@@ -107,13 +107,13 @@ def chosen_of(
         run=run,
         what="frames",
         at_once=_ROUND,
-        glances=1,
+        quick_jobs=1,
     )
     try:
-        search.look([at for at in range(len(frames)) if at not in worse], worse)
+        search.search([at for at in range(len(frames)) if at not in worse], worse)
         if not search.choice.order:
             raise DetectionError(
-                f"no board was found in {plural(len(search.looked_at), 'frame')} from all over: is "
+                f"no board was found in {plural(len(search.searched), 'frame')} from all over: is "
                 "a board in view, whole squares of it, sharp and not covered?"
             )
     except DetectionError as error:
@@ -122,7 +122,7 @@ def chosen_of(
     return Chosen(
         measured=measured,
         taken=[replace(frames[at], seen=search.seen[at], gain=gain) for at, gain in gains],
-        looked_at=len(search.looked_at),
+        looked_at=len(search.searched),
         ended=why_ended(search.choice, "frame"),
     )
 

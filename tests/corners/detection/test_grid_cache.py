@@ -70,7 +70,7 @@ def test_key_follows_the_bytes_and_the_finder(cache, monkeypatch):
     key = cache.key(b"photo")
     assert cache.key(b"photo") == key
     assert cache.key(b"photO") != key
-    monkeypatch.setattr(photo_detection, "_searcher", lambda: "another")
+    monkeypatch.setattr(photo_detection, "_hash_sources", lambda: "another")
     assert cache.key(b"photo") != key
 
 

@@ -22,7 +22,7 @@ from cubicfish_cli.corners.detection.markers_detect import Sight, families
 from cubicfish_cli.corners.detection.markers_lattice import BoardLattice
 from cubicfish_cli.corners.detection.markers_read import read_grid
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
-from cubicfish_cli.corners.identification.glance import glance_at_markers
+from cubicfish_cli.corners.identification.quick_detect import quick_detect_markers
 from cubicfish_cli.extensions.simulation.simulate import render
 
 SIZE = (520, 520)
@@ -363,8 +363,8 @@ def test_a_board_behind_a_bar_is_still_one_board():
 
 
 @pytest.mark.slow
-def test_markers_at_a_glance_name_most_corners_where_they_are():
-    found = glance_at_markers(mixed_photo(), MIXED)
+def test_quick_detection_of_markers_names_most_corners_where_they_are():
+    found = quick_detect_markers(mixed_photo(), MIXED)
     error, recall = errors(found, MIXED)
     assert np.median(error) < 0.1
     assert np.quantile(error, 0.95) < 1
@@ -372,13 +372,13 @@ def test_markers_at_a_glance_name_most_corners_where_they_are():
     assert set(found.board.tolist()) == {0, 1, 2}
 
 
-def test_markers_at_a_glance_are_none_where_none_agree():
+def test_quick_detection_of_markers_is_empty_where_none_agree():
     rng = np.random.default_rng(4)
     for photo in (np.full((200, 300), 99, np.uint8), rng.integers(0, 255, (200, 300), np.uint8)):
-        assert len(glance_at_markers(photo, MIXED)) == 0
+        assert len(quick_detect_markers(photo, MIXED)) == 0
     board = Target(units="mm", boards=(wall("front", "charuco", (4, 4), 40.0),))
     photo = photo_of(board)
-    found = glance_at_markers(photo, board)
+    found = quick_detect_markers(photo, board)
     assert len(found) == 16
     # Of one marker all four corners are left, and nothing else.
     own = found.pixel[(found.column < 2) & (found.row > 0) & (found.row < 3)]
@@ -386,7 +386,7 @@ def test_markers_at_a_glance_are_none_where_none_agree():
     (left, top), (right, bottom) = own.min(axis=0).astype(int) - 8, own.max(axis=0).astype(int) + 8
     hidden = np.full_like(photo, 128)
     hidden[top:bottom, left:right] = photo[top:bottom, left:right]
-    assert len(glance_at_markers(hidden, board)) == 0
+    assert len(quick_detect_markers(hidden, board)) == 0
 
 
 def searched(photo, target):

@@ -1,8 +1,8 @@
-"""Pictures -> named corners at a glance: enough to tell which of them to look at closely.
+"""Quick detection: pictures -> named corners, enough to choose which of them to detect in fully.
 
 The first steps of the finder alone, on reduced photos: corners are good to a few tenths of a pixel,
-and those that only growth finds are missing, as are boards with small squares. Nothing is said of
-photos or target that do not fit: a closer look tells that.
+and those that only growth finds are missing, as are boards with small squares. Photos or a target
+that do not fit are not reported: full detection does that.
 """
 
 import math
@@ -26,10 +26,10 @@ from cubicfish_cli.corners.identification.name_grids import name_grids
 
 # Photos are reduced to fewer pixels than these: squares show at 6 px, modules of markers at 1.6.
 _MOST_PIXELS, _MOST_FOR_MARKERS = 250_000, 2_000_000
-Glimpse = FoundGrids | MarkedCorners
+QuickDetection = FoundGrids | MarkedCorners
 
 
-def glance_at_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
+def quick_detect_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
     """Checkerboards in a grey photo (H, W) of uint8, uint16 or floats, larger ones first."""
     height, width = image.shape
     zoom = _zoom(image, _MOST_PIXELS)
@@ -59,8 +59,8 @@ def glance_at_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
     )
 
 
-def glance_at_markers(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
-    """Corners of the target's boards with markers, in a photo as :func:`glance_at_grids` takes."""
+def quick_detect_markers(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
+    """Find corners of the boards with markers; the photo as for :func:`quick_detect_grids`."""
     zoom = _zoom(image, _MOST_FOR_MARKERS)
     found = outlined_corners(reduced(image, zoom), target)
     return replace(found, pixel=enlarged(found.pixel, zoom))
@@ -70,8 +70,8 @@ def _zoom(image: npt.NDArray[np.generic], most: int) -> int:
     return max(1, math.ceil(math.sqrt(image.size / most)))
 
 
-def named_at_a_glance(
-    found: Sequence[Glimpse | None],
+def name_quick_detections(
+    found: Sequence[QuickDetection | None],
     targets: Sequence[Target],
     size: tuple[int, int],
     names: Sequence[str],
@@ -90,7 +90,7 @@ def named_at_a_glance(
 
     """
     if targets[0].has_markers:
-        none = glance_at_markers(np.zeros((1, 1), np.uint8), targets[0])
+        none = quick_detect_markers(np.zeros((1, 1), np.uint8), targets[0])
         marked = [one if isinstance(one, MarkedCorners) else none for one in found]
         return marked_corners(marked, targets[0], size, names), None
     grids = [

@@ -1,4 +1,4 @@
-"""A glance shows nearly what a closer look does, and nothing where that shows nothing."""
+"""Quick detection finds nearly what the full one does, and nothing where that finds nothing."""
 
 import cv2
 import numpy as np
@@ -7,15 +7,15 @@ from running import SAMPLE
 
 from cubicfish_cli.app.photos import read_grey
 from cubicfish_cli.corners.detection.finder import find_grids
-from cubicfish_cli.corners.identification.glance import glance_at_grids
+from cubicfish_cli.corners.identification.quick_detect import quick_detect_grids
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0])
-def test_grids_are_where_a_closer_look_finds_them(share: float) -> None:
+def test_grids_are_where_full_detection_finds_them(share: float) -> None:
     for path in sorted((SAMPLE / "photos").glob("*.jpg"))[:2]:
         photo = cv2.resize(read_grey(path), None, fx=share, fy=share)
-        seen, found = glance_at_grids(photo), find_grids(photo)
+        seen, found = quick_detect_grids(photo), find_grids(photo)
         assert seen.image_size == found.image_size
         assert 2 <= len(seen.grids) <= len(found.grids) == 3
         for grid in seen.grids:
@@ -36,6 +36,6 @@ def test_there_are_none_in_noise_or_nothing() -> None:
     noise = np.random.default_rng(2).integers(0, 255, (400, 700)).astype(np.uint8)
     cells = np.kron(noise[:70, :100] > 127, np.full((8, 8), 200)).astype(np.uint8)[:, :700]
     for photo in (noise, np.full((400, 700), 90, np.uint8), noise[:12, :12], cells):
-        seen = glance_at_grids(photo)
+        seen = quick_detect_grids(photo)
         assert seen.grids == ()
         assert seen.image_size == photo.shape[::-1]

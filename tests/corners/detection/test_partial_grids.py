@@ -9,9 +9,9 @@ from cubicfish_cli.app.photo_detection import GridCache, detect_in_photo
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.core.boards.types import Checkerboard
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection import closer
-from cubicfish_cli.corners.detection.closer import is_part, look_closer
+from cubicfish_cli.corners.detection import partial_grids
 from cubicfish_cli.corners.detection.finder import find_grids
+from cubicfish_cli.corners.detection.partial_grids import complete_grids, is_part
 
 COLUMNS, ROWS = 9, 7
 SIZES = [(ROWS, COLUMNS)]  # the order is not known of a grid
@@ -72,7 +72,7 @@ def test_the_rest_of_a_board_is_found(photo):
     found = find_grids(picture)
     (part,) = found.grids
     assert is_part(part, SIZES)
-    (whole,) = look_closer(picture, found, SIZES).grids
+    (whole,) = complete_grids(picture, found, SIZES).grids
     assert len(part) < len(whole) == COLUMNS * ROWS
     assert away(whole.pixel, truth).max() < 0.5
     assert np.sqrt(np.mean(away(whole.pixel, truth) ** 2)) < 0.15
@@ -82,20 +82,20 @@ def test_the_rest_of_a_board_is_found(photo):
 
 def test_what_is_no_part_is_not_searched_again(monkeypatch, photo):
     picture, _ = photo
-    whole = look_closer(picture, find_grids(picture), SIZES)
+    whole = complete_grids(picture, find_grids(picture), SIZES)
     large, _ = slanted(11, 4.5, scale=3, finer=1)
     large[:] = np.where(np.arange(large.shape[1]) > 400, 120, large)  # a cut board, large squares
     cut = find_grids(large)
     assert 0 < len(cut.grids[0]) < COLUMNS * ROWS
-    monkeypatch.setattr(closer, "find_grids", None)
-    assert look_closer(picture, whole, SIZES).grids == whole.grids
-    assert look_closer(large, cut, SIZES).grids == cut.grids
+    monkeypatch.setattr(partial_grids, "find_grids", None)
+    assert complete_grids(picture, whole, SIZES).grids == whole.grids
+    assert complete_grids(large, cut, SIZES).grids == cut.grids
     (other,) = find_grids(picture).grids
     assert not is_part(other, [(4, 3)])
 
 
 @pytest.mark.parametrize("squares", ["a part", "too small"])
-def test_a_closer_look_is_remembered(tmp_path, monkeypatch, photo, squares):
+def test_a_completed_grid_is_remembered(tmp_path, monkeypatch, photo, squares):
     picture = photo[0] if squares == "a part" else slanted(4.2, 4)[0]
     path = tmp_path / "photo.png"
     cv2.imwrite(str(path), picture)
@@ -105,7 +105,7 @@ def test_a_closer_look_is_remembered(tmp_path, monkeypatch, photo, squares):
     assert first.refusal is None
     assert first.grids is not None
     assert len(first.grids.grids[0]) == COLUMNS * ROWS
-    for name in ("find_grids", "look_closer", "decode_picture"):
+    for name in ("find_grids", "complete_grids", "decode_picture"):
         monkeypatch.setattr(photo_detection, name, None)
     again = detect_in_photo(shot, target=TARGET, cache=cache)
     assert again.grids is not None

@@ -32,7 +32,7 @@ def is_part(grid: Grid, sizes: Collection[tuple[int, int]]) -> bool:
     return _missing(grid, sizes) is not None
 
 
-def look_closer(
+def complete_grids(
     image: npt.NDArray[np.generic], found: FoundGrids, sizes: Collection[tuple[int, int]]
 ) -> FoundGrids:
     """Search at twice the photo's size for the rest of boards of which a part was found.
