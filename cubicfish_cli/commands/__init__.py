@@ -1,1 +1,1 @@
-"""The commands, a module each: options, function, result, and what is printed of it."""
+"""The commands, one module each: its options, its function, its result, and what it prints."""

@@ -72,15 +72,15 @@ NAMES = {
     "corners": "corners.csv",
     "drawn": "target.yaml",
 }
-"""Of its files by what they hold; the camera is the first to go and the last to be there."""
+"""Names of the files, by content; the camera is removed first and written last."""
 
-# Made by a calibration only, and true of its camera only. A corners.csv may be the user's own.
+# Only a calibration makes them, for its own camera. A corners.csv may be the user's own.
 _ITS_OWN = ("map", "target")
 
 
 @record
 class CalibrateOptions:
-    """What a camera is calibrated from, how, and what is written.
+    """Options of :func:`calibrate_files`: the inputs, the fit, and what is written.
 
     Attributes:
         inputs: photos (files, folders and globs), films, or one corners.csv or correspondences.csv.
@@ -90,14 +90,14 @@ class CalibrateOptions:
         folder: where camera.yaml and what goes with it is written.
         title: what the camera is called.
         refine_target: as in :func:`calibrate`; by default ``auto``.
-        hold_out: likewise.
-        lift: what the cubics are of: the viewing ray, or the 3D point itself.
-        most: calibrates from no more photos or frames, those that add most; of films 60 frames
-            where it is None, and otherwise all.
-        report: also writes report.html, where the extra ``report`` is installed.
+        hold_out: as in :func:`calibrate`.
+        lift: the argument of the cubics: the viewing ray, or the 3D point itself.
+        most: calibrate from at most so many photos or frames, those that add most; None means 60
+            frames of films, and all photos.
+        report: also write report.html, if the extra ``report`` is installed.
 
     Raises:
-        UsageError: they do not go together.
+        UsageError: the options do not go together.
 
     """
 
@@ -164,14 +164,14 @@ class CalibrateOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedFiles:
-    """What became of :func:`calibrate_files`.
+    """Result of :func:`calibrate_files`.
 
     Attributes:
         fitted: the fit; a :class:`PointCalibration` where the lift was ``point``.
         inputs: what it was fitted to.
         files: what was written, by its name in :data:`NAMES`.
-        removed: what went of an earlier calibration.
-        advice: what to photograph next, in a line; None for the lift ``point``.
+        removed: files of an earlier calibration that were removed.
+        advice: one line on what to photograph next; None for the lift ``point``.
 
     """
 
@@ -182,7 +182,7 @@ class CalibratedFiles:
     advice: str | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish calibrate --json`` prints."""
+        """Return plain data: what ``cubicfish calibrate --json`` prints."""
         return {
             **self.fitted.as_record(),
             **self.inputs.remarks(self.fitted.unfit.values()),
@@ -202,7 +202,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     Everything is written together at the end, or nothing is, but for frames of films.
 
     Raises:
-        UsageError: what is asked does not go together.
+        UsageError: the options do not go together.
         CubicfishError: an input cannot be used, a file exists and may not be replaced, or no camera
             can be fitted.
 
@@ -216,7 +216,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         raise UsageError("--refine-target does not go with 2D-3D pairs, which have no target")
     if options.most is not None and (pairs is not None or tables_among(paths)):
         raise UsageError("--most goes with photos and films, not with CSV files")
-    made_at()  # said before the work if it cannot be
+    made_at()  # an unusable date is an error before the work, not after
     from cubicfish_cli.app.inputs import load_inputs, recorded_as
     from cubicfish_cli.app.sufficiency.enough import summary
     from cubicfish_cli.core.fit.calibration import Calibration
@@ -302,7 +302,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
 
 
 def _is_among(inputs: Sequence[Path], path: Path) -> bool:
-    """Whether a file is one of those that the calibration is made from."""
+    """Return whether a file is an input of the calibration."""
     return path.exists() and any(one.exists() and path.samefile(one) for one in inputs)
 
 
@@ -311,7 +311,7 @@ def _contents(
     corners: Observations | None,
     drawn: str | None,
 ) -> dict[str, Content | None]:
-    """What is written of a fit of either lift, but for the report, by the names in :data:`NAMES`.
+    """Return the contents of the files of a fit, but for the report, by :data:`NAMES`.
 
     ``map`` is None where it would take gigabytes.
     """
@@ -343,10 +343,10 @@ def _map(camera: CubicCamera) -> Content | None:
 def _output(
     wanted: Output, fitted: Calibration | PointCalibration, loaded: Inputs, run: Run
 ) -> Content | None:
-    """What an extension makes of it, such as a page.
+    """Return the content that an extension makes of a fit, such as a page.
 
-    A camera that was hard to come by is not lost because a page about it cannot be made: then
-    there is none, and that is told.
+    A camera that was hard to get is not lost because a page about it cannot be made: then there
+    is no page, and the listener is told.
     """
     run.listener.progress("Making the report")
     try:
@@ -394,7 +394,7 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
 
 
 def _say_if_no_page(files: Mapping[str, Path], *, wanted: bool) -> None:
-    """Say how to get a page where there is none, and that an old one is old."""
+    """Say how to get a page if there is none, and that an old page is out of date."""
     if "report" in files:
         return
     old = files["camera"].with_name(PAGE)
@@ -415,14 +415,14 @@ def _say_findings(fit: FitRecord) -> None:
 
 
 def _print_calibration(made: CalibratedFiles) -> None:
-    """The figures that the verdict rests on, the photos, what was written, and what to do next."""
+    """Print the figures behind the verdict, the photos, the files, and what to do next."""
     fitted, fit, detection = made.fitted, made.fitted.fit, made.inputs.detection
     print_verdict(fitted.verdict)
     if made.advice is not None:
         result(f"advice: {made.advice}")
     result()
     _print_figures(fitted)
-    lost = dict.fromkeys(fitted.unfit, "left out")  # lines on stderr say more
+    lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
     lost |= why_lost(detection)
     by_board = corners_by_board(fitted.pairs)
     rows = fitted_rows(fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost)
@@ -477,7 +477,7 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
 
 
 def _print_object(fit: FitRecord) -> None:
-    """Say how far the target was fitted too, where any of it was; the report has the boards."""
+    """Say what of the target was refined, if anything; the report has the boards."""
     if not fit.departures:
         return
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
@@ -494,13 +494,13 @@ def _print_object(fit: FitRecord) -> None:
 
 
 def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | None) -> None:
-    """Say what is to be done next, unless ``--quiet``.
+    """Say what to do next, unless ``--quiet``.
 
     Args:
-        judged: what the camera is worth.
+        judged: the camera's verdict.
         camera: its file.
-        photo: one of those that it was made from.
-        report: the page about it, where there is one.
+        photo: one of the photos of the calibration.
+        report: the page about it, if there is one.
 
     """
     lines = []

@@ -1,4 +1,4 @@
-"""Corners -> camera, and what a camera is worth."""
+"""Fitting a camera to corners, measuring it on others, and saving it."""
 
 import os
 from collections.abc import Mapping
@@ -24,11 +24,11 @@ from cubicfish_cli.corners.identification.identified import Detection
 
 
 def observed(given: Observations | Detection, target: Target | None) -> Observations:
-    """What a caller may fit a camera to, checked, with world points: of ``target``, if given.
+    """Check what a caller fits a camera to, and give it world points: of ``target``, if given.
 
     Raises:
-        CorrespondenceError: corners come without their target, do not fit it, or hold arrays
-            that cannot be; one line that says which.
+        CorrespondenceError: corners come without their target, do not fit it, or hold impossible
+            arrays; one line that says which.
 
     """
     seen = given.corners if isinstance(given, Detection) else given
@@ -59,18 +59,18 @@ def calibrate(
         target: the calibration target that the corners are of; those of :func:`detect` and
             :func:`load_corners` bring their own. Pairs need none, and then the target is taken
             as it is.
-        refine_target: what of the target is fitted too: ``off``, ``shape`` (boards bend, twist,
+        refine_target: what of the target to fit too: ``off``, ``shape`` (boards bend, twist,
             stretch and move a little), ``points`` (each corner has an offset of its own as
             well), or ``auto``: the richest of these that lowers the held-out error, and ``off``
-            where it is not certain of any corner which it is.
+            if no corner's name is certain.
         hold_out: also measure the error on photos left out of the fit (five more fits per level);
             ``auto`` needs it.
-        listener: who is told how far it is.
+        listener: is told of progress and findings.
 
     Raises:
         CorrespondenceError: corners come without their target, or do not fit it.
-        FitError: the corners are too few, or do not determine a lens; where a likely cause is
-            found, the text says it.
+        FitError: the corners are too few, or do not determine a lens; the text names a likely
+            cause if one is found.
 
     """
     if refine_target not in get_args(RefineTarget):
@@ -95,7 +95,7 @@ def evaluate(
     corners: Observations | Detection,
     target: Target | None = None,
 ) -> Evaluation:
-    """Measure a camera on other photos: their poses are fitted, the camera stays as it is.
+    """Measure a camera on other photos: fit their poses, and keep the camera as it is.
 
     Args:
         camera: the camera.
@@ -123,7 +123,7 @@ def save_camera(
     Args:
         path: the file.
         camera: a fit, whose errors in pixels and poses go into the file too, or a camera alone.
-        made_by: plain data on where it comes from; the version is added.
+        made_by: plain data on its origin; the version is added.
         overwrite: whether an existing file may be replaced.
 
     Raises:
@@ -139,7 +139,7 @@ def save_camera(
 
 
 def save_target(path: str | os.PathLike[str], target: Target, *, overwrite: bool = False) -> None:
-    """Write a target, such as the one that a calibration refined, as ``target.yaml``.
+    """Write a target, such as one that a calibration refined, as ``target.yaml``.
 
     Lengths are in the target's own unit.
 

@@ -24,12 +24,12 @@ _DRAWN_PIXELS = 150_000
 
 @record
 class CompareOptions:
-    """Two cameras that are compared.
+    """Options of :func:`compare_files`.
 
     Attributes:
-        first: the file of a camera, or the folder of that; differences are in its pixels.
-        second: another one.
-        picture: also draws the difference at every pixel of the first camera.
+        first: file or folder of a camera; differences are in its pixels.
+        second: file or folder of the other camera.
+        picture: also draw the difference at every pixel of the first camera into this file.
 
     """
 
@@ -46,11 +46,11 @@ class CompareOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedFiles:
-    """What became of :func:`compare_files`.
+    """Result of :func:`compare_files`.
 
     Attributes:
         comparison: how far apart the cameras are.
-        picture: the picture of that; None where none was asked for.
+        picture: the file of the picture; None without one.
 
     """
 
@@ -58,16 +58,16 @@ class ComparedFiles:
     picture: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish compare --json`` prints."""
+        """Return plain data: what ``cubicfish compare --json`` prints."""
         drawn = {} if self.picture is None else {"picture": self.picture}
         return {**self.comparison.as_record(), **drawn}
 
 
 def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
-    """Say how far apart two cameras see the same rays, as ``cubicfish compare`` does.
+    """Measure how far apart two cameras see the same rays, as ``cubicfish compare`` does.
 
     Raises:
-        UsageError: files may be replaced, and none is written.
+        UsageError: ``overwrite`` is set though no file is written.
         CameraFileError: a file cannot be used.
         FitError: the cameras have no field in common.
         OutputError: the picture exists and may not be replaced, or cannot be written.
@@ -91,13 +91,13 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
 
 
 def _picture(comparison: Comparison) -> Any:
-    """The length of the difference at every pixel of the first camera, in colours."""
+    """Draw the length of the difference at every pixel of the first camera, in colours."""
     import numpy as np
 
     from cubicfish_cli.app.difference_picture import difference_picture
 
     width, height = comparison.first.image_size
-    # Differences are smooth: one in each small block tells all.
+    # Differences are smooth: one per small block is enough.
     step = max(1, round((width * height / _DRAWN_PIXELS) ** 0.5))
     y, x = np.mgrid[:height:step, :width:step] + (step - 1) / 2
     coarse = np.linalg.norm(comparison.difference(np.stack([x, y], axis=-1)), axis=-1)

@@ -34,12 +34,12 @@ _FEW_CORNERS = 20
 
 @record
 class DetectOptions:
-    """Photos of a target, whose corners become a corners.csv.
+    """Options of :func:`detect_files`.
 
     Attributes:
         photos: files, folders and globs.
         target: the calibration target, or its file.
-        table: where the corners go.
+        table: the corners.csv to write.
         draw: a folder for a picture of what was found in each photo that could be read.
 
     """
@@ -60,12 +60,12 @@ class DetectOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DetectedFiles:
-    """What became of :func:`detect_files`.
+    """Result of :func:`detect_files`.
 
     Attributes:
-        detection: the corners, and what became of each photo.
+        detection: the corners, and the findings about each photo.
         file: the table of corners.
-        drawings: pictures of what was found; None where none were asked for.
+        drawings: pictures of what was found; None without ``draw``.
 
     """
 
@@ -74,7 +74,7 @@ class DetectedFiles:
     drawings: list[Path] | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish detect --json`` prints."""
+        """Return plain data: what ``cubicfish detect --json`` prints."""
         keys = ("boards", "corners", "added", "exact", "problem", "notes")
         corners = self.detection.corners
         return {
@@ -100,8 +100,8 @@ def detect_files(options: DetectOptions, *, run: Run = RUN) -> DetectedFiles:
 
     Raises:
         UsageError: no target is named.
-        CubicfishError: a photo or the target cannot be used, no corner could be named, or a file
-            exists and may not be replaced.
+        CubicfishError: a photo or the target cannot be used, no corner could be identified, or a
+            file exists and may not be replaced.
 
     """
     source, file = TargetSource.of(options.target), Path(options.table)

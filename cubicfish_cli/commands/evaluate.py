@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 
 @record
 class EvaluateOptions:
-    """What a camera is measured on.
+    """Options of :func:`evaluate_files`.
 
     Attributes:
         inputs: photos (files, folders and globs), or one corners.csv or correspondences.csv.
         target: the calibration target, or its file; 2D-3D pairs have none.
-        camera: its file, or the folder of that.
+        camera: the file or folder of the camera.
         image_size: (width, height) of the photos, for tables that do not say.
 
     """
@@ -64,14 +64,14 @@ class EvaluateOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EvaluatedFiles:
-    """What became of :func:`evaluate_files`.
+    """Result of :func:`evaluate_files`.
 
     Attributes:
         evaluation: the errors.
         inputs: what they were measured on.
         camera: the camera.
-        uncertainty: of the camera where the corners are; None where it is not known.
-        verdict: how well it does there.
+        uncertainty: of the camera where the corners are; None if it is not known.
+        verdict: on the camera, by these errors.
 
     """
 
@@ -82,7 +82,7 @@ class EvaluatedFiles:
     verdict: Verdict
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish evaluate --json`` prints."""
+        """Return plain data: what ``cubicfish evaluate --json`` prints."""
         from cubicfish_cli.core.assess.records import plain_record
 
         uncertainty = {"uncertainty": plain_record(self.uncertainty)}
@@ -93,7 +93,7 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFile
     """Measure a camera on photos or tables in files, as ``cubicfish evaluate`` does.
 
     Raises:
-        UsageError: what is asked does not go together.
+        UsageError: the options do not go together.
         CubicfishError: an input cannot be used, or no photo can be placed.
 
     """
@@ -121,9 +121,9 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFile
 
 
 def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> FitRecord:
-    """The camera's fit, and what it was off by on a target that was no better known than this one.
+    """Return the camera's fit, and its error on a target as little known as this one.
 
-    Where the target was refined, the drawn one leaves errors that are not the camera's.
+    If the target was refined, the nominal one leaves errors that are not the camera's.
     """
     from cubicfish_cli.app.inputs import recorded_as
 
@@ -133,7 +133,7 @@ def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) ->
         digest = recorded_as(drawn, Path())["sha256"]
     if given is None or digest != given.sha256 or fit.refine_target in (None, "off"):
         return fit
-    # Where nobody measured that, errors are judged by themselves.
+    # If that was not measured, errors are judged by themselves.
     as_drawn = fit.held_out_by_level.get("off", math.nan)
     return replace(fit, held_out_rms_px=as_drawn, rms_px=as_drawn)
 
@@ -168,7 +168,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
 
 
 def say_unplaced(photos: Sequence[str], of: str = "") -> None:
-    """Say which photos could not be placed; ``of`` says of which camera."""
+    """Say which photos could not be placed; ``of`` names the camera."""
     from cubicfish_cli.core.codes import Code, Severity
     from cubicfish_cli.core.finding import Finding
 

@@ -18,7 +18,7 @@ from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
-# Maps are of no lens model, and so not among the registered formats.
+# Maps have no lens model, and so are not among the registered formats.
 FORMATS = {
     **{name: one.written[name]["what"] for name, one in written_formats().items()},
     "maps": ".npz for cv2.remap; holds any lens",
@@ -45,13 +45,13 @@ from the frame of camera.yaml is printed, and poses in the file are turned with 
 
 @record
 class LensOptions:
-    """What another tool's lenses are written as.
+    """Options of writing lenses for another tool.
 
     Attributes:
         to: the format: a name of ``cubicfish export --help``.
-        output: where it goes; by default the format's usual name, in the current folder.
-        max_error: as for :func:`export_camera`; 0.5 where it is None.
-        max_angle_deg: likewise.
+        output: the file; by default the format's usual name, in the current folder.
+        max_error: as for :func:`export_camera`; None for 0.5.
+        max_angle_deg: as for :func:`export_camera`.
 
     """
 
@@ -80,20 +80,20 @@ class LensOptions:
 
 @record
 class ExportOptions(LensOptions):
-    """A camera that is written for another tool: its file, or the folder of that, and how."""
+    """Options of :func:`export_files`: beside those of the lens, the camera's file or folder."""
 
     camera: StrPath = parameters.camera_options
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExportedFiles:
-    """What became of :func:`export_files`.
+    """Result of :func:`export_files`.
 
     Attributes:
-        files: what was written.
+        files: the files that were written.
         record: plain data: what ``cubicfish export --json`` prints.
-        lines: how near it comes, for people.
-        warnings: what is not to be relied on.
+        lines: the errors of the conversion, for people.
+        warnings: what not to rely on.
 
     """
 
@@ -103,7 +103,7 @@ class ExportedFiles:
     warnings: tuple[str, ...] = ()
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish export --json`` prints."""
+        """Return plain data: what ``cubicfish export --json`` prints."""
         return self.record
 
 
@@ -111,7 +111,7 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     """Write a camera for another tool, as ``cubicfish export`` does.
 
     Raises:
-        UsageError: what is asked does not go together.
+        UsageError: the options do not go together.
         FitError: there is no such format, or its lens is too far from a camera.
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
@@ -164,7 +164,7 @@ def command(made: ExportedFiles, given: ExportOptions, how: How) -> None:
 
 
 def print_exported(made: ExportedFiles, how: How) -> None:
-    """Print what was written, and how near it comes."""
+    """Print the files that were written, and the errors of the conversion."""
     if how.print(made):
         return
     print_wrote(made.files)

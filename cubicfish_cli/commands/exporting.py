@@ -1,4 +1,4 @@
-"""A camera as another tool's lens, and how near that is."""
+"""Conversion of a camera to another tool's lens, and its errors."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ from cubicfish_cli.core.wording import did_you_mean, quoted
 _NEAREST = {"colmap": "colmap-rad-tan-thin-prism-fisheye", "kalibr": "kalibr-omni"}
 _BEHIND_DEG = 90.0
 MAX_ERROR = 0.5
-"""Pixels that a lens may be off where nobody asks for another bound."""
+"""Default bound on how far a lens may be from the camera, pixels."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +45,7 @@ class Exported(PlacedLens):
         return text
 
     def as_record(self) -> dict[str, Any]:
-        """The lens and its errors, for JSON."""
+        """Return the lens and its errors, for JSON."""
         return {
             "lens": self.conversion.lens.name,
             **self.conversion.error.as_record(),
@@ -54,7 +54,7 @@ class Exported(PlacedLens):
         }
 
     def warning(self, max_error: float) -> str | None:
-        """What is to be known of the field where no corner was; None where it is as near."""
+        """Return a warning on the field where no corner was; None if the lens is as near there."""
         beyond = self.conversion.error.beyond
         if beyond is None or beyond["max_px"] <= max_error:
             return None
@@ -72,14 +72,14 @@ def export_camera(
     max_error: float = MAX_ERROR,
     max_angle_deg: float | None = None,
 ) -> Exported:
-    """A camera as another tool's lens, as ``cubicfish export`` writes it.
+    """Convert a camera to another tool's lens, as ``cubicfish export`` does.
 
     Args:
         calibrated: a fit, or what :func:`load_camera` read.
         to: the format: a name of ``cubicfish export --help``, but for ``maps``.
-        max_error: how far the lens may be from the camera anywhere that corners reached, pixels.
-        max_angle_deg: leaves out what is farther from the axis, so that the rest is met more
-            nearly.
+        max_error: the largest distance allowed between lens and camera anywhere that corners
+            reached, pixels.
+        max_angle_deg: leave out what is farther from the axis, so that the rest fits better.
 
     Returns:
         ``text`` of the format's file; ``conversion`` with the lens and its ``error``, pixels.
@@ -154,10 +154,10 @@ def _note(
 def _near_within(
     convert: Callable[..., Conversion], conversion: Conversion, max_error: float
 ) -> int | None:
-    """An angle, whole degrees, within which the lens is near enough where the rest is left out.
+    """Find an angle, whole degrees, up to which the lens is near enough without the rest.
 
-    The widest in most cases: a lens that need not meet the rim may meet the rest worse at its own
-    edge, so that errors do not only grow with the angle.
+    In most cases it is the widest one: errors need not grow with the angle, since a lens that
+    need not meet the rim may be worse at its own edge.
     """
     near, far = 0, math.ceil(conversion.error.max_angle_deg)
     while far - near > 1:
@@ -198,6 +198,6 @@ def _rounded_up(value: float) -> str:
 
 
 def without_matrix(line: str) -> str:
-    """A line of the note as it is told: numbers for programs stay in the file."""
+    """Return a line of the note as it is printed: numbers for programs stay in the file."""
     before, named, _ = line.partition("; lens_from_camera: ")
     return f"{before}: lens_from_camera is in the file" if named else line

@@ -1,4 +1,4 @@
-"""``cubicfish info``: what a camera is."""
+"""``cubicfish info``: a camera's figures, and its origin."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 @record
 class InfoOptions:
-    """A camera: its file, or the folder of that."""
+    """Options of :func:`info_files`: the file or folder of a camera."""
 
     camera: StrPath = parameters.camera_options
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraInfo:
-    """What the file of a camera says.
+    """Result of :func:`info_files`.
 
     Attributes:
-        model: the file.
-        known: the camera, its fit and where it comes from.
+        model: the camera's file.
+        known: the camera, its fit and its origin.
 
     """
 
@@ -42,7 +42,7 @@ class CameraInfo:
     known: CameraRecord
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish info --json`` prints."""
+        """Return plain data: what ``cubicfish info --json`` prints."""
         from cubicfish_cli.core.assess.records import plain_record
 
         known = self.known
@@ -77,7 +77,7 @@ class CameraInfo:
 
 
 def info_files(options: InfoOptions, *, run: Run = RUN) -> CameraInfo:
-    """Say what a camera is, as ``cubicfish info`` does.
+    """Read a camera's figures, as ``cubicfish info`` does.
 
     Raises:
         CameraFileError: the file cannot be used.
@@ -116,7 +116,7 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
 
 
 def _rows(known: CameraRecord) -> list[tuple[str, str]]:
-    """(what, in words) of all that is known."""
+    """Return rows (name, words) of all known figures."""
     from cubicfish_cli.app.words.camera import lens_rows, pictures_of
 
     fit, origin, pictures = known.fit, known.origin, pictures_of(known.fit)

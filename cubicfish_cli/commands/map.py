@@ -42,14 +42,14 @@ photo_size_option: Any = option(
 
 @record
 class MapOptions:
-    """What a map of a camera shows, and where it goes.
+    """Options of :func:`map_files`.
 
     Attributes:
         output: a name in .npz, .exr, .png or .pgm; the files beside it have names that begin alike.
-        camera: its file, or the folder of that.
-        view: what it shows, or what is asked of it; by default flat, as for photos.
+        camera: the file or folder of the camera.
+        view: the view, or options of one; by default flat, as for photos.
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
-        redistort: makes the way back, from the view to the photo.
+        redistort: make the map back, from the view to the photo.
 
     """
 
@@ -67,14 +67,14 @@ class MapOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class MapFiles:
-    """What became of :func:`map_files`.
+    """Result of :func:`map_files`.
 
     Attributes:
         model: the file of the camera.
-        own: the maps.
+        own: files of the maps.
         written: all files.
         image_size: (width, height) of the photos.
-        view: what the maps show.
+        view: the view that the maps show.
 
     """
 
@@ -93,7 +93,7 @@ class MapFiles:
         return [ffmpeg_command(*both) for both in zip(pairs[::2], pairs[1::2], strict=True)]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish map --json`` prints."""
+        """Return plain data: what ``cubicfish map --json`` prints."""
         return {
             "model": self.model,
             "files": self.own,
@@ -105,10 +105,10 @@ class MapFiles:
 
 
 def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
-    """Write the map of a camera, and the camera of what it shows, as ``cubicfish map`` does.
+    """Write the map of a camera, and the view's own camera, as ``cubicfish map`` does.
 
     Raises:
-        UsageError: the name of the map ends otherwise.
+        UsageError: the name of the map has another suffix.
         CubicfishError: the camera cannot be used, there is no such view, or a file exists and may
             not be replaced.
 
@@ -138,7 +138,7 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
 
 
 def files_of(plan: Mapping[str, Sequence[Path]]) -> list[Path]:
-    """The files of all parts of a map."""
+    """Return the files of all parts of a map."""
     return [path for paths in plan.values() for path in paths]
 
 
@@ -149,14 +149,14 @@ def write_maps(
     run: Run,
     more: Mapping[Path, Content] | None = None,
 ) -> list[Path]:
-    """Write the files of all parts of a map, and the cameras of what they show.
+    """Write the files of all parts of a map, and the cameras of their views.
 
     Args:
         plan: part -> its files.
         maps: part -> its map.
-        goal: what the cameras' files are called after.
+        goal: the file whose name the cameras' files take over.
         run: how the work is done.
-        more: other files that go with them.
+        more: other files to write with them.
 
     """
     from cubicfish_cli.app.undistortion.map_formats import map_contents, view_files
@@ -187,7 +187,7 @@ def command(made: MapFiles, given: MapOptions, how: How) -> None:
 
 
 def print_maps(made: MapFiles, how: How, more: str = "") -> None:
-    """Print what was written and what it shows, and ``more`` of it in a line."""
+    """Print the files and the view, and a line ``more``."""
     if how.print(made):
         return
     result(f"wrote {made.written[0]}: {made.view.describe()}")

@@ -1,4 +1,4 @@
-"""Photos, videos or the shots of a rig, in files -> files of what they show."""
+"""Undistorting files: photos, videos or the shots of a rig."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class UndistortedFiles:
-    """What became of photos or videos.
+    """Result of undistorting photos or videos.
 
     Attributes:
-        kind: what they are: ``photo``, ``video``, or what an extension calls its own.
-        written: each by its name -> its pictures or its video.
-        failures: those that could not be done, and why.
-        skipped: those whose results were there already.
-        model: the file of the camera; None of one that is in none.
-        view: what was rendered of the first; None where none was done.
+        kind: of the sources: ``photo``, ``video``, or what an extension calls its own.
+        written: name of a source -> its pictures or its video.
+        failures: those that failed, and why.
+        skipped: those whose results existed already.
+        model: the file of the camera; None for one without a file.
+        view: the view of the first; None if none was rendered.
         extras: masks, virtual cameras and tables that were written.
 
     """
@@ -55,11 +55,11 @@ class UndistortedFiles:
 
     @property
     def failed(self) -> dict[str, str]:
-        """Name -> why it could not be done, in a line."""
+        """Name of a source -> why it failed, in a line."""
         return {name: str(why) for name, why in self.failures.items()}
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish undistort --json`` prints."""
+        """Return plain data: what ``cubicfish undistort --json`` prints."""
         return {
             **({} if self.model is None else {"model": self.model}),
             "images": len(self.written),
@@ -72,7 +72,7 @@ class UndistortedFiles:
 
 
 def _failure_record(name: str, problem: str) -> dict[str, Any]:
-    """What could not be done, as plain data: a finding, and its name and problem."""
+    """Return a failure as plain data: a finding, and its name and problem."""
     told = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )
@@ -80,7 +80,7 @@ def _failure_record(name: str, problem: str) -> dict[str, Any]:
 
 
 Jobs = tuple[Sequence[Job], Sequence[Job]]
-"""Those that are to be done, and those that are left out since their results exist."""
+"""The sources to render, and those that are left out since their results exist."""
 
 
 def plan_jobs(
@@ -92,20 +92,20 @@ def plan_jobs(
     *,
     alone: bool,
 ) -> Jobs:
-    """What becomes of sources, refused before any work where it cannot.
+    """Plan the results of sources, and refuse before any work what cannot be done.
 
     Args:
-        kind: what they are, in a word.
+        kind: the kind of source, in a word.
         sources: name -> the name of the result in a folder, and photos.
-        output: a folder; of one that is named ``alone`` also a name for its result.
-        options: what becomes of them.
+        output: a folder; for one source that is named ``alone`` also a name for its result.
+        options: how they are rendered.
         run: how the work is done.
-        alone: whether there is one, named by itself.
+        alone: whether there is one source, named by itself.
 
     Raises:
-        UsageError: ``output`` is none for them, or something is asked that does not go together.
-        OutputError: one would be replaced by its own result, or a result cannot be written, or
-            exists and may be neither replaced nor left.
+        UsageError: ``output`` does not suit them, or the options do not go together.
+        OutputError: a source would be replaced by its own result, or a result cannot be written,
+            or exists and may be neither replaced nor skipped.
 
     """
     if options.skip_existing and run.overwrite:
@@ -147,14 +147,14 @@ def plan_jobs(
 
 
 def _is_folder(output: Path, several: str) -> bool:
-    """Whether results go into a folder: several do, and one where no file is named.
+    """Return whether results go into a folder: several do, and one if no file is named.
 
     Args:
-        output: where they go.
+        output: the folder or file.
         several: how many results there are, in words; empty for one.
 
     Raises:
-        UsageError: several are to become a file.
+        UsageError: several results would go into one file.
 
     """
     if not several:
@@ -178,21 +178,21 @@ def write_pictures(
     write: Write | None = None,
     size_of: Callable[[Path], Size] = photo_size,
 ) -> UndistortedFiles:
-    """Write what was planned, and what is asked beside it.
+    """Render what was planned, and write masks and cameras beside it.
 
     Args:
-        kind: what the sources are, in a word.
-        jobs: which photos become which files.
-        views: what is rendered of each.
-        options: how.
+        kind: the kind of source, in a word.
+        jobs: the sources, and the files of their results.
+        views: the view of each.
+        options: how they are rendered.
         run: how the work is done.
-        model: the file of what took the photos, for the record.
-        write: writes the result of one that is no photo.
-        size_of: tells how large a source is.
+        model: the file of the camera or rig, for the record.
+        write: writes the result of a source that is no photo.
+        size_of: returns the size of a source.
 
     Raises:
-        OutputError: a file beside the results exists, and it may be neither replaced nor left.
-        ViewError: photos have a mask or a camera each.
+        OutputError: a file beside the results exists, and it may be neither replaced nor skipped.
+        ViewError: a mask or a camera would be another one for each photo.
 
     """
     left, skipped = jobs
@@ -214,7 +214,7 @@ def write_pictures(
             files = {path: content for path, content in files.items() if not path.is_file()}
         refuse_existing(*files, overwrite=run.overwrite, can_skip=not options.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    # Videos are done one after the other, and each tells how far it is.
+    # Videos are rendered one after the other, and each reports its own progress.
     counted = None if write else run.listener.counting("Undistorting")
     failures = write_many(
         left,

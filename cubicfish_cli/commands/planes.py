@@ -25,7 +25,7 @@ from cubicfish_cli.core.views.view import PointProjector, matrix_of_rotation
 
 
 class PlaneViews(Views):
-    """A board's plane, whose place is another one in each photo."""
+    """Views of a board's plane, one per photo, since the board's pose differs."""
 
     def __init__(
         self, loaded: Calibrated | PointCameraFile | CubicCamera, options: PlaneOptions, how: str
@@ -33,9 +33,9 @@ class PlaneViews(Views):
         """Prepare for the board of a target.
 
         Args:
-            loaded: the camera, maybe with the poses of the photos that it was calibrated from.
-            options: of which board, and how.
-            how: how pixels are blended.
+            loaded: the camera, maybe with the poses of the photos of its calibration.
+            options: the board, and the view's size and field.
+            how: how pixels are interpolated.
 
         Raises:
             UsageError: the target has no such board, or the board has no plane.
@@ -61,7 +61,7 @@ class PlaneViews(Views):
             run: how the work is done.
 
         Raises:
-            CubicfishError: no corners, or too few, in all of them.
+            CubicfishError: none of them shows enough corners.
 
         """
         camera = self._seen_by
@@ -74,7 +74,7 @@ class PlaneViews(Views):
         self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> ChosenView:
-        """The board's plane in this photo."""
+        """Return the board's plane in this photo."""
         camera, rotation, translation = self._placed(source, size)
         plane = build_plane(
             camera,
@@ -87,7 +87,7 @@ class PlaneViews(Views):
         return ChosenView(views={"": plane}, camera=camera, unit=self._target.units)
 
     def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
-        """A camera, and the rotation and the translation from the world to its frame."""
+        """Return a camera, and the rotation and the translation from the world to its frame."""
         camera = self._seen_by
         if not isinstance(camera, CubicCamera):
             if size != camera.image_size:
@@ -114,5 +114,5 @@ class PlaneViews(Views):
 
 
 def _poses_of(fit: FitRecord) -> dict[str, tuple[Any, Any]]:
-    """Rotation vector and translation by the photo's file name, without folders."""
+    """Return rotation vector and translation by the photo's file name, without folders."""
     return {Path(name).name: pose for name, pose in fit.poses.items()}

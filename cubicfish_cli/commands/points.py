@@ -34,7 +34,7 @@ LONGEST_LINE = 10_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
-    """Points: values (N, columns), and whether a header stood above those that were read."""
+    """Points: values (N, columns), and whether the text that was read had a header."""
 
     values: npt.NDArray[np.float64]
     has_header: bool
@@ -48,7 +48,7 @@ class PointsCommand(click.Command):
     """A command whose argument may be a point that begins with a minus."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, with points behind the options."""
+        """Parse as click does, after moving points behind the options."""
         points = [arg for arg in args if _A_POINT.fullmatch(arg)]
         if points and "--" not in args:
             args = [*(arg for arg in args if arg not in points), "--", *points]
@@ -112,7 +112,7 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
         nothing = f"{name} holds no points: give {','.join(columns)} a line"
         if name != "stdin":
             raise CorrespondenceError(nothing)
-        say(f"note: {nothing}")  # another step may have found none, and of nothing comes nothing
+        say(f"note: {nothing}")  # no error: a step of a pipe may have found none
     values = np.array(numbers, float).reshape(-1, len(columns))
     return Points(values=values, has_header=has_header)
 
@@ -125,7 +125,7 @@ def _numbers(line: str) -> list[float] | None:
 
 
 def print_points(points: Points, columns: Sequence[str]) -> None:
-    """Print points as CSV to stdout, below a header of ``columns`` where one was read.
+    """Print points as CSV to stdout, below a header of ``columns`` if the input had one.
 
     Numbers are written so that they read back exactly.
     """
@@ -137,12 +137,12 @@ def print_points(points: Points, columns: Sequence[str]) -> None:
 
 @record
 class ProjectOptions:
-    """Points in the camera's frame, which become pixels.
+    """Options of :func:`project_points`.
 
     Attributes:
         points: a CSV file of points X,Y,Z, one point written out, or ``-`` for stdin.
-        near: whether it counts how near the points are.
-        camera: its file, or the folder of that.
+        near: whether the points' distance counts.
+        camera: the file or folder of the camera.
 
     """
 
@@ -206,11 +206,11 @@ def project(made: Points, given: ProjectOptions, how: How) -> None:
 
 @record
 class UnprojectOptions:
-    """Pixels, which become viewing rays.
+    """Options of :func:`unproject_points`.
 
     Attributes:
         pixels: a CSV file of pixels x,y, one pixel written out, or ``-`` for stdin.
-        camera: its file, or the folder of that.
+        camera: the file or folder of the camera.
 
     """
 

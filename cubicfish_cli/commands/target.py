@@ -1,4 +1,4 @@
-"""``cubicfish target``: what a target is worth, said before any photo is taken."""
+"""``cubicfish target check``: judging a target before any photo is taken."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ _FACTS = ("corners", "planes", "flat", "named_by", "ambiguous", "look_alikes", "
 
 @record
 class CheckOptions:
-    """A look at a target.
+    """Options of :func:`check_target_files`.
 
     Attributes:
-        target: its file.
-        drawing: where an SVG of it goes; None for none.
+        target: the target's file.
+        drawing: the SVG to draw; None for none.
 
     """
 
@@ -66,13 +66,13 @@ class CheckOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TargetCheck:
-    """A target, what was found of it, and what that means.
+    """A target, the facts about it, and advice on them.
 
     Attributes:
         target: the target.
-        facts: what was found.
-        advice: (what it is about, text) for each thing that is worth saying, in order.
-        drawing: the file of a drawing; None where there is none.
+        facts: which of its boards and photos may be mistaken for others.
+        advice: (topic, text) of each piece of advice, in order.
+        drawing: the file of a drawing; None without one.
 
     """
 
@@ -82,7 +82,7 @@ class TargetCheck:
     drawing: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return plain data for JSON."""
         return {
             "units": self.target.units,
             "boards": [_board_record(board) for board in self.target.boards],
@@ -94,7 +94,7 @@ class TargetCheck:
 
 
 def check_target(target: Target) -> TargetCheck:
-    """Judge a target before photos: which boards and photos may be mistaken for others.
+    """Judge a target before photos are taken: which boards and photos may be mistaken for others.
 
     Args:
         target: the target, as it is printed.
@@ -136,7 +136,7 @@ def _turn_record(turn: Turn) -> dict[str, Any]:
 
 
 def _advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
-    """(what it is about, text) for each thing that is worth saying, in order."""
+    """Return (topic, text) of each piece of advice, in order."""
     photos = "several" if facts.flat else "one"
     return [
         ("Photos", _say(f"photos_{photos}")),
@@ -178,7 +178,7 @@ def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
 
 
 def _advise_on_sizes(target: Target) -> Iterator[str]:
-    """Lengths that look like those of another unit."""
+    """Doubt lengths that look like those of another unit."""
     from cubicfish_cli.core.units import MILLIMETRES
 
     factor = MILLIMETRES.get(target.units.lower(), 0.0)
@@ -198,10 +198,10 @@ def _describe_turn(turn: Turn, *, alone: bool) -> str:
 
 
 def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
-    """Look at the target in a file, and draw it, as ``cubicfish target check`` does.
+    """Judge the target in a file, and draw it, as ``cubicfish target check`` does.
 
     Raises:
-        UsageError: files may be replaced, and none is written.
+        UsageError: ``overwrite`` is set though no file is written.
         TargetError: the file is no usable target.
         OutputError: the drawing exists and may not be replaced, or has another suffix.
 
@@ -286,7 +286,7 @@ def _vector(values: Iterable[float]) -> str:
 
 
 def _direction(axis: Iterable[float]) -> str:
-    """``+x`` for a world axis, else the three numbers."""
+    """Return ``+x`` for a world axis, else the three numbers."""
     values = list(axis)
     for name, value in zip("xyz", values, strict=True):
         if abs(value) > 1 - 5e-7:

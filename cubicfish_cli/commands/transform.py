@@ -21,13 +21,13 @@ from cubicfish_cli.core.files import StrPath
 if TYPE_CHECKING:
     from cubicfish_cli.core.io.camera_yaml import CameraFile
 
-# Of a pixel: a scale is written with some digits, and photos have whole sizes.
+# Pixels: a scale is written with some digits, and photos have whole sizes.
 _WHOLE_PX = 0.01
 
 
 @dataclass(frozen=True)
 class Crop:
-    """What is left of a photo: its first pixel (x, y), and its size."""
+    """A crop of a photo: its first pixel (x, y), and its size."""
 
     x: int
     y: int
@@ -35,7 +35,7 @@ class Crop:
     height: int
 
     def __str__(self) -> str:
-        """As it is asked for."""
+        """Return the crop as --crop takes it."""
         return f"{self.x},{self.y},{self.width}x{self.height}"
 
 
@@ -48,13 +48,13 @@ def _crop(text: str) -> Crop:
 
 @record
 class TransformOptions:
-    """A camera, and what happens to its photos.
+    """Options of :func:`transform_files`.
 
     Attributes:
-        camera: its file, or the folder of that.
-        output: where the other camera goes.
-        crop: what is left of the photo.
-        scale: by how much what is left is scaled.
+        camera: the file or folder of the camera.
+        output: the file of the new camera.
+        crop: the part of the photo that is kept; None for all.
+        scale: the scale of that part.
 
     """
 
@@ -81,23 +81,23 @@ class TransformedFile:
     camera: CameraFile
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish transform --json`` prints."""
+        """Return plain data: what ``cubicfish transform --json`` prints."""
         size, rms_px = self.camera.camera.image_size, self.camera.fit.rms_px
         return {"model": self.file, "image_size": size, "rms_px": rms_px}
 
 
 def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> CameraFile:
-    """A camera of the same sensor and lens in another mode, with all that is known of it.
+    """Return the camera for another mode of the same sensor and lens, with the record of its fit.
 
     A pixel (x, y) of the photo becomes ((x - X + 0.5) s - 0.5, (y - Y + 0.5) s - 0.5): pixel (0, 0)
-    is the middle of the first one. P3 stays, and P1 and P2 take up a multiple of it, so that
-    nothing is fitted; the field and its cone stay too. What counts pixels is scaled: errors, and
-    the standard deviations, of which the grid is laid over the new photo.
+    is the middle of the first one. P3 stays, and a multiple of it is added to P1 and P2, so that
+    nothing is fitted; the field and its cone stay too. Figures in pixels are scaled: errors, and
+    the standard deviations, whose grid is laid over the new photo.
 
     Args:
         camera: the camera, with the record of its fit.
-        crop: what is left of the photo, which comes first; None for all.
-        scale: of what is left.
+        crop: the part of the photo that is kept, before scaling; None for all.
+        scale: the scale of that part.
 
     Raises:
         UsageError: the crop reaches beyond the photo, or the size is not one of whole pixels.
@@ -165,7 +165,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
 
 
 def _scaled(value: Any, factor: float, key: str = "") -> Any:
-    """A fit's plain record in which what counts pixels is scaled."""
+    """Return a fit's plain record with all figures in pixels scaled."""
     if isinstance(value, Mapping):
         own = key == "held_out_by_level"
         return {name: _scaled(one, factor, "_px" if own else name) for name, one in value.items()}

@@ -46,16 +46,16 @@ _FEW = 10
 
 @record
 class PictureOptions:
-    """What becomes of photos.
+    """Options of rendering photos.
 
     Attributes:
-        view: what to render, or what is asked of it; by default flat, as large as each photo and
-            with its scale in the middle, up to 120° across.
-        interpolation: how pixels are blended.
+        view: the view, or options of one; by default flat, as large as each photo and with its
+            scale in the middle, up to 120° across.
+        interpolation: how pixels are interpolated.
         quality: of JPEG and lossy WebP files, 1 to 100; None keeps that of the photo.
-        mask: also writes where the results may be trusted: 255, and 0 elsewhere.
-        virtual_camera: also writes the camera of the results: for flat.png, flat.view.yaml.
-        skip_existing: leaves out what has its result already.
+        mask: also write where the results may be trusted: 255, and 0 elsewhere.
+        virtual_camera: also write the camera of the results: for flat.png, flat.view.yaml.
+        skip_existing: leave out what has its result already.
 
     """
 
@@ -89,14 +89,14 @@ class PictureOptions:
         return self.view.parts if isinstance(self.view, ViewOptions) else ("",)
 
     def refuse_unused(self, kind: str, suffixes: Collection[str]) -> None:
-        """Refuse what says nothing about such sources and results.
+        """Refuse options that have no effect on such sources and results.
 
         Args:
-            kind: what the sources are: photo, video, or what else.
-            suffixes: how the names of the results end.
+            kind: the kind of source: photo, video, or what an extension adds.
+            suffixes: of the results' names.
 
         Raises:
-            UsageError: something is asked that would not be done.
+            UsageError: an option would have no effect.
 
         """
         if isinstance(self.view, PlaneOptions) and kind != "photo":
@@ -116,15 +116,15 @@ class PictureOptions:
 
 @record
 class UndistortOptions(PictureOptions):
-    """Photos or videos, and what becomes of them: beside what a :class:`PictureOptions` has
+    """Options of :func:`undistort_files`, beside those of :class:`PictureOptions`.
 
     Attributes:
         photos: files, folders and globs of photos, or files and globs of videos; of the size that
             the camera was calibrated for, or an exact rescale of it.
-        output: a folder; of one photo or video that is named alone, also a name for its result.
-        camera: its file or the folder of that, or the camera or a fit.
-        view: also the plane of a board, of photos.
-        crf: of videos; a lower number is better and makes a larger file. By default 18.
+        output: a folder; for one photo or video that is named alone, also a name for its result.
+        camera: the file or folder of the camera, or a camera or a fit.
+        view: for photos also the plane of a board.
+        crf: quality of videos: a lower number is better and makes a larger file. By default 18.
 
     """
 
@@ -152,17 +152,17 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     """Undistort photos or videos in files, as ``cubicfish undistort`` does.
 
     Results in a folder keep the names of their photos, and all keep depth, channels and a JPEG's
-    EXIF record. One that fails does not stop the others.
+    EXIF record. A photo that fails does not stop the others.
 
     Returns:
         The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
 
     Raises:
-        UsageError: what is asked does not go together, such as photos and videos.
-        PhotoError: there are none.
-        OutputError: a result exists, and it may be neither replaced nor left, or it would replace
-            its own photo.
-        ViewError: photos have a mask or a camera each.
+        UsageError: inputs or options do not go together, such as photos and videos.
+        PhotoError: there are no photos.
+        OutputError: a result exists, and it may be neither replaced nor skipped, or it would
+            replace its own photo.
+        ViewError: a mask or a camera would be another one for each photo.
         CubicfishError: the camera, the target or the executor cannot be used.
 
     """
@@ -205,7 +205,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
 
 
 def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, Path]], bool]:
-    """What photos or videos are meant, by their names; and whether one was named alone.
+    """Find the photos or videos by their names; and tell whether one was named alone.
 
     Raises:
         UsageError: photos and videos are mixed.
@@ -230,9 +230,9 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, 
 def _write_video(
     job: Job, views: Views, options: UndistortOptions, run: Run, *, overwrite: bool
 ) -> CubicfishError | None:
-    """Write one video, telling how far that is; as :func:`write_one` writes pictures.
+    """Write one video and report progress; as :func:`write_one` writes pictures.
 
-    One that is cut short is an error, and what there is of it is written all the same.
+    A video that is cut short is an error, but its frames are written.
     """
     from cubicfish_cli.app.photos import shown
     from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, undistort_video
@@ -288,10 +288,10 @@ def command(made: UndistortedFiles, given: UndistortOptions, how: How) -> None:
 
 
 def print_pictures(made: UndistortedFiles, how: How) -> None:
-    """Print what was written.
+    """Print the files that were written.
 
     Raises:
-        CubicfishError: something failed; the text says how much, and where the reasons are.
+        CubicfishError: some failed; the text says how many, and where the reasons are.
 
     """
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
@@ -322,7 +322,7 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
 
 
 def named_sources(sources: StrPath | Sequence[StrPath]) -> list[str]:
-    """The names of the sources, with those that stdin lists in the place of '-'."""
+    """Return the names of the sources, with those that stdin lists in the place of '-'."""
     names: list[str] = []
     for source in map(os.fspath, paths_of(sources)):
         if source != "-":

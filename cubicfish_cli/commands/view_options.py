@@ -1,4 +1,4 @@
-"""Options that say what a picture shows: a view, or a board's plane."""
+"""Options of a view, or of a board's plane."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PLANE = "plane:"
 
 
 def _numbers(text: str, between: str) -> tuple[float | str, ...]:
-    """The numbers of a text; what is none stays as it is, for the view to refuse by its name."""
+    """Return the numbers of a text; any other text stays, and the view refuses it by its name."""
     try:
         return tuple(map(float, re.split(between, text)))
     except ValueError:
@@ -39,7 +39,7 @@ class _KindOrPlane(click.Choice):
     """A kind of view, or plane:BOARD."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Let planes pass, and all that is among the choices."""
+        """Accept planes, and all that is among the choices."""
         is_plane = value.startswith(_PLANE) and value != _PLANE
         return str(value if is_plane else super().convert(value, param, ctx))
 
@@ -90,9 +90,9 @@ def view_bundle(
 
     Args:
         kinds: the kinds of view that there are, in words.
-        kind_default: which one it is where nobody says, in words.
-        size_default: likewise.
-        field_default: likewise.
+        kind_default: the default kind, in words.
+        size_default: the default size, in words.
+        field_default: the default field, in words.
         whole: whether the whole photo may be shown.
         planes: whether it may also be the plane of a board with its target, then a
             :class:`PlaneOptions`.
@@ -146,6 +146,6 @@ view_or_plane_options: Any = view_bundle(planes=True)
 
 
 def say_what_is_unseen(view: ChosenView) -> None:
-    """Tell the user where the camera's field ends before the view's does, and what is lost."""
+    """Tell the user if the camera's field ends before the view's does, and what is lost."""
     for remark in view.remarks():
         say(remark)

@@ -1,1 +1,1 @@
-"""What stands around the core: each a folder with its commands, words and files."""
+"""Extensions, one folder each, with its commands, words and files."""

@@ -1,8 +1,8 @@
 """Choosing the photos or frames that add most information.
 
-What a picture adds is told by who knows lenses, or where no lens is known by :class:`Coverage`.
-Pictures that are clearly worse than the others come last, and hardly any is a second time what was
-taken.
+A class that knows lenses says what a picture adds, or :class:`Coverage` if no lens is known.
+Pictures that are clearly worse than the others come last, and near copies of one that was taken are
+avoided.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ _MANY = 1_000_000  # columns or rows, more than any board has
 # Beside the better pictures: blurred below this share of their sharpness, moving above these times
 # their motion.
 _BLURRED, _MOVING = 0.75, 5.0
-# A picture is worth its time that adds so much of what is wanted.
+# A picture is worth its time if it adds so much of what is wanted.
 _WORTH_IT = 0.01
 FEWEST = 10
-"""So many different views are taken even where the last add hardly anything, or are worse than the
-others: a lens and the poses of one flat board are told apart by many views, and so is how right a
-camera is on those left out. It is what the verdict asks for."""
+"""So many different views are taken even if the last ones add hardly anything, or are worse than
+the others: it takes many views to tell a lens from the poses of one flat board, and to measure a
+held-out error. The verdict asks for as many."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,8 +49,8 @@ class Patch:
         board: its number; -1 where that is not known, and cells mean nothing across pictures.
         cells: (N, 2) column and row of each corner.
         pixel: (N, 2) its x, y.
-        certain: whether the corners are surely these; so little of a board may be seen that they
-            may be others, some squares further on.
+        certain: whether the corners are surely these; if little of a board is seen, they may be
+            others, some squares further on.
 
     """
 
@@ -96,13 +96,13 @@ class Seen:
 
 
 Ended = Literal["all", "asked", "enough"]
-"""Why no more pictures are chosen: there are no more that can be used, no more were asked for, or
-one more would add less than 1 % of what is wanted."""
+"""Why no more pictures are chosen: no more are usable, no more were wanted, or one more would add
+less than 1 % of what is wanted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """What was chosen.
+    """A choice of pictures.
 
     Attributes:
         order: indices of the chosen pictures, the one that adds most first.
@@ -117,13 +117,13 @@ class Choice:
 
 
 class Gains(Protocol):
-    """What pictures add, by their numbers, to those that are taken."""
+    """The information gain of pictures, by their numbers, beside those that are taken."""
 
     def of(self, picture: int, /) -> float:
-        """What a picture adds; 0 where it shows nothing that can be used."""
+        """Return what a picture adds; 0 where it shows nothing that can be used."""
 
     def share(self, gain: float, /) -> float:
-        """How much of what is wanted a gain is, to what is taken now."""
+        """Return how much of what is wanted a gain is, to what is taken now."""
 
     def take(self, picture: int, /) -> None:
         """Take it."""
@@ -132,8 +132,8 @@ class Gains(Protocol):
 class Coverage:
     """Corners in parts of the picture, and boards seen from some side in wider parts.
 
-    Of several cameras those of each, and what each two of them show at once. Each such thing counts
-    as measurements do, the n-th less than the one before.
+    For several cameras: those of each, and what each two of them show at once. Each such thing
+    counts as measurements do, the n-th less than the one before.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class Coverage:
         sizes: Sequence[tuple[int, int]],
         quality: FloatArray,
     ) -> None:
-        """Look at what each of the shots shows.
+        """Collect what each of the shots shows.
 
         Args:
             shots: for each a picture of every camera.
@@ -183,7 +183,7 @@ def choose(
         size: (width, height) of them.
         most: how many may be chosen.
         still_px: motion below which a picture counts as still, pixels.
-        gains_of: the pictures' quality (N,), 0 to 1 -> what tells what they add; None for
+        gains_of: makes the pictures' :class:`Gains` of their quality (N,), 0 to 1; None for
             :class:`Coverage`.
 
     """
@@ -200,16 +200,16 @@ def choose_shots(
 ) -> Choice:
     """Choose at most ``most`` shots of several cameras, each a picture of every camera.
 
-    A shot adds what its pictures add to their cameras, and what two cameras show at once. In one
-    that is good for some camera, pictures that are spoilt add nothing.
+    A shot adds what its pictures add to their cameras, and what two cameras show at once. Spoilt
+    pictures of a shot that is good for another camera add nothing.
 
     Args:
         shots: for each shot a picture of every camera; None where that camera has none.
         sizes: (width, height) of each camera's pictures.
         most: how many may be chosen.
         still_px: for each camera the motion below which a picture counts as still, pixels.
-        gains_of: the pictures' quality (S, C), 0 to 1 -> what tells what shots add; None for
-            :class:`Coverage`.
+        gains_of: makes the shots' :class:`Gains` of the pictures' quality (S, C), 0 to 1; None
+            for :class:`Coverage`.
 
     """
     nothing = Seen(patches=(), sharpness=0.0)
@@ -261,14 +261,14 @@ def _greedy(
     copy: float,
     most: int,
 ) -> Choice:
-    """Take what adds most, then what adds most to that; spoilt ones where there is too little.
+    """Take what adds most, again and again; spoilt ones only if there are too few others.
 
     Args:
-        usable: those that show something.
-        spoilt: those that do so too, and are worse than the others.
+        usable: numbers of those that show something.
+        spoilt: numbers of those that show something and are worse than the others.
         gains: what they add.
-        apart: how far apart two views are, as a share of the picture's diagonal.
-        copy: views that are less apart are never taken both.
+        apart: the distance of two views, as a share of the picture's diagonal.
+        copy: of two views nearer than this one is taken at most.
         most: how many may be taken.
 
     """
@@ -297,11 +297,11 @@ def _greedy(
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """How sharp and how still pictures are that are good beside the others.
+    """The sharpness and motion of good pictures among all.
 
     Attributes:
-        sharp: sharpness that the better ones have.
-        still: motion that the better ones have, pixels.
+        sharp: sharpness of the better ones.
+        still: motion of the better ones, pixels.
 
     """
 
@@ -310,24 +310,24 @@ class Scale:
 
     @classmethod
     def of(cls, pictures: Sequence[Seen], still_px: float) -> Scale:
-        """Of pictures, ``still_px`` as in :func:`choose`."""
+        """Return the scale of pictures; ``still_px`` as in :func:`choose`."""
         return cls(
             sharp=float(np.quantile([one.sharpness for one in pictures], 0.75)),
             still=max(still_px, float(np.quantile([one.motion for one in pictures], 0.25))),
         )
 
     def is_spoilt(self, picture: Seen) -> bool:
-        """Whether a picture is blurred or moving, clearly more than the others."""
+        """Return whether a picture is blurred or moving, clearly more than the others."""
         return picture.sharpness < _BLURRED * self.sharp or picture.motion > _MOVING * self.still
 
     def quality(self, picture: Seen) -> float:
-        """How much its corners weigh beside those of a good one: 0 to 1."""
+        """Return how much its corners weigh beside those of a good one: 0 to 1."""
         blur = min(1.0, picture.sharpness / self.sharp) if self.sharp > 0 else 1.0
         return float(blur**2 / (1 + (picture.motion / self.still) ** 2))
 
 
 def _shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
-    """What a picture shows, thing by thing: 1 where it says of it all that one picture can."""
+    """Return how well a picture shows each thing: 1 where it says all that one picture can."""
     places = np.bincount(_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
     tilts = np.zeros((_COARSE[0] * _COARSE[1], _SIDES + 1))
     for patch in picture.patches:
@@ -338,7 +338,7 @@ def _shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
 
 
 def _part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:
-    """The number of the part of the picture that each point (N, 2) is in."""
+    """Return the number of the part of the picture that each point (N, 2) is in."""
     at = (pixel + 0.5) / np.array(size) * np.array(parts)
     column, row = np.clip(at.astype(int), 0, np.array(parts) - 1).T
     return np.asarray(row * parts[0] + column)
@@ -358,7 +358,7 @@ def _tilt(patch: Patch) -> int:
 
 
 def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
-    """Centres (N, 2) and areas (N,) of a patch's whole squares, pixels."""
+    """Return centres (N, 2) and areas (N,) of a patch's whole squares, pixels."""
     where = {(int(i), int(j)): n for n, (i, j) in enumerate(patch.cells)}
     corners = [
         (n, where[i + 1, j], where[i, j + 1])
@@ -374,7 +374,7 @@ def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
 
 
 def _apart(one: Seen, other: Seen, size: tuple[int, int]) -> float:
-    """How far apart what both show is, as a share of the diagonal; inf for nothing in common."""
+    """Return how far apart two views are, as a share of the diagonal; inf if nothing is common."""
     fewer = min(one.corners, other.corners)
     if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):
         if not fewer:

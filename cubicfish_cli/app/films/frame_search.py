@@ -1,7 +1,7 @@
-"""Searching many pictures of one camera for boards, as long as that brings anything.
+"""Searching many pictures of one camera for boards, until more pictures add hardly anything.
 
-A quick detection in each tells what it shows and what it would add. Only where it misses boards,
-those of small squares for example, the pictures are searched as `detect` does.
+A quick search shows what each picture would add. Only if it misses boards, with small squares for
+example, are they detected as `detect` does.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from cubicfish_cli.corners.identification.quick_detect import (
     quick_detect_markers,
 )
 
-# Where fewer than these of the pictures show the target, what is good is not told by them.
+# Where fewer of the pictures show the target, they do not tell which pictures are good.
 _FEW, _FEW_SHARE = 3, 0.5
-# Pictures have no more to add when of the last few hardly any is chosen.
+# Pictures have no more to add when hardly any of the last few is chosen.
 _HARDLY_ANY = 0.1
 
 
@@ -65,7 +65,7 @@ class Found:
     findings: tuple[Finding, ...] = ()
 
     def with_more(self, more: Found) -> Found:
-        """Of these and of other pictures."""
+        """Return these and what other pictures show."""
         one, other = self.pairs, more.pairs
         both = other if one is None else one if other is None else Observations.joined([one, other])
         return Found(
@@ -77,7 +77,7 @@ class Found:
 
     @property
     def miscounted(self) -> Finding | None:
-        """That boards have other counts of corners than the target says."""
+        """The finding that boards have other counts of corners than the target says; or None."""
         told = (one for one in self.findings if one.severity is not Severity.NOTE)
         return next((one for one in told if one.code is Code.CORNER_COUNT), None)
 
@@ -85,13 +85,13 @@ class Found:
 def found_in(
     photos: Sequence[Photo], targets: Sequence[Target] | None, work: Work, cache: Path | None
 ) -> Found:
-    """Corners of a target, or grids as they are, as the finder shows them.
+    """Find corners of a target in photos, or grids as they are if none is known.
 
     Args:
         photos: all of one size.
-        targets: what the target may be; None finds any checkerboard.
-        work: who searches them.
-        cache: a folder in which what is found in files is kept.
+        targets: what the target may be; None looks for any checkerboard.
+        work: searches them, on one or several processes.
+        cache: a folder that keeps what is found in files.
 
     Raises:
         DetectionError: no photo shows the target.
@@ -150,10 +150,10 @@ class Search:
         most: how many may be chosen.
         targets: what the target may be; None where none is known.
         run: how the work is done.
-        what: they are, in the plural.
-        at_once: how many are searched quickly before it is asked whether more would add anything.
-        quick_jobs: processes to use for quick detection.
-        searched: numbers of those that were searched.
+        what: what the pictures are, in the plural, for messages.
+        at_once: how many are searched quickly before checking whether more would add anything.
+        quick_jobs: number of processes for quick detection.
+        searched: numbers of the pictures that were searched.
         choice: what is chosen of these.
 
     """
@@ -187,7 +187,7 @@ class Search:
             found = self._search_quickly(numbers, found)
             if self._is_well_seen(found):
                 return
-        # All at once: what is wrong with the target is told by many photos.
+        # All at once: it takes many photos to see what is wrong with the target.
         for numbers in (good, [*good, *others]) if others else (good,):
             try:
                 found = self.detect(numbers)
@@ -203,7 +203,7 @@ class Search:
             raise DetectionError(found.miscounted.why, do=found.miscounted.do)
 
     def detect_quickly(self, numbers: Sequence[int]) -> Found:
-        """What quick detection finds in some pictures."""
+        """Return what quick detection finds in some pictures."""
         photos = [self.photos[at] for at in numbers]
         names = [photo.name for photo in photos]
         work = replace(self.run, jobs=self.quick_jobs).work(f"Glancing at {self.what}")
@@ -227,12 +227,12 @@ class Search:
         return replace(found, findings=tuple(squares_of_grids(evidence)))
 
     def detect(self, numbers: Sequence[int]) -> Found:
-        """What full detection finds in some pictures."""
+        """Return what full detection finds in some pictures."""
         photos = [self.photos[at] for at in numbers]
         return found_in(photos, self.targets, self.run.work("Finding boards"), self.run.cache)
 
     def _search_quickly(self, numbers: Sequence[int], found: Found) -> Found:
-        """Search pictures from the beginning to the end quickly, until more add hardly anything."""
+        """Search pictures quickly, from first to last, until more add hardly anything."""
         rounds = math.ceil(len(numbers) / self.at_once)
         for first in range(rounds):
             some = numbers[first::rounds]
@@ -249,14 +249,14 @@ class Search:
         return found
 
     def _is_well_seen(self, found: Found) -> bool:
-        """Whether what was seen tells of the target, and is enough for a camera."""
+        """Return whether the patches are those of the target, and enough for a camera."""
         seen, searched = len(found.patches), len(self.searched)
         if found.miscounted is not None or seen < max(_FEW, _FEW_SHARE * searched):
             return False
         return seen == searched or len(self.choice.order) >= min(FEWEST, self.most)
 
     def _choose(self, found: Found) -> None:
-        """Choose by what pictures add to the camera, or where none is fitted, by what they show."""
+        """Choose by what pictures add to the camera, or by what they show if none is fitted."""
         names = [photo.name for photo in self.photos]
         self.seen = [
             replace(one, patches=found.patches.get(name, ()))
@@ -277,7 +277,7 @@ class Search:
 def choose_photos(
     photos: Sequence[Photo], targets: Sequence[Target], run: Run, *, most: int
 ) -> tuple[list[Photo], str]:
-    """Choose those of many photos that are worth calibrating from, in the order given.
+    """Choose the photos that are worth calibrating from, in the order given.
 
     Args:
         photos: photos of one camera.
@@ -316,11 +316,11 @@ def choose_photos(
 
 
 def why_ended(choice: Choice, what: str) -> str:
-    """Why no more pictures were chosen, in a sentence; ``what`` they are."""
+    """Return why no more pictures were chosen, in a sentence; ``what`` they are."""
     return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
 
 
 def _measured(photo: Photo) -> tuple[tuple[int, int], float] | None:
-    """Its (width, height) and sharpness; None for a damaged one, which takes no part."""
+    """Return a photo's (width, height) and sharpness; None for a damaged one, which is left out."""
     grey = photo.grey_if_readable()
     return None if grey is None else ((grey.shape[1], grey.shape[0]), sharpness(grey))

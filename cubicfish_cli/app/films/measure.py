@@ -13,7 +13,7 @@ Grey = npt.NDArray[np.integer[Any] | np.floating[Any]]
 Bytes = npt.NDArray[np.uint8]
 Float32Array = npt.NDArray[np.float32]
 
-# Lines of the frame that its sharpness is measured on, along and across.
+# Lines of the frame whose edges tell its sharpness, along and across.
 _LINES = 32
 # Edges that count are at least this share of the strongest: the rest is noise and shading.
 _STRONG = 0.4
@@ -28,9 +28,9 @@ _TEXTURED = 0.2
 
 
 def sharpness(grey: Grey) -> float:
-    """How steep the strong edges of a picture (H, W) are: 1 is a step from pixel to pixel.
+    """Return how steep the strong edges of a picture (H, W) are: 1 is a step from pixel to pixel.
 
-    Of two directions the worse counts, since motion blurs in one. A picture without edges has 0.
+    The worse of two directions counts, since motion blurs in one. A picture without edges has 0.
     """
     height, width = grey.shape
     step = max(4, round(max(width, height) / 240))
@@ -67,7 +67,7 @@ def _steepness(lines: Bytes, step: int) -> float | None:
 
 
 def small_picture(grey: Grey) -> Float32Array:
-    """A small and slightly blurred copy of a picture (H, W), by which motion is measured."""
+    """Return a small and slightly blurred copy of a picture (H, W), by which motion is measured."""
     # Half by half, which is many times faster than any other share.
     while grey.shape[1] > _SMALL and min(grey.shape) >= 2 * _LEAST_SMALL:
         height, width = (side // 2 for side in grey.shape)
@@ -77,10 +77,10 @@ def small_picture(grey: Grey) -> Float32Array:
 
 
 def motion(before: Float32Array, after: Float32Array, width: int) -> float:
-    """How far the part that moves most moved between two small pictures.
+    """Return how far the fastest part of the picture moved between two small pictures.
 
-    Of each block of the picture, the difference between both is held against the slopes in it.
-    Beyond some pixels of the small picture the figure grows no more.
+    In each block of the picture, the difference of both is divided by the slopes. The figure
+    saturates at some pixels of the small picture.
 
     Args:
         before: a small picture.
@@ -108,7 +108,7 @@ def motion(before: Float32Array, after: Float32Array, width: int) -> float:
 
 
 def _blocks(picture: cv2.typing.MatLike) -> Float32Array:
-    """The mean of each block; what is left over at the right and below is in none."""
+    """Return the mean of each block; pixels left over at the right and below are in none."""
     (rows, columns), (height, width) = _BLOCKS, picture.shape
     # Whole pixels go into one, which is many times faster than parts of pixels.
     whole = picture[: height // rows * rows or height, : width // columns * columns or width]

@@ -48,7 +48,7 @@ _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a name means a recording, a topic behind it or not: ``run.bag:/cam0/image_raw``."""
+    """Return whether a name means a recording, with or without topic: ``run.bag:/cam0/image``."""
     file, _ = file_and_topic(path)
     if file.is_dir():
         return (file / "metadata.yaml").is_file() and any(
@@ -58,7 +58,7 @@ def is_recording(path: Path) -> bool:
 
 
 def file_and_topic(path: Path) -> tuple[Path, str | None]:
-    """The file or folder, and the topic; None where it is not said."""
+    """Split a name into the file or folder and the topic, None where it names none."""
     found = _WITH_TOPIC.fullmatch(str(path))
     if found is None or path.exists():
         return path, None
@@ -66,7 +66,7 @@ def file_and_topic(path: Path) -> tuple[Path, str | None]:
 
 
 def label_of(path: Path) -> str:
-    """What frames of a recording are called: its file, and its topic where it is said."""
+    """Return what frames of a recording are called: its file, and its topic if named."""
     file, topic = file_and_topic(path)
     return file.stem + (topic or "").rstrip("/").replace("/", "_")
 
@@ -109,7 +109,7 @@ class Recording:
         self._reader.close()
 
     def frames(self) -> Iterator[Any]:
-        """The topic's images in the order of their recording, as PyAV's frames.
+        """Yield the topic's images in the order of their recording, as PyAV's frames.
 
         Raises:
             PhotoError: the recording is damaged, or an image is of a kind that is not known.

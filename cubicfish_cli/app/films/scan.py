@@ -1,6 +1,6 @@
-"""First pass over a film: every frame is measured, the best of each short stretch is kept.
+"""First pass over a film: measure every frame, and keep the best of each short stretch.
 
-Memory does not grow with the film but for a few numbers per frame.
+Memory grows with the film by a few numbers per frame only.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from cubicfish_cli.app.photos import shown
 from cubicfish_cli.core.errors import PhotoError
 from cubicfish_cli.core.files import whole_file
 
-# One frame is kept of so many, or where they come more slowly than the film says, of those in so
-# many times the time that they should take.
+# One frame of so many is kept; where frames come more slowly than the film says, one of those
+# within so many times the time that they should take.
 _SLOWER = 1.5
 # Compressing a picture well takes as long as decoding twenty.
 _FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
@@ -43,8 +43,8 @@ class Measured:
         motion: to the nearer of both neighbours, pixels.
         missing: how many more frames the film announces; 0 for a few, which is common.
         kept: frames (by index) that were kept -> their pictures.
-        turned_deg: how far players are told to turn the film.
-        problem: one line where the film ends before its end.
+        turned_deg: the turn that the film asks of players.
+        problem: one line if the film breaks off before its end.
 
     """
 
@@ -64,7 +64,7 @@ class Measured:
 
 @contextmanager
 def room_for_frames(folder: Path) -> Iterator[Path]:
-    """A hidden folder in ``folder`` for frames until some of them are chosen; then it goes."""
+    """Make a hidden folder in ``folder`` for frames until some are chosen, and remove it."""
     room = folder / ".unfinished"
     shutil.rmtree(room, ignore_errors=True)  # of a run that was killed
     try:
@@ -86,7 +86,7 @@ def scan(
         film: the film.
         progress: called with frames done and all frames (0 where unknown).
         folder: where frames are kept; None keeps none.
-        every: how many frames one is kept of, or of fewer where they come slowly.
+        every: one of so many frames is kept, or one of fewer where they come slowly.
 
     Raises:
         PhotoError: the film has no frame that can be decoded.
@@ -118,7 +118,7 @@ def _measured_frames(
     time_base: Any,
     progress: Callable[[int, int], None],
 ) -> Iterator[tuple[int, Any]]:
-    """Each frame's index and picture, once it and both of its neighbours are measured."""
+    """Yield each frame's index and picture, once it and both of its neighbours are measured."""
     film, small, last = measured.film, None, None
     try:
         for frame in decoded:
@@ -131,7 +131,7 @@ def _measured_frames(
             before, small = small, small_picture(grey)
             moved = None if before is None else motion(before, small, film.size[0])
             if moved is not None:
-                # Of the first frame nothing is known but this.
+                # The first frame has a neighbour on one side only.
                 known = measured.motion[-1] if len(measured) > 1 else np.inf
                 measured.motion[-1] = min(known, moved)
                 yield len(measured) - 1, last
@@ -167,7 +167,7 @@ def _best_of_stretches(
 
 
 def brightness(frame: Any) -> Grey:
-    """Grey levels (H, W) of a frame of PyAV, as they are stored where they are: uint8 or uint16."""
+    """Return grey levels (H, W) of a frame of PyAV, uint8 or uint16, as stored where possible."""
     kind = frame.format
     alone = len(kind.components) == 1 or (kind.is_planar and not kind.is_rgb)
     if not alone or kind.has_palette or kind.is_big_endian or kind.is_bit_stream:
@@ -197,12 +197,12 @@ def still_px(size: tuple[int, int]) -> float:
 
 
 def quality(sharp: float, moved: float, size: tuple[int, int]) -> float:
-    """How good a frame is beside its neighbours: sharp, and still."""
+    """Return how good a frame is beside its neighbours: sharp, and still."""
     return sharp / (1 + (moved / still_px(size)) ** 2) ** 0.5
 
 
 def tell_of_film(measured: Measured, listener: Listener) -> None:
-    """Tell what is odd about a film."""
+    """Tell the listener what is odd about a film."""
     name = shown(measured.film.path)
     if measured.problem is not None:
         listener.tell(Event.FILM_ENDS, problem=measured.problem)

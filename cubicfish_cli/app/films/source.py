@@ -1,7 +1,7 @@
-"""A film on disk: opening it, what it says of itself, and its frames in order.
+"""A film on disk: opening it, its header, and its frames in order.
 
-PyAV does it, the extra ``video``. Frames are as the sensor made them: a note that tells players to
-turn the film is not followed, since the lens does not turn with it.
+PyAV, the extra ``video``, decodes it. Frames are as the sensor made them: a note that players
+should turn the film is not followed, since the lens does not turn with it.
 """
 
 import math
@@ -16,7 +16,7 @@ from cubicfish_cli.app.films.recordings import Recording, is_recording, label_of
 from cubicfish_cli.app.photos import MAX_PIXELS, shown
 from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
-# Lists of other files, and whatever else would make a video of what is not in the file, stay shut.
+# Playlists and other formats that would read more than the file itself are not opened.
 _ONLY = {
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
     "protocol_whitelist": "file",
@@ -30,7 +30,7 @@ _SINGLE = frozenset(["mjpeg"])
 
 
 def library() -> Any:
-    """PyAV.
+    """Import PyAV.
 
     Raises:
         OutputError: it is not installed.
@@ -47,7 +47,7 @@ def library() -> Any:
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """A film's container and its first stream of pictures, for a ``with`` block.
+    """Open a film: its container and first stream of pictures, for a ``with`` block.
 
     Raises:
         PhotoError: the file cannot be read, or holds no pictures.
@@ -83,7 +83,7 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
 
 
 def frame_count(container: Any, stream: Any) -> int:
-    """How many frames a stream has, as its header says; 0 where that is not known."""
+    """Return how many frames a stream has, as its header says; 0 where that is not known."""
     if stream.frames:
         return int(stream.frames)
     if not stream.average_rate:
@@ -95,7 +95,7 @@ def frame_count(container: Any, stream: Any) -> int:
 
 
 def missing_frames(stream: Any, found: int, end: float) -> int:
-    """How many frames a film announces beyond those that it has; 0 for a few, which is common.
+    """Return how many frames a film announces and lacks; 0 for a few, which is common.
 
     Args:
         stream: its pictures, whose header counts them or says how long they last, or neither.
@@ -124,8 +124,8 @@ class Film:
         path: where it is.
         label: what names of its frames begin with; unique among the films.
         size: (width, height) of its frames, as they are stored.
-        frames: how many it claims to have; 0 where it does not say.
-        rate: frames per second, in the mean; 0 where it does not say.
+        frames: how many it claims to have; 0 if it does not say.
+        rate: frames per second, in the mean; 0 if it does not say.
 
     """
 
@@ -181,14 +181,14 @@ def _film(path: Path, label: str) -> Film:
 
 
 def _label(path: Path) -> str:
-    """The name without its suffix; what steers a terminal, and blanks at its ends, left out."""
+    """Return the name without suffix, control characters and blanks at its ends."""
     stem = label_of(path) if is_recording(path) else path.stem
     name = "".join(c if c.isprintable() else "_" for c in stem).strip().lstrip(".")
     return name or "film"
 
 
 def frames(source: Path, container: Any, stream: Any) -> Iterator[Any]:
-    """A film's frames as PyAV has them; their pts grow from frame to frame.
+    """Yield a film's frames as PyAV has them, with strictly growing pts.
 
     Those that cannot be decoded are left out.
 
@@ -210,12 +210,12 @@ def frames(source: Path, container: Any, stream: Any) -> Iterator[Any]:
 
 
 def is_frame(item: Any) -> bool:
-    """Whether what :func:`decode` gave is a frame, not a packet of sound."""
+    """Return whether what :func:`decode` gave is a frame, not a packet of sound."""
     return hasattr(item, "planes")
 
 
 def decode(source: Path, container: Any, stream: Any, *, whole: bool = True) -> Iterator[Any]:
-    """Frames of the film and packets of its sound, in the file's order.
+    """Yield frames of the film and packets of its sound, in the file's order.
 
     Args:
         source: the file, for messages.
@@ -284,13 +284,13 @@ def _refuse_another_size(source: Path, frame: Any, size: tuple[int, int], count:
 
 
 def time_after(last: int | None, own: int | None, step: int | None, most: float) -> int | None:
-    """When a frame is, which is after the frame before; None where nothing says it.
+    """Return the time of a frame, after that of the frame before; None where it is not known.
 
     Where films are joined, times begin anew.
 
     Args:
-        last: when the frame before is; None for the first.
-        own: when the frame is by itself.
+        last: time of the frame before; None for the first.
+        own: time that the frame itself states.
         step: how long a frame lasts, where that is known.
         most: what is longer than this after the frame before is of another film.
 

@@ -1,6 +1,6 @@
-"""What other tools' camera files hold: lenses with their places, and values that are checked.
+"""Contents of other tools' camera files: lenses with their places, and checked values.
 
-Values come from untrusted files: reading is bounded, and errors have one line.
+The files are untrusted: reading is bounded, and errors have one line.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class PlacedLens:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlatPair:
-    """How two lenses' pictures become flat ones with common rows, as cv2.stereoRectify has it.
+    """A rectified pair: flat pictures of two lenses with common rows, as of cv2.stereoRectify.
 
     Attributes:
         size: (width, height) of the flat pictures.
@@ -68,7 +68,7 @@ class FlatPair:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensRig:
-    """All that is written of a rig.
+    """A rig as files of other tools hold it.
 
     Attributes:
         lenses: of the cameras; the first camera's frame is the rig's.
@@ -107,13 +107,13 @@ class LensRig:
         return turn, b.translation - turn @ a.translation
 
     def rig_from_lens(self, number: int) -> Pose:
-        """Where a lens stands in the rig: (3, 3) and (3,), in the rig's units."""
+        """Return where a lens stands in the rig: (3, 3) and (3,), in the rig's units."""
         one = self.lenses[number]
         return one.rotation.T, -one.rotation.T @ one.translation
 
 
 def transform_rows(rotation: FloatArray, translation: FloatArray) -> list[list[float]]:
-    """The four rows of a 4x4 transform."""
+    """Return the four rows of a 4x4 transform."""
     whole = np.eye(4)
     whole[:3, :3], whole[:3, 3] = rotation, translation
     return (whole + 0.0).tolist()  # no -0.0
@@ -126,7 +126,7 @@ MAX_VALUES = 2_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fields:
-    """A mapping of a camera's file, whose values are checked as they are asked for.
+    """A mapping of a camera's file, whose values are checked when they are read.
 
     Attributes:
         path: the file, for messages.
@@ -141,29 +141,29 @@ class Fields:
 
     @classmethod
     def of(cls, path: Path, data: Any, what: str = "the file") -> Fields:
-        """What a file holds.
+        """Return the fields of a file's data.
 
         Raises:
-            CameraFileError: it is no mapping; one line, as of all that is asked of it.
+            CameraFileError: the data is no mapping; so do the methods below for wrong values.
 
         """
         return cls(path=path, values=mapping(path, data, what))
 
     def part(self, key: str) -> Fields:
-        """A mapping within it."""
+        """Return a mapping within it."""
         inner = mapping(self.path, self.values.get(key), self.at + key)
         return Fields(path=self.path, values=inner, at=f"{self.at}{key}.")
 
     def numbers(self, key: str, *counts: int) -> FloatArray:
-        """A list of finite numbers, as many as one of ``counts``."""
+        """Return a list of finite numbers, as many as one of ``counts``."""
         return numbers(self.path, self.values.get(key), self.at + key, counts)
 
     def number(self, key: str) -> float:
-        """One finite number."""
+        """Return one finite number."""
         return float(numbers(self.path, [self.values.get(key)], self.at + key, (1,))[0])
 
     def name(self, key: str, known: Sequence[str]) -> str:
-        """One of the names that are known."""
+        """Return one of the names that are known."""
         value = self.values.get(key)
         if value not in known:
             raise CameraFileError(
@@ -172,13 +172,18 @@ class Fields:
         return str(value)
 
     def size(self, width: str, height: str) -> tuple[int, int]:
-        """(width, height) in pixels, by their keys."""
+        """Return (width, height) in pixels, by their keys."""
         given = self.values.get(width), self.values.get(height)
         return size(self.path, *given, f"{self.at}{width} and {self.at}{height}")
 
 
 def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatArray:
-    """A list of finite numbers, as many as one of ``counts``."""
+    """Return a list of finite numbers, as many as one of ``counts``.
+
+    Raises:
+        CameraFileError: it is anything else; ``path`` and ``key`` name it.
+
+    """
     if (
         not isinstance(value, list)
         or len(value) not in counts
@@ -191,7 +196,12 @@ def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatA
 
 
 def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:
-    """(width, height) in pixels."""
+    """Return (width, height) in pixels.
+
+    Raises:
+        CameraFileError: they are no whole numbers from 1 to :data:`MAX_SIDE`.
+
+    """
     for side in (width, height):
         if isinstance(side, bool) or not isinstance(side, int | float) or side != side:
             raise CameraFileError(f"{path}: {key} must be two whole numbers")
@@ -201,7 +211,12 @@ def size(path: Path, width: Any, height: Any, key: str) -> tuple[int, int]:
 
 
 def chosen_camera(path: Path, there: Sequence[str], camera: str | None) -> str:
-    """The name of the one camera of a file, or of the one that is wanted of several."""
+    """Return the name of a file's only camera, or of the one that is named.
+
+    Raises:
+        CameraFileError: there are several and none is named, or there is none of that name.
+
+    """
     if camera is None and len(there) == 1:
         return there[0]
     if camera is not None and camera in there:
@@ -212,19 +227,19 @@ def chosen_camera(path: Path, there: Sequence[str], camera: str | None) -> str:
 
 
 def json_text(data: Any) -> str:
-    """Plain data as the text of a file, finite numbers only."""
+    """Return plain data as the text of a file, finite numbers only."""
     return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def load_plain_json(path: Path, *, max_bytes: int) -> Fields:
-    """The mapping in a JSON file of at most ``max_bytes``."""
+    """Return the mapping in a JSON file of at most ``max_bytes``."""
     return Fields.of(
         path, parse_plain_json(path, read_text(path, max_bytes=max_bytes, error=CameraFileError))
     )
 
 
 def parse_plain_json(path: Path, text: str) -> Any:
-    """What the text of a file holds; ``path`` is for messages.
+    """Return what the text of a file holds; ``path`` is for messages.
 
     Raises:
         CameraFileError: it is not JSON, a key is there twice, a number is not one, or there are

@@ -1,4 +1,4 @@
-"""Other tools' camera files: of which format one is, and the lens in it."""
+"""Other tools' camera files: recognise the format, and read the lens."""
 
 import re
 from pathlib import Path
@@ -26,7 +26,7 @@ def read_foreign(
 
     Args:
         path: the file.
-        name: its format, one of :func:`read_formats`; by default it is told by what the file holds.
+        name: its format, one of :func:`read_formats`; by default the content decides.
         camera: which one, of formats that hold several.
         image_size: of the photos, for formats that do not say.
 
@@ -34,8 +34,8 @@ def read_foreign(
         The lens and the format's name.
 
     Raises:
-        CameraFileError: the file is of no format that is known, or is damaged; one line.
-        UsageError: a camera is named of a file that holds one.
+        CameraFileError: the file is of no known format, or is damaged; one line.
+        UsageError: a camera is named though the file holds one only.
 
     """
     name = name or sniffed(path)
@@ -56,7 +56,7 @@ def read_foreign(
 
 
 def own_field_deg(path: Path) -> float | None:
-    """How far from its axis the lens in a file is trusted, where cubicfish exported it.
+    """Return the trusted half-angle of a lens that cubicfish exported, degrees; else None.
 
     Raises:
         CameraFileError: the file cannot be read.
@@ -69,10 +69,10 @@ def own_field_deg(path: Path) -> float | None:
 
 
 def sniffed(path: Path) -> str:
-    """The format of a file, by what it holds.
+    """Return the format of a file, recognised by its content.
 
     Raises:
-        CameraFileError: it is of none that is known, or cannot be read.
+        CameraFileError: the file is of no known format, or cannot be read.
 
     """
     data = read_bytes(path, max_bytes=_SNIFFED_BYTES, error=CameraFileError)

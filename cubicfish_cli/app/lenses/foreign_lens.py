@@ -1,9 +1,9 @@
-"""Lens models of other tools: what they share.
+"""What all lens models of other tools share.
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
-marked by :data:`HELD` are carried along and never fitted. It has a ``name``, a ``label``,
-:meth:`ForeignLens.starts` and its formula, :meth:`Lens.pixels`. The rest follows from these,
-derivatives too.
+marked by :data:`HELD` are carried along and never fitted. A model has a ``name``, a ``label``,
+:meth:`ForeignLens.starts` and its formula, :meth:`Lens.pixels`. Everything else, derivatives too,
+follows from these.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,11 +44,11 @@ class ForeignLens(Lens):
     """A lens of another tool's model."""
 
     unwritten: ClassVar[tuple[str, ...]] = ()
-    """Parameters that other tools' files lack; :meth:`nearest_to` leaves them as they start."""
+    """Parameters that other tools' files lack: :meth:`nearest_to` does not fit them."""
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> Sequence[Self]:
-        """Lenses roughly like a radial one, from one of which least squares finds the nearest.
+        """Return lenses roughly like a radial one, from which least squares finds the nearest.
 
         Args:
             radial: a radial lens.
@@ -81,12 +81,12 @@ class ForeignLens(Lens):
         return self.pixels(points), np.stack(by_point, axis=-1)
 
     def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
-        """Where the model means the pixels (N,) that it has of points (N, 3)."""
+        """Return whether the model's pixels of points (N, 3) are meant, (N,) bool."""
         return np.ones(len(points), bool)
 
     @classmethod
     def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> Self:
-        """The lens nearest to a camera, least squares in pixels.
+        """Return the lens nearest to a camera, least squares in pixels.
 
         Args:
             camera: the camera.
@@ -109,7 +109,7 @@ class ForeignLens(Lens):
 
     @classmethod
     def _keys(cls) -> list[str]:
-        """Names of the fields that are parameters."""
+        """Return names of the fields that are parameters."""
         return [one.name for one in fields(cls) if one.name != "image_size" and not one.metadata]
 
     @property
@@ -155,7 +155,7 @@ class ForeignLens(Lens):
         return np.where(seen[:, None], pixel, np.nan).reshape(*points.shape[:-1], 2)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) -> unit rays (..., 3); NaN beyond :attr:`max_angle`.
+        """Turn pixels (..., 2) into unit rays (..., 3), NaN beyond :attr:`max_angle`.
 
         Newton's method on the sphere, from the ray of a few thousand that is seen next to it.
         """
@@ -198,7 +198,7 @@ class FocalLens(ForeignLens):
 
     @classmethod
     def near(cls, radial: RadialCamera, stretch: float = 1.0, **others: Any) -> Self:
-        """A lens about a radial one's centre, with its focal lengths times ``stretch``."""
+        """Return a lens about a radial one's centre, with its focal lengths times ``stretch``."""
         return cls(
             image_size=radial.image_size,
             fx=stretch * radial.fx,
@@ -215,7 +215,7 @@ class FocalLens(ForeignLens):
 
 
 def usable_angle_deg(pixel_and_slope: PixelAndSlope) -> float:
-    """How far from its axis a lens is still a camera: pixels finite, no fold, no mirroring."""
+    """Return how far from its axis a lens is a camera: pixels finite, no fold, no mirroring."""
     theta = np.deg2rad(np.arange(_PROBE_STEP_DEG, _LARGEST_PROBE_DEG, _PROBE_STEP_DEG))
     azimuth = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     rays = ray_at(*np.broadcast_arrays(theta[:, None], azimuth)).reshape(-1, 3)

@@ -48,9 +48,8 @@ class ImportedCamera:
         camera: the camera; its ``max_angle_deg`` is how far it is trusted.
         error: how far it is from the lens, up to there.
         ended_by: what ends its field. ``photo``: the lens shows no more in the photo. ``region``:
-            the file says where the lens is valid. ``fold``: the lens folds, or
-            ends, inside the photo.
-            ``angle``: the angle that was asked for. ``fit``: farther out no sound P is near.
+            the file says where the lens is valid. ``fold``: the lens folds, or ends, inside the
+            photo. ``angle``: the caller's bound. ``fit``: farther out no sound P is near.
         fold_deg: the angle at which the lens folds, where that ends the field.
 
     """
@@ -62,13 +61,13 @@ class ImportedCamera:
 
 
 def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> ImportedCamera:
-    """The cubic camera nearest to a lens, least squares in pixels, and how near it is.
+    """Return the cubic camera nearest to a lens, least squares in pixels, and how near it is.
 
     Args:
         lens: the lens.
-        max_angle_deg: P is trusted up to this angle from the axis, or as far as the lens sees in
-            the photo. Files do not say where the lens's own picture ends, which often lies inside
-            the photo.
+        max_angle_deg: trust P up to this angle from the axis at most; it is never trusted
+            farther than the lens sees in the photo. Files do not say where the lens's own picture
+            ends, which often lies inside the photo.
 
     Raises:
         FitError: the lens sees nothing of the photo, or no sound P is near it.
@@ -144,7 +143,7 @@ def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     index = np.arange(len(theta))
     shown = inside & (index <= last[:, None])
     farthest = int(np.max(np.where(shown, index, 0)))
-    # A lens that is told for the photo alone ends where the photo does: that is no fold.
+    # A lens that is defined for the photo alone ends where the photo does: that is no fold.
     end = np.take_along_axis(pixel, last[:, None, None], axis=1)[:, 0]
     near = _EDGE_SHARE * max(width, height)
     at_edge = ((end < near) | (end > np.array([width, height]) - 1 - near)).any(axis=-1)
@@ -166,7 +165,7 @@ def _seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _reference(lens: Lens, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
-    """The Kannala–Brandt lens nearest to the rays."""
+    """Return the Kannala–Brandt lens nearest to the rays."""
     theta = angle_from_axis(rays)
     middle = lens.project(np.array([[0.0, 0.0, 1.0]]))[0]
     far = theta > 0.5 * theta.max()

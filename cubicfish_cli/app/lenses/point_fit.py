@@ -136,7 +136,7 @@ def calibrate_points(pairs: Observations, *, hold_out: bool = True) -> PointCali
 
 
 def _measure_held_out(pairs: Observations, poses: Poses) -> float:
-    """RMS over the corners of photos left out of the fit, in folds as the ``ray`` lift's."""
+    """Return the RMS over corners of left-out photos, in the folds of the ``ray`` lift."""
     residuals = [np.zeros((0, 2))]
     for fold in photo_folds(poses, pairs, max(pairs.image_size) / np.pi):
         left_out = np.isin(pairs.image, fold)
@@ -154,7 +154,7 @@ def _measure_held_out(pairs: Observations, poses: Poses) -> float:
 
 
 def _place_photos(pairs: Observations) -> tuple[Observations, Poses, dict[str, Finding]]:
-    """The pairs that fit a radial lens, the poses that it gives, and the photos that do not."""
+    """Return the pairs that fit a radial lens, their poses, and the photos that do not fit."""
     scale = world_scale(pairs)
     reference = fit_radial(pairs.with_world(pairs.world / scale))
     near = np.hypot(*reference.residual.T) <= gross_px(reference.residual)
@@ -167,7 +167,7 @@ def _place_photos(pairs: Observations) -> tuple[Observations, Poses, dict[str, F
 def _fit(
     pairs: Observations, poses: Poses | None
 ) -> tuple[PointCamera, tuple[float, float], FloatArray]:
-    """The camera, the RMS of both linear solutions, and the residual (N, 2), pixels."""
+    """Return the camera, the RMS of both linear solutions, and the residual (N, 2), pixels."""
     points = pairs.world if poses is None else poses.apply(pairs.image, pairs.world)
     offset = points.mean(axis=0)
     scale = float(np.sqrt(np.mean(np.square(points - offset)))) or 1.0
@@ -189,11 +189,11 @@ def _fit(
 
 
 def fit_ratio(local: FloatArray, pixel: FloatArray) -> RatioFit:
-    """P (3, 20) on points by Eq. 8–9, plain and reweighted, and by Eq. 10.
+    """Fit P (3, 20) to points by Eq. 8–9, plain and reweighted, and by Eq. 10.
 
     All three are solved in the numerical row space of Φ: points on few planes leave cubics that
-    vanish on every one of them, and the smallest singular vector of the whole system would be
-    made of those.
+    vanish on every one of them, and the smallest singular vector of the whole system would consist
+    of those.
 
     Args:
         local: (N, 3) points of order 1 about 0.
@@ -233,7 +233,7 @@ def fit_ratio(local: FloatArray, pixel: FloatArray) -> RatioFit:
 
 
 def _solve_without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
-    """The reweighted linear solution, tamed as little as puts every point before the poles."""
+    """Return the reweighted linear solution, damped until no point lies behind a pole."""
     for pull in _PULLS:
         coefficients = linear_ratios(values, pixel, denominator_pull=pull, rounds=ROUNDS)
         if (values @ coefficients[2] > 0).all():
@@ -245,8 +245,8 @@ def _solve_without_pole(values: FloatArray, pixel: FloatArray) -> FloatArray:
 
 
 def _refine(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: float) -> FloatArray:
-    """Levenberg–Marquardt on Eq. 10, in the basis of ``values``; the scale of P stays about 1."""
-    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+    """Refine P by Levenberg–Marquardt on Eq. 10, in the basis of ``values``, at about scale 1."""
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom needed
 
     rank = values.shape[1]
 
@@ -270,7 +270,7 @@ def _refine(values: FloatArray, pixel: FloatArray, start: FloatArray, scale: flo
 
 
 def ratio(P: FloatArray, values: FloatArray) -> FloatArray:
-    """Ratios of P · Φ: (3, K), (N, K) -> (N, 2), inf where P3Φ is not positive."""
+    """Return ratios of P · Φ: (3, K), (N, K) -> (N, 2), inf where P3Φ is not positive."""
     homogeneous = values @ P.T
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         pixel = homogeneous[:, :2] / homogeneous[:, 2:]

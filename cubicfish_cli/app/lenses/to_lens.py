@@ -51,7 +51,7 @@ class ConversionError:
     beyond: Mapping[str, float] | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return plain data for JSON."""
         return {
             name: value for name, value in vars(self).items() if value is not None and value != {}
         }
@@ -86,7 +86,7 @@ def to_lens(
     max_angle_deg: float | None = None,
     covered_deg: float | None = None,
 ) -> Conversion:
-    """The lens of a model that is nearest to a camera, least squares in pixels over its field.
+    """Fit a lens of a model to a camera, least squares in pixels over its field.
 
     Most models are symmetric about an axis, which real lenses are only nearly: the lens's frame is
     turned to where a symmetric lens is nearest. A model of free form keeps the camera's frame.
@@ -96,8 +96,8 @@ def to_lens(
         model: which, as a format has it.
         max_angle_deg: leave out what is farther from the axis; by default the whole field counts.
         covered_deg: how far from the axis corners reached in the calibration: the error is stated
-            up to there, and apart from that beyond, where the camera itself is a guess. The fit
-            takes in both, so that the lens does not go astray beyond.
+            up to there, and separately beyond, where the camera itself is a guess. The fit
+            includes both, so that the lens does not go astray beyond.
 
     Raises:
         FitError: no lens of the model is near, or too little of the field is left.
@@ -123,12 +123,12 @@ def to_lens(
 
 
 def symmetric_frame(camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> FloatArray:
-    """The turn (3, 3) of rays (N, 3) after which a symmetric lens is nearest to their pixels.
+    """Return the turn (3, 3) of rays (N, 3) after which a symmetric lens fits their pixels best.
 
     A lens that is decentred or tilted looks most symmetric from an axis of its own, and poses make
     up for the turn.
     """
-    from scipy.optimize import least_squares  # it takes long to load, and is seldom asked
+    from scipy.optimize import least_squares  # it takes long to load, and is seldom needed
 
     start = FreeLens.of(camera.radial)
     count = len(start.parameters)
@@ -162,10 +162,10 @@ def conversion_error(
     covered_deg: float | None = None,
     every_way: bool = False,
 ) -> ConversionError:
-    """How far a lens is from a camera, on a grid of 40,000 of its pixels.
+    """Return how far a lens is from a camera, on a grid of 40,000 of its pixels.
 
-    With ``every_way`` the other ways to read the model's files count too: what is written may be
-    read by any of them, while of what was read only the model itself is meant.
+    With ``every_way`` the other ways to read the model's files count too: any of them may read
+    a file that is written, while a file that was read means the model itself.
     """
     rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
     turn = np.eye(3) if lens_from_camera is None else lens_from_camera
@@ -214,7 +214,7 @@ def _figures(miss: FloatArray) -> tuple[float, float]:
 def _field(
     camera: CubicCamera, count: int, max_angle_deg: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Rays (N, 3) and pixels (N, 2) spread evenly over the photo, where the camera sees."""
+    """Return rays (N, 3) and pixels (N, 2) spread evenly over the photo, where the camera sees."""
     pixel = pixel_grid(camera.image_size, count)
     rays = camera.unproject(pixel)
     good = np.isfinite(rays[:, 0])

@@ -58,7 +58,7 @@ class Drawn:
         title: what it is.
         label: what it shows, for those who cannot see it.
         image: the drawing, as a data URI.
-        caption: what it tells.
+        caption: the text below it.
         keys: its legend.
 
     """
@@ -72,12 +72,12 @@ class Drawn:
 
 
 def new_figure(height: float = 3.3) -> Figure:
-    """An empty figure of the common width; heights are in inches."""
+    """Return an empty figure of the common width; heights are in inches."""
     return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 def finished(figure: Figure, **more: Any) -> Drawn:
-    """A figure that is finished; ``more`` as above."""
+    """Finish a figure; ``more`` are further fields of :class:`Drawn`."""
     lay_out(figure)
     data = io.BytesIO()
     undated = dict.fromkeys(("Date", "Creator", "Format", "Type"))
@@ -94,7 +94,7 @@ def some(count: int, most: int) -> IntArray:
 
 
 def thinned(count: int, most: int, what: str) -> str:
-    """What a caption says where not everything is drawn."""
+    """Return the caption's remark where not everything is drawn."""
     return f" {most:,} of {count:,} {what} are drawn." if count > most else ""
 
 
@@ -106,7 +106,7 @@ def dots(axes: Axes, at: FloatArray, colour: str, size: float, alpha: float = 1.
 
 
 def upright(ahead: FloatArray, up: FloatArray) -> FloatArray:
-    """(3, 3) the rows right, ahead and up for who looks ahead, as nearly as it can be."""
+    """Return (3, 3): rows right, ahead and up of who looks ahead, as upright as possible."""
     trials = [(a, b) for b in (up, *np.eye(3)[::-1]) for a in (ahead, *np.eye(3))]
     for one, other in trials:
         across = np.cross(one, other)

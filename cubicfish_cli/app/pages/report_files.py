@@ -1,4 +1,4 @@
-"""A page's file, and what became of it."""
+"""The result of a command that writes a page, and the extra that pages need."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAGE = "report.html"
 
 @dataclass(frozen=True, kw_only=True)
 class ReportFiles:
-    """What became of a report.
+    """The result of a command that writes a report.
 
     Attributes:
         page: the page.
@@ -34,16 +34,16 @@ class ReportFiles:
     absent: Sequence[str] = ()
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish report --json`` prints."""
+        """Return plain data: what ``cubicfish report --json`` prints."""
         named = {"report": str(self.page), "model": str(self.model)}
         return {**named, "verdict": self.verdict.as_record(), "absent": self.absent}
 
 
 def refuse_without_extra() -> None:
-    """Refuse to make a page where the extra ``report`` is not installed.
+    """Refuse to make a page if the extra ``report`` is not installed.
 
     Raises:
-        CubicfishError: it is not.
+        CubicfishError: it is not installed.
 
     """
     lacking = extra.missing(extra.REPORT)

@@ -16,7 +16,7 @@ _HERE = Path(__file__).parent
 
 @cache
 def template(page: Path) -> Any:
-    """One of the package's pages, which have style and figures in common."""
+    """Load one of the package's pages, which have style and figures in common."""
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
@@ -32,7 +32,7 @@ def template(page: Path) -> Any:
 
 
 def _printable(value: Any) -> Any:
-    """Text from outside on one line, letters only: what nobody vouches for is in every name."""
+    """Return untrusted text, such as a name, on one line and without control characters."""
     if not isinstance(value, str) or hasattr(value, "__html__"):  # the package's own markup
         return value
     if value.startswith(_IMAGES):
@@ -51,5 +51,5 @@ def _count(value: float) -> str:
 
 
 def day_of(made: Origin) -> str | None:
-    """When it was made, for people."""
+    """Return the date of a record ``made_by``, for people."""
     return made.date.replace("T", " ").replace("+00:00", " UTC") if made.date else None

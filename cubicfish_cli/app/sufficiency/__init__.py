@@ -1,6 +1,6 @@
 """Whether photos are enough for a camera, where they are lacking, and what one more adds.
 
-`enough.py` names what is missing as a photographer would, goes by the verdict on whether photos are
-enough, and gives one line of it (`summary`). `worth.py` tells what each of many photos adds before
-a camera is fitted.
+`enough.py` takes from the verdict whether photos are enough, names coverage gaps as a photographer
+would, and sums both up in a line (`summary`). `worth.py` works out the information gain of each of
+many photos before a camera is fitted.
 """

@@ -1,6 +1,6 @@
 """Whether photos so far are enough, and which parts of the picture they leave empty.
 
-Photos are enough where the verdict asks for none: advice, report and commands all go by it.
+Photos are enough if the verdict asks for none: advice, report and commands all go by it.
 """
 
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class Part:
         return f"{' and '.join(filter(None, [', '.join(others), last]))}, {reach}"
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return plain data for JSON."""
         return {
             "sides": [SIDES[side] for side in self.sides],
             "from_deg": self.from_deg,
@@ -70,7 +70,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gaps:
-    """What photos so far do not show.
+    """Coverage gaps: what photos so far do not show.
 
     Attributes:
         parts: empty parts of the field, the largest first.
@@ -119,26 +119,26 @@ SIDES = (
 
 
 def side_of(offset: FloatArray) -> IntArray:
-    """Which eighth of the picture offsets (..., 2) from the axis lie in, an index of SIDES."""
+    """Return the eighth of the picture of offsets (..., 2) from the axis, an index of SIDES."""
     turn = azimuth(offset)
     eighth: IntArray = np.rint(turn / (np.pi / 4)).astype(np.intp) % 8
     return eighth
 
 
 def default_goal(image_size: tuple[int, int]) -> float:
-    """The uncertainty that is aimed at where nobody says, pixels."""
+    """Return the uncertainty to aim at by default, pixels."""
     return GOAL_PX * of_size(image_size)
 
 
 def why_not_enough(
     judged: Verdict, now: FieldUncertainty | None = None, goal: float | None = None
 ) -> list[Finding]:
-    """Why photos so far are not enough; nothing where they are.
+    """Return why photos so far are not enough; an empty list if they are.
 
     Args:
-        judged: what the camera is worth.
-        now: its uncertainty over the field, where that is known.
-        goal: what was asked for over 95 % of the field, pixels; None where nothing was.
+        judged: the camera's verdict.
+        now: its uncertainty over the field, if known.
+        goal: the uncertainty wanted over 95 % of the field, pixels; None for no wish.
 
     """
     reasons = [one for one in judged.reasons if one.asks_for_photos]
@@ -153,7 +153,7 @@ def why_not_enough(
 
 
 def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
-    """Whether more photos are needed, and of which parts of the picture, in one line.
+    """Return whether more photos are needed, and of which parts of the picture, in one line.
 
     Args:
         camera: a calibrated camera.

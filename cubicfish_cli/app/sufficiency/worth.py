@@ -1,9 +1,9 @@
-"""What each of many photos adds to a camera that is not fitted yet.
+"""The information gain of each of many photos, for a camera that is not fitted yet.
 
-A radial lens and all poses are fitted once. About that lens, what is not known of the camera is a
-smooth field of pixels over the picture: polynomials, as free as a lens may be. A photo's corners,
-its own pose eliminated, take some of that away, and photos' information adds up. What a turn of
-all photos together explains does not count, since no photo can tell it.
+A radial lens and all poses are fitted once. The camera's unknown difference from that lens is
+modelled as a smooth field of pixels over the picture: polynomials, as free as a lens may be. A
+photo's corners, its own pose eliminated, bring information on that field, and photos' information
+adds up. A common turn of all photos does not count, since no photo can measure it.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ _FEWEST_CORNERS = 4
 
 
 class Worth:
-    """What photos add to those that are taken: by how much, as a logarithm, uncertainty falls.
+    """The information gain of photos beside those taken: the fall of the uncertainty's logarithm.
 
     Photos are known by their places among ``names``.
     """
@@ -84,17 +84,17 @@ class Worth:
         self._now = self._log_variance(self._known)
 
     def of(self, photo: int) -> float:
-        """What a photo adds to those that are taken; 0 where it fits no common lens."""
+        """Return what a photo adds to those taken; 0 if it does not fit the common lens."""
         told = self._information.get(photo)
         if told is None:
             return 0.0
         return float(self._now - self._log_variance(self._known + told)) / 2
 
     def share(self, gain: float) -> float:
-        """How much of what is wanted a gain is, to those that are taken now.
+        """Return which share of what is wanted a gain is, given those that are taken now.
 
-        Above the goal it is by how much of it the uncertainty falls; below, where that falls ever
-        less, by how much of the information that the goal takes there is more.
+        Above the goal that is the fall of the uncertainty in goals; below, where it falls ever
+        less, the information added, as a share of what the goal takes.
         """
         before = float(np.exp(self._now / 2)) / self._goal
         after = before * float(np.exp(-gain))
@@ -108,14 +108,14 @@ class Worth:
             self._now = self._log_variance(self._known)
 
     def _log_variance(self, known: FloatArray) -> float:
-        """The mean over the field of the logarithm of a pixel's variance."""
+        """Return the mean over the field of the logarithm of a pixel's variance."""
         half = np.linalg.solve(np.linalg.cholesky(known), self._field.T)
         variance = (half * half).sum(axis=0).reshape(-1, 2).sum(axis=1)
         return float(np.log(variance).mean())
 
 
 def _told(by_field: FloatArray, by_point: FloatArray, points: FloatArray) -> FloatArray:
-    """What corners (N,) of a photo of unknown pose say of the field, for a noise of 1 (K, K)."""
+    """Return the information (K, K) of a photo's corners (N,) on the field, for a noise of 1."""
     by_pose = np.concatenate([-by_point @ cross_matrix(points), by_point], axis=2).reshape(-1, 6)
     scale = np.linalg.norm(by_pose, axis=0)
     axes, size, _ = np.linalg.svd(by_pose / np.where(scale > 0, scale, 1.0), full_matrices=False)
@@ -125,14 +125,14 @@ def _told(by_field: FloatArray, by_point: FloatArray, points: FloatArray) -> Flo
 
 
 def _seen_cells(pairs: Observations) -> FloatArray:
-    """Middles (G, 2) of the parts of the picture that have corners, pixels."""
+    """Return middles (G, 2) of the parts of the picture that have corners, pixels."""
     size, parts = np.array(pairs.image_size), np.array(_GRID)
     place = np.clip(((pairs.pixel + 0.5) / size * parts).astype(int), 0, parts - 1)
     return np.asarray((np.unique(place, axis=0) + 0.5) / parts * size - 0.5)
 
 
 def _polynomials(pixel: FloatArray, image_size: tuple[int, int]) -> FloatArray:
-    """(N, K) products of Legendre polynomials of x and y up to the degree."""
+    """Return (N, K) products of Legendre polynomials of x and y up to the degree."""
     longer = max(image_size)
     x, y = (2 * (pixel - (np.array(image_size) - 1) / 2) / longer).T
     of_x, of_y = (np.polynomial.legendre.legvander(one, _DEGREE) for one in (x, y))
@@ -143,7 +143,7 @@ def _polynomials(pixel: FloatArray, image_size: tuple[int, int]) -> FloatArray:
 
 
 def _orthonormal(values: FloatArray) -> FloatArray:
-    """(K, L) that makes functions whose mean square over points (G, K) is 1, as many as differ."""
+    """Return (K, L): combinations of functions at points (G, K) that are orthonormal there."""
     _, size, axes = np.linalg.svd(values / np.sqrt(len(values)), full_matrices=False)
     kept = size > 1e-3 * size[0]
     return np.asarray(axes[kept].T / size[kept])

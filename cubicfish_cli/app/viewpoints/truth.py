@@ -1,8 +1,7 @@
 """Exact pixels of a target's corners through a lens, and which of them are visible.
 
-The target's boards are plates that rays hit: who is in front, and what is seen of it.
-
-Where the camera is: ``camera_from_world`` as a rotation vector and a shift, and their table.
+The target's boards are plates: rays find which one is in front, and where they hit it. Poses are
+``camera_from_world``, a rotation vector and a translation; they are read from and written to CSV.
 """
 
 from collections.abc import Mapping
@@ -27,24 +26,24 @@ _MOST = 1e9
 
 
 def rotation_matrix(rotation: npt.ArrayLike) -> FloatArray:
-    """Rotation vector (3,) in radians -> matrix (3, 3)."""
+    """Turn a rotation vector (3,) in radians into a matrix (3, 3)."""
     return np.asarray(cv2.Rodrigues(np.asarray(rotation, float).reshape(3, 1))[0], float)
 
 
 def camera_points(camera_from_world: Pose, world: npt.ArrayLike) -> FloatArray:
-    """World points (..., 3) -> points in the camera frame (..., 3)."""
+    """Turn world points (..., 3) into points in the camera frame (..., 3)."""
     rotation, translation = camera_from_world
     return np.asarray(world, float) @ rotation_matrix(rotation).T + translation
 
 
 def pose_of_matrix(matrix: FloatArray, eye: FloatArray) -> Pose:
-    """The pose of a camera at ``eye`` (3,) with a rotation (3, 3) from world to camera."""
+    """Return the pose of a camera at ``eye`` (3,) with a rotation (3, 3) from world to camera."""
     rotation = np.asarray(cv2.Rodrigues(matrix)[0], float).ravel()
     return rotation, -matrix @ eye
 
 
 def pose_table_text(poses: Mapping[str, Pose]) -> str:
-    """Poses by photo as CSV; numbers read back exactly.
+    """Write poses by photo as CSV text; numbers read back exactly.
 
     ``rx, ry, rz`` are the rotation vector in radians and ``tx, ty, tz`` the translation, in the
     target's units.
@@ -103,7 +102,7 @@ class Plate:
     def hit(
         self, rays: FloatArray, starts: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Where rays (N, 3) of the camera meet the plate; ``starts`` as in :func:`nearest`.
+        """Return where rays (N, 3) of the camera meet the plate; ``starts`` as in :func:`nearest`.
 
         Returns the distance in ray lengths (N,), infinite where the plate is missed, and the
         position in the board's plane (N, 2).
@@ -120,7 +119,7 @@ class Plate:
 
 
 def plates(target: Target, camera_from_world: Pose) -> list[Plate]:
-    """The boards of a target as the camera at ``camera_from_world`` sees them.
+    """Return the boards of a target as the camera at ``camera_from_world`` sees them.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.
@@ -143,7 +142,7 @@ def plates(target: Target, camera_from_world: Pose) -> list[Plate]:
 def nearest(
     plates: list[Plate], rays: FloatArray, starts: FloatArray | None = None
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """The first plate that each ray (N, 3) meets.
+    """Return the first plate that each ray (N, 3) meets.
 
     Rays start at the camera's centre, or at ``starts`` (N,) along its axis.
 
@@ -166,7 +165,7 @@ class AnyLens(Protocol):
     """Anything that projects points (..., 3) to pixels (..., 2), NaN outside its field."""
 
     def project(self, points: npt.ArrayLike, /) -> FloatArray:
-        """Points in the camera frame (..., 3) -> pixels (..., 2)."""
+        """Project points in the camera frame (..., 3) to pixels (..., 2)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,7 +200,7 @@ def project_corners(
     *,
     neighbourhood: float = 0.5,
 ) -> TrueCorners:
-    """Exact pixels of all corners and whether each is visible.
+    """Project all corners exactly, and tell whether each is visible.
 
     Visible means: the camera is in front of the printed face, and the corner and eight points
     around it, ``neighbourhood`` squares away in the board's plane, are all in the lens's
@@ -244,7 +243,7 @@ def project_corners(
 def true_corners_text(
     target: Target, lens: AnyLens, poses: Mapping[str, Pose], image_size: tuple[int, int]
 ) -> str:
-    """The visible corners of photos, by the photos' names, as the text of a corners.csv.
+    """Return the visible corners of photos, by the photos' names, as the text of a corners.csv.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.

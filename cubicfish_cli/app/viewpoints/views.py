@@ -47,7 +47,7 @@ class WholeLens(AnyLens, Protocol):
     """A lens that also knows the ray of each pixel."""
 
     def unproject(self, pixel: npt.ArrayLike, /) -> FloatArray:
-        """Pixels (..., 2) -> unit rays in the camera frame (..., 3), NaN outside the field."""
+        """Turn pixels (..., 2) into unit rays (..., 3), camera frame; NaN outside the field."""
 
 
 @runtime_checkable
@@ -55,7 +55,7 @@ class WanderingPupil(Protocol):
     """A lens whose rays do not all start in one point."""
 
     def ray_starts(self, rays: FloatArray) -> FloatArray:
-        """Where rays (..., 3) of ``unproject`` start: z (...) on the axis, in points' units."""
+        """Return where rays (..., 3) of ``unproject`` start: z (...) on the axis, points' units."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,11 +70,11 @@ class NearLens:
     camera: CubicCamera
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Points in the camera frame (..., 3) -> pixels (..., 2), NaN outside the field."""
+        """Project points in the camera frame (..., 3) to pixels (..., 2), NaN outside the field."""
         return self.camera.project(points, near=True)
 
     def unproject(self, pixel: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) -> unit directions (..., 3); rays start where :meth:`ray_starts` says."""
+        """Turn pixels (..., 2) into unit directions (..., 3) of rays from :meth:`ray_starts`."""
         return self.camera.unproject(pixel)
 
     def ray_starts(self, rays: FloatArray) -> FloatArray:
@@ -138,7 +138,7 @@ class Distances:
     nearest: float
 
     def holds(self, view: Viewpoint) -> bool:
-        """Whether a view is from there."""
+        """Return whether a view is from there."""
         away = view.away
         return self.near <= float(np.median(away)) <= self.far and away.min() >= self.nearest
 
@@ -146,7 +146,7 @@ class Distances:
 def view_from(
     target: Target, lens: AnyLens, pose: Pose, image_size: tuple[int, int]
 ) -> Viewpoint | None:
-    """What is seen from a pose; None where no corner is visible.
+    """Return the view from a pose; None if no corner is visible.
 
     Raises:
         TargetError: a board of a kind that cannot be drawn.
@@ -177,7 +177,7 @@ def sample_views(
     seed: int = 0,
     within: Distances | None = None,
 ) -> list[Viewpoint]:
-    """Up to ``count`` views of the target, spread over the field, sides, distances and rolls.
+    """Sample up to ``count`` views of the target, spread over field, sides, distances, rolls.
 
     Each shows at least one whole board (at least half of the most that can be seen at once), with
     squares large enough to be found. A target whose boards can all be seen at once, such as the
@@ -234,7 +234,7 @@ def sample_views(
 def choose_views(
     views: Sequence[Viewpoint], lens: WholeLens, image_size: tuple[int, int], count: int
 ) -> list[Viewpoint]:
-    """The ``count`` views that together fill the field best, each unlike the others, in order.
+    """Choose the ``count`` views that fill the field best, each unlike the others, in order.
 
     Greedy: every further view adds most corners to cells of the picture that have few.
     """
@@ -302,7 +302,7 @@ class _Thing:
         )
 
     def aims(self, eyes: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where cameras at ``eyes`` (N, 3) look (N, 3), and which of them may stand there (N,)."""
+        """Return where cameras at ``eyes`` (N, 3) look (N, 3), and which may stand there (N,)."""
         to_eye = eyes[:, None] - self.middles
         height = (to_eye * self.outward).sum(axis=-1)
         faced = height > _CLEARANCE * self.diagonal
@@ -317,7 +317,7 @@ class _Thing:
 
 
 def _field(lens: WholeLens, image_size: tuple[int, int]) -> FloatArray:
-    """Rays over the photo (rows, columns, 3), NaN outside the field."""
+    """Return rays over the photo (rows, columns, 3), NaN outside the field."""
     columns, rows = _GRID
     width, height = image_size
     x = (np.arange(columns) + 0.5) / columns * width - 0.5
@@ -326,7 +326,7 @@ def _field(lens: WholeLens, image_size: tuple[int, int]) -> FloatArray:
 
 
 def _distances(thing: _Thing, rays: FloatArray, image_size: tuple[int, int]) -> tuple[float, float]:
-    """From how near to how far the target can be seen whole and sharply enough.
+    """Return the range of distances from which the target is seen whole and sharply enough.
 
     The nearest is beyond the farthest where it cannot.
     """
@@ -341,7 +341,7 @@ def _distances(thing: _Thing, rays: FloatArray, image_size: tuple[int, int]) -> 
 
 
 def _least_px(board: Board) -> float:
-    """Pixels that a square must have for its corner, or its marker, to be found."""
+    """Return pixels that a square must have for its corner, or its marker, to be found."""
     if board.markers is None:
         return _SQUARE_PX
     modules = len(marker_ink(board.markers, np.zeros(1, np.intp), board.marker_borders[0])[0])
@@ -349,7 +349,7 @@ def _least_px(board: Board) -> float:
 
 
 def _whole_boards(target: Target, seen: TrueCorners) -> int:
-    """How many boards have all their corners visible, and nearly all squares large enough."""
+    """Count the boards with all corners visible and nearly all squares large enough."""
     start = 0
     whole = 0
     for board in target.boards:
@@ -373,7 +373,7 @@ def _with_a_board_inside(
     turns: FloatArray,
     eyes: FloatArray,
 ) -> tuple[IntArray, FloatArray]:
-    """Of cameras (N,), with rotations (N, 3, 3), those whose picture holds a board's four ends.
+    """Return which cameras (N,), with rotations (N, 3, 3), see the four ends of a board.
 
     A quick look, before that at all corners.
     """
@@ -386,14 +386,14 @@ def _with_a_board_inside(
 
 
 def _traits(view: Viewpoint) -> FloatArray:
-    """What tells views apart: the side that is seen (3,), and the distance, of order 1."""
+    """Return what tells views apart: the side that is seen (3,), and the distance, of order 1."""
     distance = np.linalg.norm(view.middle)
     way = rotation_matrix(view.pose[0]).T @ (view.middle / distance)
     return np.append(way, 0.7 * np.log(distance))
 
 
 def _turns(forward: FloatArray, ray: FloatArray, roll: FloatArray) -> FloatArray:
-    """Rotations (N, 3, 3) from world to camera that take ``forward`` to ``ray``, each rolled."""
+    """Return rotations (N, 3, 3) from world to camera that take ``forward`` to ``ray``, rolled."""
     world, camera = _frames(forward), _frames(ray)
     turn = np.zeros((len(roll), 3, 3))
     turn[:, 0, 0] = turn[:, 1, 1] = np.cos(roll)
@@ -404,7 +404,7 @@ def _turns(forward: FloatArray, ray: FloatArray, roll: FloatArray) -> FloatArray
 
 
 def _frames(forward: FloatArray) -> FloatArray:
-    """(N, 3, 3) rows: two unit vectors across ``forward`` (N, 3), and its own direction."""
+    """Return (N, 3, 3) rows: two unit vectors across ``forward`` (N, 3), and its own direction."""
     forward = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
     across = np.cross(forward, np.eye(3)[np.argmin(np.abs(forward), axis=-1)])
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
@@ -412,14 +412,14 @@ def _frames(forward: FloatArray) -> FloatArray:
 
 
 def _on_sphere(places: FloatArray) -> FloatArray:
-    """(N, 2) in the unit square -> (N, 3) unit vectors, evenly spread."""
+    """Map (N, 2) in the unit square to (N, 3) unit vectors, evenly spread."""
     z = 2 * places[:, 0] - 1
     across, turn = np.sqrt(1 - z * z), 2 * np.pi * places[:, 1]
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
 
 
 def _sequence(count: int, dimensions: int, seed: int) -> FloatArray:
-    """(count, dimensions) points of the R sequence in the unit cube, shifted by the seed."""
+    """Return (count, dimensions) points of the R sequence in the unit cube, shifted by the seed."""
     ratio = 2.0
     for _ in range(50):
         ratio = (1 + ratio) ** (1 / (dimensions + 1))

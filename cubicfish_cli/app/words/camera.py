@@ -17,21 +17,21 @@ LEVELS: Mapping[Level, str] = {
     "bad": "not to be trusted",
 }
 COVERED = "of the field covered by corners"
-"""What a coverage is a share of, wherever it is printed. The field is where the camera may be
-trusted and does not see itself, in squares of an eighth of the photo's shorter side."""
+"""The whole of which a coverage is a share, wherever it is printed. The field is where the camera
+may be trusted and does not see itself, in squares of an eighth of the photo's shorter side."""
 _UNKNOWN = "no figures are known"
 # The coverage of the rim is printed beside that of the whole if it is less than this.
 _WHOLE_RIM = 0.9
 
 
 def camera_line(known: CameraFacts) -> str:
-    """The key figures in one line, without the name that the camera's owner gave it."""
+    """Return the key figures in one line, without the name that the camera's owner gave it."""
     figures = camera_figures(known)
     return f"{known.title}: {figures}" if known.title else figures
 
 
 def camera_figures(known: CameraFacts) -> str:
-    """``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
+    """Return ``1280x960 px, sees 174° x 143° (...), focal length 384.2 px, ..., good``."""
     fit, seen = known.fit, known.field
     parts = ["{}x{} px".format(*known.camera.image_size)]
     if seen is not None:
@@ -52,7 +52,7 @@ def camera_figures(known: CameraFacts) -> str:
 
 
 def lens_rows(known: CameraFacts) -> list[tuple[str, str]]:
-    """The figures of the lens that are known, a name and a text each."""
+    """Return the figures of the lens that are known, a name and a text each."""
     rows = []
     units = (("focal length", "px per radian"), ("principal point", "px"))
     for (name, unit), value, sigma in zip(units, known.axis or (), known.axis_sigma, strict=False):
@@ -74,7 +74,7 @@ def _describe_field(seen: FieldSeen) -> str:
 
 
 def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
-    """How far to trust a camera: the known figures, each with name, value, unit and meaning."""
+    """Return the figures on how far to trust a camera: name, value, unit and meaning."""
     rows, fit = [], known.fit
     if known.max_angle_deg is not None:
         meaning = "from the axis, where the camera may be trusted"
@@ -90,23 +90,23 @@ def scope(known: CameraFacts) -> list[tuple[str, str, str, str]]:
 
 
 def uncertainty_words(certain: FieldUncertainty) -> str:
-    """``0.009 px (1σ, median over the field; 95 % of it within 0.013 px)``."""
+    """Return ``0.009 px (1σ, median over the field; 95 % of it within 0.013 px)``."""
     return f"{certain.median_px:.3f} px ({uncertainty_meaning(certain)})"
 
 
 def uncertainty_meaning(certain: FieldUncertainty) -> str:
-    """The meaning of the median, which stands behind it, with the other figure."""
+    """Return the meaning of the median, which stands behind it, with the other figure."""
     return f"1σ, median over the field; 95 % of it within {certain.p95_px:.3f} px"
 
 
 def pupil_meaning(pupil: PupilEffect) -> str:
-    """The meaning of :attr:`PupilEffect.rim_px`, which stands behind it."""
+    """Return the meaning of :attr:`PupilEffect.rim_px`, which stands behind it."""
     away = length_words(pupil.distance, pupil.units or "")
     return f"outward at the rim, for things as near as the corners were: {away}"
 
 
 def pictures_of(fit: FitRecord) -> str | None:
-    """The photos, or the frames of films, that a fit is from; None where they are not known."""
+    """Return the names of the photos or frames of a fit; None where they are not known."""
     names = [photo.image for photo in fit.per_image]
     if fit.images <= 0:
         return None
@@ -114,7 +114,7 @@ def pictures_of(fit: FitRecord) -> str | None:
 
 
 def fit_figures(fit: FitRecord) -> str:
-    """The figures that a verdict on a fit rests on."""
+    """Return the figures that a verdict on a fit rests on."""
     radial, rim, parts = fit.companion_held_out_rms_px, fit.reach.rim_coverage, []
     if math.isfinite(fit.held_out_rms_px):
         beside = f" (a radial lens: {radial:.3f})" if math.isfinite(radial) else ""
@@ -133,7 +133,7 @@ def fit_figures(fit: FitRecord) -> str:
 
 
 def evaluation_figures(errors: ErrorStatistics, before_px: float) -> str:
-    """The figures that a verdict on other photos rests on."""
+    """Return the figures that a verdict on other photos rests on."""
     if math.isnan(errors.rms_px):
         return _UNKNOWN
     known = math.isfinite(before_px)
@@ -142,7 +142,7 @@ def evaluation_figures(errors: ErrorStatistics, before_px: float) -> str:
 
 
 def verdict_line(judged: Verdict) -> str:
-    """The verdict in one line: the word, and the figures or the first reason."""
+    """Return the verdict in one line: the word, and the figures or the first reason."""
     if not judged.reasons:
         return f"{judged.words}: {judged.figures}"
     more = len(judged.reasons) - 1
@@ -152,5 +152,5 @@ def verdict_line(judged: Verdict) -> str:
 
 
 def photo_words(findings: Sequence[Finding]) -> str:
-    """The findings about a photo in a few words; ``good`` where there are none."""
+    """Return the findings about a photo in a few words; ``good`` where there are none."""
     return "; ".join(finding.line for finding in findings) or "good"

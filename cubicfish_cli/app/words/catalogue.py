@@ -26,8 +26,8 @@ class Catalogue(NamedTuple):
         sayings: by code and case.
         because: evidence by its key.
         phrases: parts of sentences, by the name of a figure and its value.
-        events: what is said while work is done, by event.
-        checks: what is said of a target before any photo.
+        events: sentences for events while work is done, by event.
+        checks: sentences about a target before any photo.
 
     """
 
@@ -40,7 +40,7 @@ class Catalogue(NamedTuple):
 
 @cache
 def catalogue() -> Catalogue:
-    """The templates, with the parts that they share filled in."""
+    """Return the templates, with the parts that they share filled in."""
     data = tomllib.loads(_FILE.read_text(encoding="utf-8"))
     for one in extensions():
         if one.words is not None:
@@ -77,12 +77,12 @@ def catalogue() -> Catalogue:
 
 
 def has(code: Code, case: str) -> bool:
-    """Whether there are sentences of this form of a finding."""
+    """Return whether a finding has sentences of this form."""
     return (code.value, case) in catalogue().sayings
 
 
 def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Saying:
-    """The sentences of a finding, with its figures in them."""
+    """Return the sentences of a finding, with its figures in them."""
     known = catalogue()
     saying = known.sayings[code, case]
     values = dict(figures)
@@ -96,12 +96,12 @@ def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Sayi
 
 
 def say_event(event: Event, figures: Mapping[str, Any]) -> str:
-    """What is said of something that happens while work is done."""
+    """Return the sentence for an event while work is done."""
     return _SENTENCES.vformat(catalogue().events[event], (), figures)
 
 
 def _say_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
-    """A part of a sentence that depends on a figure: one phrase, or a list of records' phrases."""
+    """Return the part of a sentence for a figure: one phrase, or a list of records' phrases."""
     phrases = catalogue().phrases[name]
     if isinstance(value, str):
         return _SENTENCES.vformat(phrases[value], (), values)

@@ -15,19 +15,19 @@ _IMPERIAL = ("in", "inch", "inches", "ft")
 
 
 def percent(share: float) -> str:
-    """A share as a signed percentage of two digits or more: 0.0123 -> ``+1.2 %``."""
+    """Return a share as a signed percentage of two digits or more: 0.0123 -> ``+1.2 %``."""
     return f"{100 * share:+.0f} %" if abs(share) >= 0.995 else f"{100 * share:+.2g} %"
 
 
 def plural(number: float, what: str) -> str:
-    """``1 photo``, ``2 photos``, ``1,200 photos``."""
+    """Return ``1 photo``, ``2 photos``, ``1,200 photos``."""
     return f"{number:,.0f} {what}{'' if number == 1 else 's'}"
 
 
 def counted(photos: Iterable[str]) -> str:
-    """What photos are, by their names: ``12 photos``, or ``52 frames of garden and 1 photo``.
+    """Count photos and frames by their names: ``52 frames of garden and 1 photo``.
 
-    Of more than three films only the number is told.
+    More than three films are counted, not named.
     """
     names = [film_and_time(photo) for photo in photos]
     films = Counter(name[0] for name in names if name is not None)
@@ -42,7 +42,7 @@ def counted(photos: Iterable[str]) -> str:
 
 
 def length_words(length: float, units: str) -> str:
-    """A length to two digits in a unit that suits it: ``40 cm``; not metric ones stay as they are.
+    """Return a length to two digits in a suitable unit, ``40 cm``; others than metric stay.
 
     Args:
         length: in ``units``.
@@ -59,7 +59,7 @@ def length_words(length: float, units: str) -> str:
 
 
 def two_digits(value: float) -> str:
-    """A number, 0 or above, to two digits: ``1100``, ``0.41``."""
+    """Return a number, 0 or above, to two digits: ``1100``, ``0.41``."""
     digits = 1 - math.floor(math.log10(value)) if value > 0 else 0
     return f"{round(value, digits):.{max(0, digits)}f}"
 
@@ -73,7 +73,7 @@ class Sentences(Formatter):
     """
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        """One value of a template."""
+        """Format one value of a template."""
         kind, rest = format_spec[:1], format_spec[1:]
         if kind == "?":
             one, other = rest.split("|", 1)

@@ -1,10 +1,9 @@
 """What to photograph next: where the camera is uncertain, and which photos would help most.
 
 `app/viewpoints/views.py` samples poses from which a camera sees whole boards well.
-`extensions/advice/knowledge.py` fits a calibration again from its record. What photos say of a
-camera adds up (`Information` in `information.py`), so `proposals.py` can tell for every sampled
-pose what its corners would leave of the uncertainty, takes the best, then the best after that one.
-The squares of the field are counted once, in `FieldCells` (`core/fit/coverage.py`), for coverage,
-report and advice. Whether photos are enough is said by `app/sufficiency/enough.py`, for `calibrate`
-too.
+`extensions/advice/knowledge.py` fits a calibration again from its record. The information of photos
+adds up (`Information` in `information.py`), so `proposals.py` can predict for every sampled pose
+what uncertainty its corners would leave, and takes the best pose, then the best one after that.
+`FieldCells` (`core/fit/coverage.py`) counts the squares of the field, for coverage, report and
+advice. `app/sufficiency/enough.py` says whether photos are enough, for `calibrate` too.
 """

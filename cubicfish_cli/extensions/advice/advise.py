@@ -1,4 +1,4 @@
-"""What photos so far leave open, what is to be photographed next, and whether that is needed."""
+"""What photos so far leave open, what to photograph next, and whether that is needed."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,11 +28,11 @@ from cubicfish_cli.extensions.advice.knowledge import (
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
 
 PROPOSALS = 3
-# Photos so far show where this camera is in focus and the target is in view: proposals go to half
-# their nearest distance and to twice their farthest, and no farther.
+# Photos so far show where this camera is in focus and the target is in view: proposals lie between
+# half their nearest distance and twice their farthest.
 _NEARER, _FARTHER = 0.5, 2.0
 _VIEWS = 90
-# A fit again whose uncertainty differs by more than this factor is another one.
+# If the uncertainty of the repeated fit differs by more than this factor, it is another fit.
 _SAME = 30.0
 
 
@@ -41,18 +41,18 @@ class Advice:
     """What to photograph next.
 
     Attributes:
-        camera: the camera that it is about.
+        camera: the camera.
         target: the calibration target; None for pairs that came without one.
         pairs: the corners so far.
-        noise_px: standard deviation of a corner's coordinate, pixels; None where not worked out.
+        noise_px: standard deviation of a corner's coordinate, pixels; None if it is not known.
         goal_px: uncertainty that proposals aim at over the field.
-        now: uncertainty; None where it cannot be worked out.
+        now: uncertainty; None if it is not known.
         gaps: what photos so far do not show.
         reasons: why these are not enough.
-        photos_needed: how many more photos, as proposed here, reach the goal; None where more than
-            :data:`MOST_PHOTOS` would not, or where that cannot be worked out.
+        photos_needed: how many more photos, as proposed here, reach the goal; None if
+            :data:`MOST_PHOTOS` do not reach it, or if that is not known.
         proposals: the next photos, in order.
-        notes: what cannot be said, or is to be kept in mind.
+        notes: remarks: what is not known and why, or what to keep in mind.
 
     """
 
@@ -74,7 +74,7 @@ class Advice:
         return not self.reasons
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return plain data for JSON."""
         return {
             "enough": self.enough,
             "reasons": [reason.line for reason in self.reasons],
@@ -162,7 +162,7 @@ def advise(
 
 
 def distances_within(pairs: Observations, poses: Poses) -> Distances:
-    """From how near to how far photos may be proposed, by what photos so far show."""
+    """Return the range of distances for proposals, by the distances of photos so far."""
     away = np.linalg.norm(poses.apply(pairs.image, pairs.world), axis=-1)
     # The middle of the corners would not do: inside a box it is where the camera is.
     typical = [float(np.median(away[pairs.image == photo])) for photo in np.unique(pairs.image)]
@@ -176,9 +176,9 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
 def _as_recorded(
     knowledge: Knowledge, fit: FitRecord, rays: FloatArray
 ) -> tuple[Knowledge, FieldUncertainty]:
-    """The knowledge with the uncertainty that the record has, to the last digit, and that.
+    """Return the knowledge, scaled to the uncertainty on record, and that uncertainty.
 
-    Where the target was fitted too, a fit that begins at its end differs by a few percent.
+    If the target was fitted too, a fit that begins at its end differs by a few percent.
     """
     own, known = knowledge.information.summed(rays), fit.uncertainty.field
     if known is None or not 1 / _SAME < known.median_px / own.median_px < _SAME:
@@ -195,7 +195,7 @@ def _views(
     notes: list[Finding],
     lens: WholeLens,
 ) -> list[Viewpoint]:
-    """Poses to choose from; where there can be none, ``notes`` says why."""
+    """Return poses to choose from; if there are none, add the reason to ``notes``."""
     if target is None:
         notes.append(Finding(code=Code.NO_TARGET))
         return []

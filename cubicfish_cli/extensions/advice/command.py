@@ -26,13 +26,13 @@ _PICTURES = (".svg", ".png", ".pdf")
 
 @record
 class AdviseOptions:
-    """What to photograph next, of a calibration.
+    """Options of :func:`advise_files`.
 
     Attributes:
-        camera: its file, or the folder of that.
-        target: the calibration target as drawn, where it is not at its recorded place.
-        corners: the corners.csv of the fit, where it is not beside the camera.
-        picture: also draws where the target should appear: .svg, .png or .pdf.
+        camera: the file or folder of the camera.
+        target: the nominal calibration target, if it is not at its recorded place.
+        corners: the corners.csv of the fit, if it is not beside the camera.
+        picture: also draw where the target should appear into this .svg, .png or .pdf.
         goal_px: the uncertainty wanted over 95 % of the field; without it the verdict decides.
 
     """
@@ -59,12 +59,12 @@ class AdviseOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdviceFiles:
-    """What became of :func:`advise_files`.
+    """Result of :func:`advise_files`.
 
     Attributes:
         model: the camera's file.
         advice: what photos leave open, and which to take next.
-        picture: the drawing; None where none was asked for.
+        picture: the file of the drawing; None without one.
 
     """
 
@@ -73,16 +73,16 @@ class AdviceFiles:
     picture: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish advise --json`` prints."""
+        """Return plain data: what ``cubicfish advise --json`` prints."""
         return {**self.advice.as_record(), "model": self.model, "picture": self.picture}
 
 
 def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
-    """Say what the photos of a calibration leave open, as ``cubicfish advise`` does.
+    """Find what the photos of a calibration leave open, as ``cubicfish advise`` does.
 
     Raises:
-        UsageError: corners are named without their target, or files may be replaced and none is
-            written.
+        UsageError: corners are named without their target, or ``overwrite`` is set though no file
+            is written.
         CubicfishError: a file cannot be used, or exists and may not be replaced.
 
     """

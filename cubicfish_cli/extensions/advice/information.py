@@ -1,4 +1,4 @@
-"""What a fit's photos say of a camera, and what more photos would add to it."""
+"""The information that a fit's photos bring on a camera, and what more photos would add."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from cubicfish_cli.core.types import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Information:
-    """What a fit's photos say of the shared unknowns: it adds up, photo by photo.
+    """Information of photos on the unknowns that they share; it adds up, photo by photo.
 
     Attributes:
-        gauge: the fit's lens, and what takes the common turn out.
+        gauge: the fit's lens, and the projection that removes the common turn.
         hessian: (K, K) of lens and target parameters, priors included and poses, corners and the
             lens that P is held to eliminated; for corners whose noise is one pixel.
         noise_px: standard deviation of a corner's coordinate, pixels.
@@ -29,10 +29,10 @@ class Information:
     noise_px: float
 
     def of_photo(self, points: FloatArray) -> Information:
-        """What a photo alone would add, of known corners of the target.
+        """Return the information of one photo of known corners of the target.
 
-        The photo's own pose is unknown and eliminated. The target counts as known there, which is
-        not quite right of a fit that refines it, by a few percent.
+        The photo's own pose is unknown and eliminated. The target counts as known; for a fit that
+        refines it that is wrong by a few percent.
 
         Args:
             points: (N, 3) the corners in the camera frame, in the fit's unit; six or more numbers
@@ -53,13 +53,13 @@ class Information:
         return replace(self, hessian=hessian, gauge=gauge)
 
     def __add__(self, other: Information) -> Information:
-        """What both say of the same lens."""
+        """Return the information of both on the same lens."""
         return replace(self, hessian=self.hessian + other.hessian, gauge=self.gauge + other.gauge)
 
     def uncertainty(self) -> Uncertainty:
-        """The covariance σ² H⁻¹."""
+        """Return the covariance σ² H⁻¹."""
         return covariance(self.gauge, self.hessian, self.noise_px)
 
     def summed(self, rays: FloatArray) -> FieldUncertainty:
-        """The uncertainty over rays (N, 3)."""
+        """Return the uncertainty over rays (N, 3)."""
         return summed(self.uncertainty().sigma_px(rays))

@@ -1,6 +1,6 @@
 """The normal equations of a recorded fit, rebuilt to predict what more photos would add.
 
-And the field over which uncertainty is told, with the lens as far as a target may be seen.
+Also the field over which uncertainty is stated, and the lens as far as a target may be seen.
 """
 
 import math
@@ -28,7 +28,7 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.advice.information import Information
 
 _DECREASE = 1e-7
-# Files that do not say how symmetric a lens held P are from when it was always this.
+# For files that do not say how symmetric a lens the prior on P is about: once it was always this.
 _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
 _HELD_BEYOND_DEG = 5.0
@@ -38,11 +38,11 @@ _BEYOND_DEG = 10.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Knowledge:
-    """The fit of a calibration, with what it is worth.
+    """The fit of a calibration, with its information.
 
     Attributes:
         camera: the camera of the fit, in the fit's own frame.
-        information: what its photos say.
+        information: of its photos.
         scale: the target's units in one unit of the fit.
 
     """
@@ -52,7 +52,7 @@ class Knowledge:
     scale: float
 
     def points(self, view: Viewpoint) -> FloatArray:
-        """(N, 3) visible corners of a view in the camera frame, as far as P is held there.
+        """Return (N, 3) visible corners of a view in the camera frame, as far as P is held there.
 
         In the fit's unit.
         """
@@ -63,7 +63,7 @@ class Knowledge:
 
 
 def recorded_poses(fit: FitRecord, images: Sequence[str]) -> Poses | None:
-    """camera_from_world of photos from a fit's record; None where one is not on record."""
+    """Return camera_from_world of photos from a fit's record; None if one is not on record."""
     if not images or any(name not in fit.poses for name in images):
         return None
     vectors, shifts = zip(*(fit.poses[name] for name in images), strict=True)
@@ -129,7 +129,7 @@ def know(
 
 
 def _prior_of(fit: FitRecord, *, central: bool) -> PriorChoice:
-    """How P was held; as in files that do not say where it is not a number."""
+    """Return the prior on P; the default of older files if the record has no number."""
     return PriorChoice(
         spread=fit.prior_spread if fit.prior_spread >= 0 else _OLDER_SPREAD,
         weight=fit.prior_weight if fit.prior_weight > 0 else EXPECTED.weight,
@@ -138,16 +138,16 @@ def _prior_of(fit: FitRecord, *, central: bool) -> PriorChoice:
 
 
 def _offset_spread(fit: FitRecord, scale: float) -> float:
-    """Typical offset of a corner, from what the record has of each board."""
+    """Return the typical offset of a corner, by the record of each board."""
     known = [board.offset_rms for board in fit.departures if board.offset_rms > 0]
     # The record's lengths are of three coordinates.
     return max(float(np.mean(known)) / math.sqrt(3) / scale, 1e-7) if known else _OFFSET_SHARE
 
 
 def field_rays(camera: CubicCamera, blind: float) -> FloatArray:
-    """(N, 3) rays over the trusted field, those that camera.yaml's figures are of.
+    """Return (N, 3) rays over the trusted field, the ones behind camera.yaml's figures.
 
-    Without those within ``blind`` radians of the axis, where the camera sees itself.
+    Rays within ``blind`` radians of the axis, where the camera sees itself, are left out.
     """
     rays = field_grid(camera, blind)[2].reshape(-1, 3)
     return np.asarray(rays[np.isfinite(rays[:, 0])])
@@ -155,7 +155,7 @@ def field_rays(camera: CubicCamera, blind: float) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reach:
-    """The radial reference as far as it may be asked where a target would be seen."""
+    """The radial reference, as far as it may predict where a target would be seen."""
 
     camera: RadialCamera
     limit: float
@@ -174,9 +174,9 @@ class _Reach:
 
 
 def reach_of(camera: CubicCamera, more_deg: float = 0.0, blind: float = 0.0) -> WholeLens:
-    """A lens for where a target would be seen, somewhat beyond the trusted field too.
+    """Return a lens that predicts where a target would be seen, also a little beyond the field.
 
-    Within ``blind`` radians of the axis nothing is.
+    It sees nothing within ``blind`` radians of the axis.
     """
     limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
     return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle), blind=blind)

@@ -35,10 +35,10 @@ _BEYOND_DEG, _PIECES = 8.0, 12
 def advice_picture(advice: Advice, suffix: str) -> bytes:
     """Draw the photos to take: where the target should be, over the corners so far.
 
-    Dots are these; hatched squares of the field hold none.
+    Dots are the corners; hatched squares of the field hold none.
 
     Args:
-        advice: what is drawn.
+        advice: the advice to draw.
         suffix: of the picture's file, ``.svg``, ``.png`` or ``.pdf``.
 
     """
@@ -63,7 +63,7 @@ def advice_picture(advice: Advice, suffix: str) -> bytes:
 
 
 def _draw_frame(axes: Axes, advice: Advice, title: str) -> None:
-    """A photo's frame with the trusted field and the corners so far, y down."""
+    """Draw a photo's frame with the trusted field and the corners so far, y down."""
     width, height = advice.camera.image_size
     axes.set_axis_on()
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[])
@@ -86,7 +86,7 @@ def _draw_frame(axes: Axes, advice: Advice, title: str) -> None:
 
 
 def _draw_photo(axes: Axes, advice: Advice, proposal: Proposal, title: str) -> None:
-    """A photo to take: the target as the camera would see it, farther boards first."""
+    """Draw a photo to take: the target as the camera would see it, farther boards first."""
     gain = (
         f"{proposal.before.median_px:.3f} px → {proposal.after.median_px:.3f} px, "
         f"{100 * proposal.gain:.0f} % less over the field"

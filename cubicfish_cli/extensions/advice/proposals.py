@@ -1,9 +1,9 @@
 """The next photos to take, and how much each would lower the uncertainty.
 
-For sampled poses the normal equations of the fit are extended by the corners that would be seen
-from there, the pose's own six unknowns eliminated, and the uncertainty over the field is worked
-out again. The best is taken, then the best after it, and so on: three good photos, not three of
-the same.
+For each sampled pose, the normal equations of the fit are extended by the corners that would be
+seen from there, with the pose's own six unknowns eliminated, and give a new uncertainty over the
+field. The best pose is taken, then the best one after it, and so on: three good photos, not three
+alike.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ class Proposal:
     """A photo to take.
 
     Attributes:
-        view: from where, and what would be seen.
+        view: the pose, and the corners that would be seen.
         before, after: uncertainty over the field, with the proposals before this one.
 
     """
@@ -50,11 +50,11 @@ class Proposal:
 
     @property
     def gain(self) -> float:
-        """Share of the median uncertainty over the field that it takes away."""
+        """Share by which it lowers the median uncertainty over the field."""
         return 1 - self.after.median_px / max(self.before.median_px, 1e-300)
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return plain data for JSON."""
         rotation, translation = self.view.pose
         return {
             "words": self.words,
@@ -78,12 +78,12 @@ def proposed(
     goal: float,
     proposals: int,
 ) -> tuple[tuple[Proposal, ...], int | None]:
-    """The next photos, and how many of them reach the goal."""
+    """Choose the next photos, and count how many of them reach the goal."""
     added = [knowledge.information.of_photo(knowledge.points(view)) for view in views]
     filled = np.array([_filled(view, cells) for view in views])
     empty, squares = cells.empty, max(cells.field.sum(), 1)
     chosen: list[Proposal] = []
-    # The same photo twice would say little that is new of a real lens and a real target.
+    # The same photo twice would say little new about a real lens and a real target.
     taken = np.zeros(len(views), bool)
     state = knowledge.information
     level = state.summed(rays)
@@ -107,7 +107,7 @@ def proposed(
 
 
 def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
-    """Which squares of the picture (rows, columns) a view puts corners into."""
+    """Return which squares of the picture (rows, columns) a view puts corners into."""
     column, row = np.floor(view.pixel / cells.cell).astype(int).T
     inside = (row >= 0) & (column >= 0)
     inside &= (row < cells.field.shape[0]) & (column < cells.field.shape[1])
@@ -117,12 +117,12 @@ def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
 
 
 def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
-    """How much of the uncertainty is left, on the whole and where it is worst."""
+    """Return the share of the uncertainty that is left, on the whole and where it is worst."""
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
 
 
 def place_words(ray: FloatArray) -> str:
-    """Where in the picture a ray (3,) is: ``in the lower right of the picture, 52° ...``."""
+    """Describe where in the picture a ray (3,) is: ``in the lower right of the picture, ...``."""
     angle = float(np.degrees(angle_from_axis(ray)))
     if angle < _MIDDLE_DEG:
         return "in the middle of the picture"
@@ -132,7 +132,7 @@ def place_words(ray: FloatArray) -> str:
 
 
 def tilt_words(front: FloatArray, middle: FloatArray) -> str:
-    """``its face turned 35° to the left`` (its left edge is then the farther one), or facing.
+    """Describe a board's tilt: ``its face turned 35° to the left``: its left edge is farther.
 
     Args:
         front: (3,) where the face looks, a unit vector in the camera frame.

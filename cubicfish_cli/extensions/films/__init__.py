@@ -1,6 +1,6 @@
 """Frames of films that are worth calibrating from.
 
-`extensions/films/frames.py` tells which of those that a scan kept (`app/films/scan.py`) are worth a
-look, and chooses; `extensions/films/command.py` is the recipe, for `frames` and `calibrate FILM`;
-`written.py` writes them.
+`extensions/films/frames.py` searches the frames that a scan kept (`app/films/scan.py`), and
+chooses; `extensions/films/command.py` has the whole sequence, for `frames` and `calibrate FILM`;
+`written.py` writes the frames.
 """

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 @record
 class FramesOptions:
-    """Films of one camera, of which frames are chosen.
+    """Options of :func:`choose_frames`.
 
     Attributes:
-        films: all of one size: files, recordings with their topic, or globs.
+        films: films of one camera: files, recordings with their topic, or globs.
         target: the calibration target or its file; None looks for any checkerboard.
-        folder: where the frames go.
+        folder: the folder for the frames.
         most: how many frames may be chosen.
 
     """
@@ -53,17 +53,17 @@ class FramesOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ChosenFrames:
-    """What became of films.
+    """Result of :func:`choose_frames`.
 
     Attributes:
         photos: the pictures that were written, in the films' order.
         sheet: the contact sheet.
         frames: how many frames the films have.
-        looked_at: in how many of them corners were looked for.
+        looked_at: how many of them were searched for corners.
         ended: why no more were chosen, in a sentence.
-        films: a record a film: its path, frames, image_size, seconds, turned_deg (what players are
-            told), missing (how many frames it announces, or has, that could not be decoded), and
-            the problem with it in one line or None.
+        films: a record per film: its path, frames, image_size, seconds, turned_deg (the turn that
+            it asks of players), missing (how many announced frames it lacks or could not be
+            decoded), and the problem with it in one line or None.
 
     """
 
@@ -75,14 +75,14 @@ class ChosenFrames:
     films: tuple[dict[str, Any], ...]
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish frames --json`` prints."""
+        """Return plain data: what ``cubicfish frames --json`` prints."""
         return dict(vars(self))
 
 
 def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     """Choose the frames of films that a camera is best calibrated from, as ``cubicfish frames``.
 
-    They are written as PNG, with their time in the name, beside a contact sheet, or nothing is.
+    They are written as PNG, with their time in the name, beside a contact sheet: all files or none.
 
     Raises:
         PhotoError: a film cannot be used.
@@ -128,7 +128,7 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
 
 
 def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
-    """Films, with patterns replaced by what they match."""
+    """Return films, with patterns replaced by what they match."""
     from cubicfish_cli.app.photos import expanded
 
     matches = {path: expanded(path) for path in paths_of(films)}
@@ -143,17 +143,17 @@ def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
 def with_frames(
     inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
 ) -> tuple[Sequence[Path], str | None]:
-    """The inputs, with frames that are chosen of films in their place.
+    """Choose frames of the films among the inputs, and put them in the films' place.
 
     Args:
         inputs: photos and films.
-        folder: where the frames go.
-        target: what they show.
-        best: how many frames are chosen at most; None for the usual number.
+        folder: the folder for the frames.
+        target: the calibration target.
+        best: how many frames to choose at most; None for the usual number.
         run: how the work is done.
 
     Returns:
-        The inputs, and why no more frames were chosen, in a sentence; None where there is no film.
+        The inputs, and why no more frames were chosen, in a sentence; None if there is no film.
 
     Raises:
         CubicfishError: a film cannot be used.

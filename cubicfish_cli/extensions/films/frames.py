@@ -1,4 +1,4 @@
-"""Films -> the few frames that are worth calibrating from, of those that a scan kept."""
+"""Choosing the few frames that are worth calibrating from, of those that a scan kept."""
 
 import math
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from cubicfish_cli.core.frame_names import frame_name
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.wording import listed
 
-# So many frames are kept for each that may be chosen, but one every so many seconds at least, up to
-# so many.
+# So many frames are kept for each that may be chosen, at least one every so many seconds, and at
+# most so many.
 _KEPT, _KEPT_SECONDS, _MOST_KEPT = 1.5, 2.0, 5.0
 _RATE = 30.0  # frames per second of films that do not say
-# One frame of so many is kept where a film does not say how many it has.
+# One frame of so many is kept if a film does not say how many it has.
 _EVERY = 15
-# Frames are searched in rounds of so many from all over the films, until more would hardly add
+# Frames from all over the films are searched in rounds of so many, until more would hardly add
 # anything.
 _ROUND = 24
 
@@ -36,8 +36,8 @@ class Candidate:
     Attributes:
         film, index: the film's number, and the frame's place in it.
         photo: its picture, until the choice is made.
-        seen: what was measured of it, and what it shows where it was searched.
-        gain: what it adds, where it was chosen.
+        seen: its sharpness and motion, and what it shows if it was searched.
+        gain: what it adds, if it was chosen.
 
     """
 
@@ -50,12 +50,12 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """What became of films' frames.
+    """The choice of films' frames.
 
     Attributes:
-        measured: a record a film.
-        taken: those that were chosen, in the films' order.
-        looked_at: in how many frames corners were looked for.
+        measured: a record per film.
+        taken: the chosen frames, in the films' order.
+        looked_at: how many frames were searched for corners.
         ended: why no more were chosen, in a sentence.
 
     """
@@ -67,7 +67,7 @@ class Chosen:
 
 
 def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) -> list[Measured]:
-    """All frames of films, measured, and those kept that may be chosen."""
+    """Measure all frames of films, and keep those that may be chosen."""
     every, measured = kept_of(films, most), []
     for film in films:
         reading = listener.counting(f"Reading {film.path.name}")
@@ -77,7 +77,7 @@ def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) ->
 
 
 def kept_of(films: Sequence[Film], most: int) -> int:
-    """Of how many frames one is kept, where ``most`` may be chosen of all."""
+    """Return of how many frames one is kept, if ``most`` may be chosen of all."""
     total = sum(film.frames for film in films)
     if not total:
         return _EVERY
@@ -89,7 +89,7 @@ def kept_of(films: Sequence[Film], most: int) -> int:
 def chosen_of(
     measured: Sequence[Measured], targets: Sequence[Target] | None, most: int, run: Run
 ) -> Chosen:
-    """Search frames that were kept for boards, and choose.
+    """Search frames that were kept, and choose.
 
     Raises:
         DetectionError: no frame shows the target.
@@ -128,7 +128,7 @@ def chosen_of(
 
 
 def _candidates(measured: Sequence[Measured]) -> list[Candidate]:
-    """The frames that were kept, film by film."""
+    """Return the frames that were kept, film by film."""
     every = []
     for number, film in enumerate(measured):
         taken = set()
@@ -144,5 +144,5 @@ def _candidates(measured: Sequence[Measured]) -> list[Candidate]:
 
 
 def names_of(films: Sequence[Measured]) -> str:
-    """The films' names, the first of many."""
+    """Return the films' names, the first of many."""
     return listed([shown(one.film.path.name) for one in films], "films")

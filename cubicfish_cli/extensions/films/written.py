@@ -1,6 +1,6 @@
-"""What is written of films: the chosen frames and the contact sheet, all or none.
+"""Writing the chosen frames of films and the contact sheet, all or none.
 
-The sheet is no picture, since a folder's pictures are the photos to calibrate from.
+The sheet is no picture file, since a folder's pictures are the photos to calibrate from.
 """
 
 import shutil
@@ -35,11 +35,11 @@ figcaption {{ overflow-wrap: anywhere; margin-top: .3em; }}
 
 
 def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
-    """Write the sheet and pictures; pictures of an earlier choice of these films go.
+    """Write the sheet and pictures; remove pictures of an earlier choice of these films.
 
     Args:
-        folder: where.
-        chosen: what was chosen.
+        folder: the folder.
+        chosen: the chosen frames.
         overwrite: whether files of an earlier choice may be replaced.
 
     Raises:
@@ -61,7 +61,7 @@ def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
 
 
 def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
-    """The contact sheet: chosen frames, small and side by side, in one page."""
+    """Make the contact sheet: chosen frames, small and side by side, in one page."""
     films, taken = chosen.measured, chosen.taken
     figures = []
     for frame, path in zip(taken, pictures, strict=True):

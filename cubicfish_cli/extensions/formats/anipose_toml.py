@@ -1,9 +1,9 @@
 """Anipose's calibration.toml, which FreeMoCap, caliscope and Pose2Sim read as well.
 
-A table a camera: ``matrix`` and ``distortions`` are those of cv2.fisheye where ``fisheye`` is true,
-else cv2's own; ``rotation`` (a rotation vector) and ``translation`` (metres) take points of the
-rig's frame, which is the first camera's, to the camera's. Pixel (0, 0) is the middle of the first
-pixel. Tables are read in the order of their names.
+Each camera is a table: ``matrix`` and ``distortions`` are those of cv2.fisheye if ``fisheye`` is
+true, else cv2's own; ``rotation`` (a rotation vector) and ``translation`` (metres) take points from
+the rig's frame, which is the first camera's, to the camera's. Pixel (0, 0) is the middle of the
+first pixel. Tables are read in the order of their names.
 """
 
 import json
@@ -28,17 +28,17 @@ class BrownLens(PinholeLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """The one without distortion."""
+        """Return the one without distortion."""
         return (cls.near(radial, d=np.zeros(5)),)
 
 
 def anipose_text(one: PlacedLens) -> str:
-    """A lens as a calibration.toml of one camera, which stands in its own frame."""
+    """Write a lens as a calibration.toml of one camera, in its own frame."""
     return _text(one.note, {"cam_0": _table(one, 1.0)})
 
 
 def anipose_rig_text(rig: LensRig) -> str:
-    """Lenses as a calibration.toml.
+    """Write lenses as a calibration.toml.
 
     Raises:
         CameraFileError: the rig's unit of length is not known.
@@ -71,5 +71,5 @@ def _text(note: Sequence[str], tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _value(value: Any) -> str:
-    """JSON's text of text, flags and lists is TOML's, but for the one that TOML escapes."""
+    """Write a value: text, flags and lists are the same in JSON and TOML, but for one character."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

@@ -1,7 +1,7 @@
 """COLMAP's cameras.txt and cameras.bin, and the rig_config.json of a rig.
 
-The binary file is little-endian: how many cameras (uint64), then for each its CAMERA_ID (uint32),
-the model's number (int32), width and height (uint64) and the parameters (float64).
+The binary file is little-endian: the number of cameras (uint64), then of each its CAMERA_ID
+(uint32), the model's number (int32), width and height (uint64) and the parameters (float64).
 
 Its pixel (0, 0) is the top-left CORNER of the first pixel: centres are half a pixel more than here.
 """
@@ -37,7 +37,7 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.wording import did_you_mean, quoted
 from cubicfish_cli.extensions.formats.lenses import PinholeLens, named_lens, named_numbers
 
-# Profiles are looked through for a fold in such steps.
+# Profiles are searched for a fold in such steps.
 _STEP_RAD = np.deg2rad(0.05)
 
 
@@ -73,7 +73,7 @@ class RadTanThinPrismLens(FocalLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """The radial lens."""
+        """Return the radial lens."""
         k = np.append(radial.k, [0.0, 0.0])
         return (cls.near(radial, k=k, t=np.zeros(2), s=np.zeros(4)),)
 
@@ -100,7 +100,7 @@ class RadTanThinPrismLens(FocalLens):
 
 
 def _fisheye(points: FloatArray) -> FloatArray:
-    """(u, v) (N, 2) of camera-frame points; NaN straight behind, where none is told."""
+    """Return (u, v) (N, 2) of camera-frame points; NaN straight behind, where it is undefined."""
     x, y, z = columns(points)
     rho = np.hypot(x, y)
     theta = np.arctan2(rho, z)
@@ -110,7 +110,7 @@ def _fisheye(points: FloatArray) -> FloatArray:
 
 
 def _fold_rad(k: FloatArray) -> float:
-    """The angle up to which the radial part grows, at most π."""
+    """Return the angle up to which the radial part grows, at most π."""
     theta = np.arange(0, np.pi, _STEP_RAD)
     slope = np.ones_like(theta)
     for index, value in enumerate(k, start=1):
@@ -157,19 +157,19 @@ MODELS = {
         11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
 }
-"""COLMAP's name -> the model; those of which a lens here is one."""
+"""COLMAP's name -> the model, of the models that can be read."""
 _WRITTEN_AS = {made.lens: name for name, made in MODELS.items() if made.lens is not PinholeLens}
 
 
 def parameters_of(lens: Lens) -> tuple[str, list[float]]:
-    """The COLMAP model and parameters of a lens of a model that is written."""
+    """Return the COLMAP name and parameters of a lens."""
     name, named = _WRITTEN_AS[type(lens)], named_numbers(lens)
     named["cx"], named["cy"] = named["cx"] + HALF, named["cy"] + HALF
     return name, [named[parameter] for parameter in MODELS[name].parameters]
 
 
 def colmap_text(one: PlacedLens) -> str:
-    """A lens of a model that is written as a cameras.txt of one camera."""
+    """Write a lens as a cameras.txt of one camera."""
     name, parameters = parameters_of(one.lens)
     width, height = one.lens.image_size
     return "\n".join(
@@ -185,7 +185,7 @@ def colmap_text(one: PlacedLens) -> str:
 
 
 def colmap_rig_text(rig: LensRig) -> str:
-    """Lenses of models that are written as rig_config.json, with their cameras.
+    """Write lenses as a rig_config.json, with their cameras.
 
     The photos of each camera are in a folder of its name; lengths are the rig's own.
     """
@@ -209,12 +209,12 @@ def colmap_rig_text(rig: LensRig) -> str:
 
 
 def looks_like_cameras_txt(text: str) -> bool:
-    """Whether a line of the text is one of cameras.txt."""
+    """Return whether a line of the text is one of cameras.txt."""
     return _LINE.search(text) is not None
 
 
 def looks_like_cameras_bin(data: bytes) -> bool:
-    """Whether a file begins as a cameras.bin does: text never has so many zeros there."""
+    """Return whether a file begins as a cameras.bin does: text never has so many zeros there."""
     if len(data) < _HEAD.size + _CAMERA.size:
         return False
     (count,) = _HEAD.unpack_from(data)
@@ -265,7 +265,7 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
 
 
 Found = Iterator[tuple[str, Path, str, Sequence[Any]]]
-"""CAMERA_ID, where it is, model, and WIDTH, HEIGHT and PARAMS of each camera."""
+"""CAMERA_ID, place in the file, model, and WIDTH, HEIGHT and PARAMS of each camera."""
 
 
 def _of_text(path: Path, text: str) -> Found:

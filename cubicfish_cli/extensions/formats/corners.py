@@ -35,15 +35,15 @@ What another detector writes can be made a corners.csv, a plain table.
 
 @record
 class CornersOptions:
-    """Corners that another detector found, which become a corners.csv.
+    """Options of :func:`import_corner_files`.
 
     Attributes:
         files: mrcal's corners.vnl, as mrgingham writes it.
         target: the calibration target, or its file.
-        table: where the corners go.
+        table: the corners.csv to write.
         image_size: (width, height) of the photos in pixels, which such files do not state.
-        board: the name of the target's board in the photos; not needed where there is one.
-        only: a pattern for the names of photos, such as ``left*``.
+        board: the name of the target's board in the photos; not needed for a target of one board.
+        only: take only photos whose names match this pattern, such as ``left*``.
 
     """
 

@@ -1,4 +1,4 @@
-"""What the extension adds. A format is a module beside this one, and a table in formats.toml."""
+"""The extension's entry. A format is a module beside this one, and a table in formats.toml."""
 
 from pathlib import Path
 

@@ -17,7 +17,7 @@ MAX_BYTES = 4_000_000
 
 
 def gyroflow_text(one: PlacedLens) -> str:
-    """A radial lens as a lens profile."""
+    """Write a radial lens as a lens profile."""
     size = dict(zip("wh", one.lens.image_size, strict=True))
     profile = {
         "name": "cubicfish",

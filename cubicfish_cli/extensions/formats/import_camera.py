@@ -34,12 +34,12 @@ are printed. Corners of other detectors are read by 'cubicfish corners'.
 
 @record
 class ImportOptions:
-    """Another tool's camera, which becomes a camera.yaml.
+    """Options of :func:`import_files`.
 
     Attributes:
         path: the other tool's file.
         written_by, camera, image_size, max_angle_deg: as for :func:`import_camera`.
-        output: where the camera goes.
+        output: the camera.yaml to write.
 
     """
 
@@ -82,7 +82,7 @@ def import_files(options: ImportOptions, *, run: Run = RUN) -> Imported:
     from cubicfish_cli.core.files import refuse_existing
     from cubicfish_cli.extensions.formats.importing import import_camera
 
-    made_at()  # said before the work if it cannot be
+    made_at()  # an unusable date is an error before the work, not after
     goal = Path(options.output)
     refuse_existing(goal, overwrite=run.overwrite)
     source = fingerprint(Path(options.path))
@@ -129,7 +129,7 @@ def command(imported: Imported, given: ImportOptions, how: How) -> None:
 
 
 def _why_it_ends(imported: Imported, *, limited: bool) -> str:
-    """What ends the field, and what to do where that may be wrong."""
+    """Say what ends the field, and what to do if that may be wrong."""
     trusted = f"{imported.camera.max_angle_deg:.1f}°"
     ended_by, fold_deg = imported.conversion.ended_by, imported.conversion.fold_deg
     if ended_by == "region":

@@ -1,4 +1,4 @@
-"""Another tool's camera file -> the cubic camera nearest to its lens; other detectors' corners."""
+"""Reading another tool's camera file as the cubic camera nearest to its lens."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Imported(CameraFile):
         conversion: how near ``camera`` comes, ``error`` in pixels, and what ended its field,
             ``ended_by``.
         knows_its_field: whether the file says how far its lens is trusted, as cubicfish's own do.
-        file: the camera.yaml that it was written to; None where it was not.
+        file: the camera.yaml that was written; None if none was.
 
     """
 
@@ -48,7 +48,7 @@ class Imported(CameraFile):
     file: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish import --json`` prints."""
+        """Return plain data: what ``cubicfish import --json`` prints."""
         return {
             "model": self.file,
             "format": self.written_by,
@@ -69,26 +69,26 @@ def import_camera(
     image_size: Sequence[int] | None = None,
     max_angle_deg: float | None = None,
 ) -> Imported:
-    """The camera in another tool's file, as ``cubicfish import`` reads it.
+    """Read the camera in another tool's file, as ``cubicfish import`` does.
 
     Args:
         path: the file.
         written_by: its format, a name of ``cubicfish import --help`` such as ``kalibr``; by
-            default it is told by what the file holds.
+            default the content decides.
         camera: which one, of files that hold several: ``cam1``, COLMAP's CAMERA_ID, ``1`` for M1
             and D1.
         image_size: (width, height) of the photos in pixels, for files that do not say.
-        max_angle_deg: trusts the lens up to this angle from its axis; by default as far as it
-            shows anything in the photo, or at most 110°. Files do not say how far a lens was
+        max_angle_deg: trust the lens up to this angle from its axis; by default as far as it
+            shows anything in the photo, and at most 110°. Files do not say how far a lens was
             calibrated.
 
     Returns:
-        ``camera``, and how near it comes to the lens of the file: ``conversion.error``, pixels.
+        ``camera``, and its error against the lens of the file: ``conversion.error``, pixels.
         ``save`` writes it.
 
     Raises:
-        CameraFileError: there is no such format, the file cannot be used, or it does not go with
-            ``camera`` or ``image_size``.
+        CameraFileError: there is no such format, the file cannot be used, or ``camera`` or
+            ``image_size`` does not fit it.
         FitError: the lens sees nothing of its photo, or no sound cubic camera is near it.
 
     """

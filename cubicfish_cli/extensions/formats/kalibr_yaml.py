@@ -1,8 +1,8 @@
 """Kalibr's camchain.yaml: one or more cameras, cam0, cam1, ...
 
-Of several cameras, ``T_cn_cnm1`` takes points of the camera before to each one's frame, metres.
-``pinhole`` with radtan, equidistant or no distortion, ``omni`` with radtan and ``ds`` with none;
-intrinsics in Kalibr's order.
+``T_cn_cnm1`` takes points from the frame of the camera before to each camera's, in metres. Models
+are ``pinhole`` with radtan, equidistant or no distortion, ``omni`` with radtan and ``ds`` with
+none, with intrinsics in Kalibr's order.
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,12 +55,12 @@ _WRITTEN = {
 
 
 def kalibr_text(one: PlacedLens) -> str:
-    """A lens of a model that is written as a camchain of one camera."""
+    """Write a lens as a camchain of one camera."""
     return "\n".join([*(f"# {line}" for line in one.note), *_camera_lines(one.lens, 0, []), ""])
 
 
 def kalibr_rig_text(rig: LensRig) -> str:
-    """Lenses of a model that is written as a camchain.
+    """Write lenses as a camchain.
 
     Raises:
         CameraFileError: the rig's unit of length is not known.

@@ -23,7 +23,7 @@ from cubicfish_cli.core.types import FloatArray
 
 PINHOLE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "τx", "τy")
 """OpenCV's order of a pinhole lens's distortion."""
-# What files call the numbers of a lens's arrays.
+# Names in files of the numbers in a lens's arrays.
 _NAMES: Mapping[str, tuple[str, ...]] = {
     "d": PINHOLE,
     "k": ("k1", "k2", "k3", "k4", "k5", "k6"),
@@ -33,7 +33,7 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
 
 
 def named_numbers(lens: Lens) -> dict[str, float]:
-    """The parameters of a lens by the names that files have for them."""
+    """Return the parameters of a lens by the names that files have for them."""
     named: dict[str, float] = {}
     for one in fields(lens):
         value = getattr(lens, one.name)
@@ -47,7 +47,7 @@ def named_numbers(lens: Lens) -> dict[str, float]:
 def named_lens(
     where: Path, model: type[Lens], image_size: tuple[int, int], named: Mapping[str, float]
 ) -> Lens:
-    """The lens of a model with the parameters of these names.
+    """Make a lens of a model from named parameters.
 
     Raises:
         CameraFileError: a focal length is not above 0, or another parameter lies outside what tools
@@ -70,12 +70,12 @@ def named_lens(
 
 
 def matrix_rows(lens: FocalLens | RadialCamera) -> list[list[float]]:
-    """The camera matrix K of a lens, row by row."""
+    """Return the camera matrix K of a lens, row by row."""
     return [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]]
 
 
 def named_in_matrix(values: FloatArray) -> dict[str, float]:
-    """Names and numbers of a camera matrix (9,), row by row."""
+    """Return names and numbers of a camera matrix (9,), given row by row."""
     return dict(zip(("fx", "fy", "cx", "cy"), values[[0, 4, 2, 5]].tolist(), strict=True))
 
 
@@ -95,7 +95,7 @@ class PinholeLens(FocalLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """The one without distortion: near around the axis only."""
+        """Return the one without distortion: near around the axis only."""
         return (cls.near(radial, d=np.zeros(8)),)
 
     def pixels(self, points: FloatArray) -> FloatArray:
@@ -135,7 +135,7 @@ def _tilt(tau_x: float, tau_y: float) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnifiedLens(FocalLens):
-    """The point on the unit sphere, seen from ξ behind its middle, bent, then through a matrix.
+    """Projection onto the unit sphere, seen from ξ behind its middle, distorted, then through K.
 
     Attributes:
         skew: pixels, as cv2.omnidir has it; other tools have none.
@@ -156,9 +156,9 @@ class UnifiedLens(FocalLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """Without distortion ξ = 1 is the stereographic lens; ξ and k1, k2 play together.
+        """Return lenses of several ξ: ξ and k1, k2 are correlated, with several minima.
 
-        Least squares over them has several minima, so it starts at several ξ.
+        Without distortion ξ = 1 is the stereographic lens.
         """
         return tuple(
             cls.near(radial, stretch=1 + xi, xi=xi, d=np.zeros(4)) for xi in (1.0, 2.0, 4.0)
@@ -192,14 +192,14 @@ class DoubleSphereLens(FocalLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """ξ = 0 and α = 1/2 is the stereographic lens; the others lie towards flatter profiles."""
+        """Return the stereographic lens, ξ = 0 and α = 1/2, and some of flatter profiles."""
         return tuple(
             cls.near(radial, stretch=1 + xi, xi=xi, alpha=alpha)
             for xi, alpha in ((0.0, 0.5), (-0.2, 0.6), (0.3, 0.6), (0.8, 0.5))
         )
 
     def pixels(self, points: FloatArray) -> FloatArray:
-        """See the paper: (x, y) = s (X, Y), not finite where the lens sees nothing.
+        """Project as the paper does: (x, y) = s (X, Y), not finite where the lens sees nothing.
 
         s = 1 / (α d2 + (1 − α)(ξ d1 + Z)), d1 = |X|, d2 = hypot(ρ, ξ d1 + Z).
         """

@@ -52,14 +52,14 @@ _OPENCV_SIZES = {
     "LENSMODEL_OPENCV12": 12,
 }
 _KNOWN = (*_OPENCV_SIZES, "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_SPLINED_STEREOGRAPHIC_...")
-# Remarks, packed bytes, text, which may hold any character, and what YAML writes otherwise.
+# Comments, packed bytes, text, which may hold any character, and what YAML writes differently.
 _TOKEN = re.compile(
     r"#[^\n]*|[bB](?:'[^'\\\n]*'|\"[^\"\\\n]*\")|'[^'\\\n]*'|\"[^\"\\\n]*\"|[()]|\bNone\b"
 )
 
 
 def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
-    """Splined lenses as a .cameramodel each; the rig's frame is the reference.
+    """Write splined lenses as a .cameramodel each; the rig's frame is the reference.
 
     Raises:
         CameraFileError: the rig's unit of length is not known.
@@ -69,7 +69,7 @@ def mrcal_rig_texts(rig: LensRig) -> dict[str, str]:
 
 
 def mrcal_text(one: PlacedLens, *, metres: float = 1.0) -> str:
-    """A splined lens as the text of a .cameramodel, numbers at full precision.
+    """Write a splined lens as the text of a .cameramodel, numbers at full precision.
 
     Args:
         one: the lens.
@@ -153,7 +153,7 @@ def _core(path: Path, values: FloatArray) -> dict[str, float]:
 
 
 def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
-    """order, Nx, Ny and fov_x_deg of a splined or a stereographic lens."""
+    """Return order, Nx, Ny and fov_x_deg of a splined or a stereographic lens."""
     if lens == "LENSMODEL_STEREOGRAPHIC":
         return 3, 4, 4, _STEREOGRAPHIC_FOV_DEG
     match = _SPLINED.fullmatch(lens)
@@ -193,9 +193,9 @@ def _region(data: Fields) -> FloatArray:
 
 
 def _dictionary(path: Path, text: str) -> Fields:
-    """The dictionary, without what is packed in it.
+    """Parse the dictionary, without the packed bytes in it.
 
-    Beside remarks, packed bytes and tuples it is YAML in braces, whose reader evaluates nothing
+    Without comments, packed bytes and tuples it is YAML in braces, whose reader evaluates nothing
     and has bounds.
     """
     plain = _TOKEN.sub(_as_yaml, text)

@@ -28,8 +28,8 @@ _ORDER = 3
 # Intervals across the field: more are tried until the spline is this near to the camera.
 _INTERVALS = (6, 8, 10, 13, 16, 20, 25, 30, 36)
 _NEAR_PX = 0.005
-# How hard the surfaces are kept from bending, in pixels against one mean control point's rays:
-# next to nothing where there are rays, and straight on where there are none.
+# Weight of the surfaces' bending against the rays of a mean control point, pixels: it matters
+# little where there are rays, and continues the surfaces straight where there are none.
 _STIFFNESS = 1e-4
 _OUTLINE = 360
 # Rays of the camera's own that the spline is fitted to, for there to be enough up to the rim.
@@ -38,14 +38,14 @@ _RAYS = 16_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SplinedLens(FocalLens):
-    """See above.
+    """A stereographic lens and two B-spline surfaces; see the top of this module.
 
     Attributes:
         order: 2 or 3, of the splines.
         fov_x_deg: a whole number.
         control: (Ny, Nx, 2) Δ's control points.
-        region: (K, 2) pixels: the outline of where the lens may be trusted, without rows where
-            nothing is known of it.
+        region: (K, 2) pixels: the outline of where the lens may be trusted; no rows if that is
+            not known.
 
     """
 
@@ -60,7 +60,7 @@ class SplinedLens(FocalLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """The stereographic lens."""
+        """Return the stereographic lens."""
         control = np.zeros((_ORDER + 1, _ORDER + 1, 2))
         fov_x_deg, nowhere = min(359, math.ceil(math.degrees(2 * covered))), np.zeros((0, 2))
         return (
@@ -135,7 +135,7 @@ class SplinedLens(FocalLens):
 
 
 def stereographic(points: FloatArray) -> FloatArray:
-    """Camera-frame points (N, 3) -> u (N, 2), of length 2 tan(θ/2); NaN straight behind."""
+    """Return u (N, 2) of camera-frame points (N, 3): length 2 tan(θ/2); NaN straight behind."""
     norm = np.linalg.norm(points, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         u = 2 * points[:, :2] / (norm + points[:, 2])[:, None]
@@ -143,7 +143,7 @@ def stereographic(points: FloatArray) -> FloatArray:
 
 
 def _edges(nx: int, ny: int, order: int, fov_x_deg: float) -> tuple[float, float]:
-    """Half the extent of the spline over u, along x and along y."""
+    """Return half the extent of the spline over u, along x and along y."""
     edge_x = 2 * math.tan(math.radians(fov_x_deg) / 4)
     return edge_x, edge_x * (ny - order) / (nx - order)
 
@@ -151,7 +151,7 @@ def _edges(nx: int, ny: int, order: int, fov_x_deg: float) -> tuple[float, float
 def _weights(
     u: FloatArray, nx: int, ny: int, order: int, fov_x_deg: float
 ) -> tuple[IntArray, FloatArray]:
-    """Which control points count at u: their first column and row (N, 2), their weights.
+    """Return the control points that count at u: their first column and row (N, 2), and weights.
 
     The weights (N, 2, order + 1) along x and along y are those of uniform B-splines.
     """
@@ -171,7 +171,7 @@ def _weights(
 def _surfaces(
     u: FloatArray, bend: FloatArray, nx: int, ny: int, fov_x_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Control points (Ny, Nx, 2) for Δ = ``bend`` (N, 2) at u, and what is left of it (N, 2)."""
+    """Fit control points (Ny, Nx, 2) to Δ = ``bend`` (N, 2) at u; also return the rest (N, 2)."""
     first, weight = _weights(u, nx, ny, _ORDER, fov_x_deg)
     span = np.arange(_ORDER + 1)
     index = (first[:, 1, None] + span)[:, :, None] * nx + (first[:, 0, None] + span)[:, None, :]
@@ -188,14 +188,14 @@ def _surfaces(
 
 
 def _second_differences(nx: int, ny: int) -> sparse.csr_array:
-    """Rows of second differences of a (Ny, Nx) grid, along x and along y."""
+    """Return rows of second differences of a (Ny, Nx) grid, along x and along y."""
     each_x, each_y = (sparse.csr_array(np.eye(count)) for count in (nx, ny))
     along, down = (sparse.csr_array(np.diff(np.eye(count), 2, axis=0)) for count in (nx, ny))
     return sparse.vstack([sparse.kron(each_y, along), sparse.kron(down, each_x)]).tocsr()
 
 
 def _outline(camera: CubicCamera) -> FloatArray:
-    """The outline of the camera's field in the photo, closed, with the photo's own corners."""
+    """Return the closed outline of the camera's field, with the photo's corners that it sees."""
     outline = camera.outline(_OUTLINE)
     width, height = camera.image_size
     corners = np.array(

@@ -45,7 +45,7 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 
 
 def nerfstudio_text(one: PlacedLens) -> str:
-    """A radial lens and camera_from_world of its photos as transforms.json."""
+    """Write a radial lens and camera_from_world of its photos as transforms.json."""
     frames = [
         {"file_path": name, "transform_matrix": _matrix(pose)} for name, pose in one.poses.items()
     ]
@@ -53,7 +53,7 @@ def nerfstudio_text(one: PlacedLens) -> str:
 
 
 def nerfstudio_rig_text(rig: LensRig) -> str:
-    """Radial lenses and camera_from_world of their photos as transforms.json.
+    """Write radial lenses and camera_from_world of their photos as transforms.json.
 
     Every frame has its own lens; the photos of each are in a folder of its name.
     """

@@ -37,7 +37,7 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.reading import read_text
 from cubicfish_cli.core.types import FloatArray
 
-# Degrees that are tried. Real files mostly have 4; the toolbox's C reader takes up to 63.
+# Degrees to try. Real files mostly have 4; the toolbox's C reader takes up to 63.
 _DEGREES = range(4, 13)
 # A higher degree must lower the RMS or the largest error by such a share and so many pixels.
 _WORTH_A_DEGREE = np.array([0.05, 0.1])
@@ -49,9 +49,9 @@ _INVERSE_DEGREES = range(5, 15)
 _INVERSE_MARGIN_RAD = np.deg2rad(5)
 _TABLE = 4096
 _NEWTON_ITERATIONS = 6
-# Radii are looked for up to the photo's farthest corner and a little more.
+# Radii are sought up to the photo's farthest corner and a little more.
 _REACH = 1.15
-# A lens that is compared is asked about rays outside the photo too: up to so many focal lengths.
+# A comparison of lenses takes in rays outside the photo too: up to so many focal lengths.
 _COMPARED_REACH = 6.0
 
 
@@ -66,8 +66,7 @@ class ScaramuzzaLens(ForeignLens):
         a: (N + 1,) a0, a1, ..., lowest order first, a0 > 0 (z is forward).
         inverse: (M + 1,) r = i0 + i1 t + i2 t² + ..., lowest order first, t = angle from the axis
             - π/2; empty where a file has none.
-        reach: radii are looked for up to this one; by default a little past the photo's farthest
-            corner.
+        reach: the largest radius; by default a little more than the photo's farthest corner.
 
     """
 
@@ -84,7 +83,7 @@ class ScaramuzzaLens(ForeignLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """Linear least squares of f on the radial lens's profile."""
+        """Fit f to the radial lens's profile, by linear least squares."""
         start = cls._near(radial, np.linspace(0.02, covered, 200), _DEGREES[0])
         return (replace(start, reach=_COMPARED_REACH * radial.fy),)
 
@@ -106,7 +105,7 @@ class ScaramuzzaLens(ForeignLens):
         return self._pixel(points, rho, _radius(self.a, rho, points[:, 2], self._reach))
 
     def project_by_inverse(self, points: FloatArray) -> FloatArray:
-        """As :meth:`pixels`, by the inverse polynomial, as most programs do; NaN without one."""
+        """Project by the inverse polynomial, as most programs do; NaN without one."""
         if not len(self.inverse):
             return np.full((len(points), 2), np.nan)
         rho = np.hypot(points[:, 0], points[:, 1])
@@ -131,7 +130,7 @@ class ScaramuzzaLens(ForeignLens):
 
     @classmethod
     def nearest_to(cls, camera: CubicCamera, rays: FloatArray, pixel: FloatArray) -> ScaramuzzaLens:
-        """See :class:`Lens`: of the lowest degree that does justice to the camera.
+        """See :class:`Lens`: the lens has the lowest degree that follows the camera well.
 
         Its degree is 4 to 12, stretch[1, 1] is 1, and its inverse goes with it.
         """
@@ -143,7 +142,7 @@ class ScaramuzzaLens(ForeignLens):
         return found.with_inverse(float(angle_from_axis(rays).max()))
 
     def with_inverse(self, farthest: float) -> ScaramuzzaLens:
-        """The lens with r as a polynomial in angle - π/2, from the axis to ``farthest`` radians.
+        """Add r as a polynomial in angle - π/2, from the axis to ``farthest`` radians.
 
         Its degree is the lowest at which it is within 0.003 px of f's own radius, 14 at most.
         """
@@ -168,14 +167,14 @@ class ScaramuzzaLens(ForeignLens):
     def of_degree(
         cls, degree: int, camera: CubicCamera, rays: FloatArray, pixel: FloatArray
     ) -> ScaramuzzaLens:
-        """The nearest lens of a degree, without its inverse; the linear term stays 0."""
+        """Return the nearest lens of a degree, without its inverse; the linear term stays 0."""
         start = cls._near(camera.radial, angle_from_axis(rays), degree)
         reach = 2 * float(np.hypot(*camera.image_size))
         return replace(nearest_lens([replace(start, reach=reach)], rays, pixel), reach=None)
 
     @classmethod
     def _near(cls, radial: RadialCamera, theta: FloatArray, degree: int) -> Self:
-        """Linear least squares of f on a radial lens's profile at angles from its axis."""
+        """Fit f to a radial lens's profile at angles from its axis, by linear least squares."""
         powers = np.array([0, *range(2, degree + 1)])
         profile = radial.profile(theta)
         # Times sin θ the equation stays finite where f crosses 0.
@@ -210,7 +209,7 @@ class ScaramuzzaLens(ForeignLens):
 def _rms_and_largest(
     lens: ScaramuzzaLens, rays: FloatArray, pixel: FloatArray
 ) -> tuple[float, float]:
-    """Of the distances, pixels; infinite for a lens that does not reach all rays."""
+    """Return RMS and largest distance, pixels; infinite for a lens that does not see all rays."""
     squares = ((lens.pixels(rays) - pixel) ** 2).sum(axis=1)
     if not np.isfinite(squares).all():
         return float("inf"), float("inf")
@@ -218,7 +217,7 @@ def _rms_and_largest(
 
 
 def _angles(a: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Radii from 0 on and their angles from the axis, as far as the angle grows."""
+    """Return radii from 0 on and their angles from the axis, as far as the angle grows."""
     radius = np.linspace(0, reach, _TABLE)
     angle = np.arctan2(radius, polynomial.polyval(radius, a))
     falls = np.flatnonzero(np.diff(angle) <= 0)
@@ -227,7 +226,7 @@ def _angles(a: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _radius(a: FloatArray, rho: FloatArray, z: FloatArray, reach: float) -> FloatArray:
-    """The smallest r up to ``reach`` at which (r, f(r)) has the direction (ρ, Z), else NaN."""
+    """Find the smallest r up to ``reach`` at which (r, f(r)) has direction (ρ, Z), else NaN."""
     table, angle = _angles(a, reach)
     slope = polynomial.polyder(a)
     # Along unit vectors Newton's step means the same near and far.
@@ -253,7 +252,7 @@ _REMARKS = (
     '#affine parameters "c", "d", "e"',
     '#image size: "height" and "width"',
 )
-# What stands in the lines, and how many numbers; None for coefficients behind their count.
+# The content of the lines, and how many numbers; None for coefficients behind their count.
 _PARTS = {
     "the polynomial": None,
     "the inverse polynomial": None,
@@ -266,7 +265,7 @@ _SWAP = np.array([[0.0, 1.0], [1.0, 0.0]])
 
 
 def ocamcalib_text(one: PlacedLens) -> str:
-    """A lens as the text of calib_results.txt, numbers at full precision."""
+    """Write a lens as the text of calib_results.txt, numbers at full precision."""
     lens: ScaramuzzaLens = one.lens
     # The last entry of their matrix is 1: the stretch is divided by it, and radii multiplied.
     scale = float(lens.stretch[0, 0])
@@ -288,7 +287,7 @@ def ocamcalib_text(one: PlacedLens) -> str:
 
 
 def _spaced(values: Iterable[float]) -> str:
-    """Numbers that read back exactly; f's linear term is 0 and not -0."""
+    """Write numbers so that they read back exactly; f's linear term is 0 and not -0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
@@ -336,7 +335,7 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
 
 
 def _numbers(where: Path, cells: Sequence[str], part: str) -> FloatArray:
-    """The numbers of a line, without their count where that comes first."""
+    """Return the numbers of a line, without a leading count."""
     try:
         values = numbers(where, list(map(float, cells)), part, (len(cells),))
     except ValueError as problem:

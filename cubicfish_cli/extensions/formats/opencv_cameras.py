@@ -5,13 +5,11 @@ There are no standard names. Here case and underscores do not matter: ``camera_m
 others are read, with a camera's name before or behind them where there are several (``M1``,
 ``D1``, ``camera_matrix_left``), or inside a mapping of that name. Four coefficients may be those of
 the fisheye module or of the pinhole lens: ``model`` or ``distortion_model`` must say which, or
-``fisheye_model`` with 0 or 1. With ``xi`` it is cv2.omnidir's lens. What is written says
+``fisheye_model`` with 0 or 1. With ``xi`` it is cv2.omnidir's lens. Written files say
 ``model: fisheye``.
 
-OpenCV's FileStorage as YAML, XML or JSON: plain data, whichever it is.
-
-A matrix is a mapping with ``rows``, ``cols``, ``dt`` and ``data`` in all three; what marks it as
-one (``!!opencv-matrix``, ``type_id``) is left out.
+YAML, XML and JSON are read as the same plain data: in all three a matrix is a mapping with
+``rows``, ``cols``, ``dt`` and ``data``, and its type (``!!opencv-matrix``, ``type_id``) is ignored.
 """
 
 import re
@@ -48,7 +46,7 @@ from cubicfish_cli.extensions.formats.lenses import (
     named_lens,
 )
 
-# Names in small letters without anything between words.
+# Names in lower case, without underscores or hyphens.
 _KEY = re.compile(r"[\"']?(\w{1,40})[\"']?\s*:")
 _MATRIX = (
     "cameramatrix", "k", "intrinsics", "intrinsicmatrix", "intrinsic", "cameraintrinsics",
@@ -86,7 +84,7 @@ class SkewedFisheye(FocalLens):
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
-        """The radial lens."""
+        """Return the radial lens."""
         return (cls.near(radial, skew=0.0, k=radial.k),)
 
     def pixels(self, points: FloatArray) -> FloatArray:
@@ -98,7 +96,7 @@ class SkewedFisheye(FocalLens):
 
 
 def opencv_text(one: PlacedLens) -> str:
-    """A radial lens as FileStorage YAML, for cv2.fisheye."""
+    """Write a radial lens as FileStorage YAML, for cv2.fisheye."""
     width, height = one.lens.image_size
     return "\n".join(
         [
@@ -112,10 +110,10 @@ def opencv_text(one: PlacedLens) -> str:
 
 
 def opencv_stereo_text(rig: LensRig) -> str:
-    """Two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
+    """Write two radial lenses as FileStorage YAML, for cv2.fisheye's stereo functions.
 
-    M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; where flat pictures with common
-    rows exist, R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.app.lenses.file_contents.FlatPair`.
+    It holds M1, D1, M2, D2, and R, T with X2 = R X1 + T in the rig's units; for a rectified pair
+    also R1, R2, P1, P2 and Q of :class:`~cubicfish_cli.app.lenses.file_contents.FlatPair`.
 
     Raises:
         CameraFileError: the rig has more cameras than two.
@@ -162,7 +160,7 @@ def _matrix_lines(named: Mapping[str, FloatArray]) -> list[str]:
 
 
 def looks_like_opencv(text: str) -> bool:
-    """Whether YAML or JSON of nobody's format has a camera matrix under a name that is known."""
+    """Return whether YAML or JSON of no other format has a camera matrix under a known name."""
     # One pattern for blanks before and after a brace takes minutes over some thousand blank lines.
     starts = (line.strip().removeprefix("{").lstrip() for line in text.splitlines())
     keys = (_KEY.match(start) for start in starts)
@@ -176,9 +174,9 @@ def read_opencv(
 
     Args:
         path: the file.
-        camera: what tells the camera's keys from the others', such as 1 of M1 and D1; not needed
-            where there is one.
-        image_size: (width, height) of the photos, where the file does not say.
+        camera: the part of the camera's keys that the others' lack, such as 1 of M1 and D1; not
+            needed for a file of one camera.
+        image_size: (width, height) of the photos, if the file does not say.
 
     Raises:
         CameraFileError: the file is not one, or holds no camera; one line.
@@ -209,7 +207,7 @@ def read_opencv(
 
 
 def _row(path: Path, name: str, value: Any) -> Any:
-    """The numbers of a matrix, or of lists in lists, row by row; of a number a list."""
+    """Return the numbers of a matrix, or of nested lists, row by row; a number as a list."""
     if not isinstance(value, dict):
         if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
             return [one for row in value for one in row]
@@ -236,14 +234,14 @@ def _row(path: Path, name: str, value: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class _Keys:
-    """The keys of a file, whatever their spelling, those of one camera where one is named."""
+    """The keys of a file in any spelling, or those of one camera if one is named."""
 
     path: Path
     record: Mapping[str, Any]
     camera: str | None
 
     def find(self, names: Sequence[str], *, arrays: bool = False) -> tuple[str, Any] | None:
-        """The name and value of the key that has one of the names, the camera's own or one for all.
+        """Find the key and value of one of the names: the camera's own, or one for all cameras.
 
         With ``arrays`` it must be the camera's own, and no single number or word: a file may hold
         the number k1 beside the matrix K1.
@@ -271,7 +269,7 @@ class _Keys:
         return None
 
     def numbers(self, entry: tuple[str, Any], counts: tuple[int, ...]) -> FloatArray:
-        """The numbers of a key that was found, as many as one of ``counts``."""
+        """Return the numbers of a key that was found, as many as one of ``counts``."""
         return numbers(self.path, _row(self.path, *entry), entry[0], counts)
 
 
@@ -340,18 +338,18 @@ def _plain(key: str) -> str:
 
 
 MAX_BYTES = 4_000_000
-# What has more digits is no number of OpenCV's, and slow to read.
+# OpenCV writes no longer numbers, and they would be slow to read.
 _LONGEST_NUMBER = 300
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
 _ROOT = "opencv_storage"
 
 
 def read_file_storage(path: Path) -> dict[str, Any]:
-    """What a FileStorage file holds: mappings, lists, text, numbers.
+    """Read a FileStorage file: mappings, lists, text, numbers.
 
     Raises:
-        CameraFileError: the file cannot be read, is larger than 4 MB, is none of the three, holds
-            a key twice or more than plain data (entities, anchors); one line.
+        CameraFileError: the file cannot be read, is larger than 4 MB, is none of the three, has
+            a key twice, or is more than plain data (entities, anchors); one line.
 
     """
     text = read_text(path, max_bytes=MAX_BYTES, error=CameraFileError)
@@ -389,7 +387,7 @@ def _parse_xml(path: Path, text: str) -> Any:
 
 
 def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
-    """What an element holds: a mapping, a list where children are called ``_``, or a value."""
+    """Return an element's content: a mapping, a list if children are called ``_``, or a value."""
     name = quoted(element.tag)
     if depth > MAX_DEPTH:
         raise CameraFileError(f"{path}: nested more than {MAX_DEPTH} levels deep")
@@ -408,7 +406,7 @@ def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
 
 
 def _values(text: str) -> Any:
-    """A number, a list of numbers, or text."""
+    """Return a number, a list of numbers, or text."""
     words = text.split()
     if not words:
         return None

@@ -1,10 +1,10 @@
 """ROS CameraInfo YAML, as camera_calibration writes and camera_info_manager reads it.
 
-``equidistant`` holds the four coefficients of OpenCV's fisheye module; ``plumb_bob`` and
+``equidistant`` has the four coefficients of OpenCV's fisheye module; ``plumb_bob`` and
 ``rational_polynomial`` are OpenCV's pinhole lens. The projection matrix is that of the rectified
 picture: here of one with the same focal lengths and centre.
 
-Of a rig there are a CameraInfo for each camera and, for tf2, where each stands: as records of
+A rig becomes a CameraInfo for each camera and, for tf2, the pose of each: as records of
 geometry_msgs/TransformStamped in YAML, and as fixed joints in URDF. Lengths are metres.
 """
 
@@ -39,7 +39,7 @@ _MODELS: Mapping[str, tuple[type[Lens], Sequence[str], Sequence[int]]] = {
 
 
 def ros_text(one: PlacedLens) -> str:
-    """A radial lens as CameraInfo YAML with the model ``equidistant``."""
+    """Write a radial lens as CameraInfo YAML with the model ``equidistant``."""
     width, height = one.lens.image_size
     matrix = np.array(matrix_rows(one.lens))
     matrices = {
@@ -72,7 +72,7 @@ def _matrix_lines(name: str, matrix: FloatArray) -> list[str]:
 
 
 def ros_rig_texts(rig: LensRig) -> dict[str, str]:
-    """Radial lenses as CameraInfo, static transforms and URDF: name -> text.
+    """Write radial lenses as CameraInfo, static transforms and URDF: name -> text.
 
     The frame ``rig`` is the first camera's as it was calibrated, and ``NAME_optical_frame`` that
     of a camera's lens: x to the right, y down, z forward.

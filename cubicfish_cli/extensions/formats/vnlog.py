@@ -7,7 +7,7 @@
     frame1.png 355.8 241.9 0
     frame2.png - - -
 
-A text table (vnlog): lines that start with ``##`` or ``#!`` are remarks, the first other line with
+A text table (vnlog): lines that start with ``##`` or ``#!`` are comments, the first other line with
 ``#`` names the columns: ``filename``, ``x``, ``y`` and maybe ``level`` or ``weight``, in any order.
 A photo has either one row of dashes, when nothing was found in it, or one row for each corner of
 the board, row by row from its first corner; a corner with a dash, or with x or y below 0, was not
@@ -48,13 +48,13 @@ _ABSENT = re.compile(r"-(?:[0-9.]+(?:[eE][-+]?[0-9]+)?)?").fullmatch
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImportedCorners:
-    """What files of corners hold.
+    """Corners of another detector's files.
 
     Attributes:
         corners: the corners.
         left_out: how many corners the files themselves declare as not found.
         empty: names of photos without any corner.
-        file: the table that they were written to; None where they were not.
+        file: the corners.csv that was written; None if none was.
 
     """
 
@@ -64,7 +64,7 @@ class ImportedCorners:
     file: Path | None = None
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish corners --json`` prints."""
+        """Return plain data: what ``cubicfish corners --json`` prints."""
         return {
             "file": self.file,
             "image_size": self.corners.image_size,
@@ -123,7 +123,7 @@ def read_vnlogs(
 
 
 def _board_index(path: Path, target: Target, name: str | None) -> int:
-    """Which of the target's boards the files are about."""
+    """Return the index of the target's board in the files' photos."""
     if name is None and len(target.boards) > 1:
         shown = ", ".join(quoted(name) for name in target.board_names[:8])
         raise CorrespondenceError(
@@ -138,7 +138,7 @@ def _board_index(path: Path, target: Target, name: str | None) -> int:
 def _read_file(
     path: Path, target: Target, board: int, image_size: tuple[int, int], only: str
 ) -> tuple[Observations, int]:
-    """The corners of photos that match, all photos listed; how many are declared as not found."""
+    """Read corners of photos that match, listing all photos; count those declared not found."""
     table, one = _table(path), target.boards[board]
     images, image = table.codes("filename")
     _refuse_scattered(table, image)
@@ -181,7 +181,7 @@ def _read_file(
 
 
 def _table(path: Path) -> Table:
-    """The rows as a table whose lines are the file's own."""
+    """Read the rows as a table with the line numbers of the file."""
     text = read_text(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
     if text.count("\n") + text.count("\r") > MAX_LINES:
         raise CorrespondenceError(
@@ -217,7 +217,7 @@ def _as_csv(line: str) -> str:
 
 
 def _refuse_scattered(table: Table, image: IntArray) -> None:
-    """A photo's corners are numbered by their order: they must stand together."""
+    """Refuse a photo whose rows do not stand together: its corners are numbered by their order."""
     back = np.flatnonzero(np.diff(image) < 0)
     if back.size:
         name = table.columns["filename"][back[0] + 1]
@@ -229,7 +229,7 @@ def _refuse_scattered(table: Table, image: IntArray) -> None:
 
 
 def _found(table: Table) -> BoolArray:
-    """Which rows are corners, as mrcal has it: no dash, no coordinate or level below 0."""
+    """Return which rows are corners, as in mrcal: no dash, no coordinate or level below 0."""
     cells = [table.columns[name] for name in table.columns if name != "filename"]
     return np.array([not any(map(_ABSENT, row)) for row in zip(*cells, strict=True)], bool)
 

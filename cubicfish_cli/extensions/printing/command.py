@@ -34,21 +34,21 @@ _TYPES = ("checkerboard", "charuco", "aprilgrid")
 
 @record
 class PrintOptions:
-    """Boards on paper: those of a target, or of a new one.
+    """Options of :func:`print_target_files`.
 
     Attributes:
-        target: the target's file; None makes a new one.
+        target: the target's file; None makes a new target.
         kind: of a new target: ``corner``, ``box`` or ``board``.
         paper: its size, such as ``A3``, ``Letter`` or ``600x400mm``.
         board_type: of a new target's boards: ``checkerboard``, ``charuco`` or ``aprilgrid``.
         square: the side of a new target's squares, such as ``30mm``.
         counts: (columns, rows) of inner corners of a flat board.
         dictionary: of its markers.
-        margin: along the paper's edges.
-        folder: where the pages go.
+        margin: along the paper's edges, such as ``8mm``.
+        folder: the folder for the pages.
 
     Raises:
-        UsageError: they do not go together.
+        UsageError: the options do not go together.
 
     """
 
@@ -120,10 +120,10 @@ class PrintOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrintedFiles:
-    """What became of :func:`print_target_files`.
+    """Result of :func:`print_target_files`.
 
     Attributes:
-        files: what was written, by its name in :data:`NAMES`.
+        files: the files that were written, by their names in :data:`NAMES`.
         pages: the pages, each with its board.
         paper: the paper.
 
@@ -134,7 +134,7 @@ class PrintedFiles:
     paper: Paper
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish target print --json`` prints."""
+        """Return plain data: what ``cubicfish target print --json`` prints."""
         pages = [
             {
                 "board": page.board.name,

@@ -1,4 +1,4 @@
-"""Boards of each type, as they are made for a size of paper."""
+"""How boards of each type are made for a size of paper."""
 
 from dataclasses import dataclass
 from math import floor
@@ -8,7 +8,7 @@ from cubicfish_cli.core.boards.markers import MARKER_DICTIONARIES
 from cubicfish_cli.core.boards.types import BOARD_TYPES
 
 Counts = tuple[int, int]
-# Of a charuco, where nobody asks for another: the smallest that is large enough.
+# A charuco has the smallest of these that is large enough, unless another one is named.
 _USUAL_FAMILIES = ("DICT_5X5_50", "DICT_5X5_100", "DICT_5X5_250", "DICT_5X5_1000")
 
 
@@ -18,8 +18,8 @@ class Design:
 
     Attributes:
         type: in target.yaml.
-        counts: the fewest and the most corners (of an aprilgrid: tags) along a side of boards
-            that are made for a size of paper: fewer say little, more are small.
+        counts: the fewest and the most corners (of an aprilgrid: tags) along a side of a board:
+            fewer say little, more are small.
         marker: side of a marker, in squares (or tags); 0 without markers.
         spacing: gap between tags / side of a tag, as Kalibr's own boards have it.
 
@@ -45,27 +45,27 @@ class Design:
         return square * (count * (1 + self.spacing) + self.before)
 
     def count(self, length: float, square: float) -> int:
-        """How many corners (or tags) fit into a length."""
+        """Return how many corners (or tags) fit into a length."""
         return floor((length / square - self.before) / (1 + self.spacing) + 1e-9)
 
     def marker_count(self, counts: Counts) -> int:
-        """How many markers a board of so many corners (or tags) carries."""
+        """Return how many markers a board of so many corners (or tags) carries."""
         if self.type == "aprilgrid":
             return counts[0] * counts[1]
         # The square up-left of corner (0, 0) is dark, and so is the larger half of an odd number.
         return (counts[0] + 1) * (counts[1] + 1) // 2 if self.marker else 0
 
     def family(self, chosen: str | None, count: int) -> str:
-        """The family of ``count`` markers: the one that is asked for, else the usual one."""
+        """Return the family of ``count`` markers: the chosen one, else the usual one."""
         if self.type == "aprilgrid":
             return chosen or "tag36h11"
         enough = [one for one in _USUAL_FAMILIES if MARKER_DICTIONARIES[one] >= count]
         return chosen or next(iter(enough), _USUAL_FAMILIES[-1])
 
     def record(self, counts: Counts, square: float, family: str, first: int) -> dict[str, Any]:
-        """What target.yaml says of a board of so many corners (or tags).
+        """Return the record in target.yaml of a board of so many corners (or tags).
 
-        ``family`` is of its markers, where it has any, and ``first`` the first one's id.
+        ``family`` is that of its markers, if it has any, and ``first`` the first one's id.
         """
         record: dict[str, Any] = {"type": self.type}
         if self.type == "aprilgrid":

@@ -1,4 +1,4 @@
-"""Pages as one PDF file: a board's ink at true scale, and beside it what helps to print and cut it.
+"""Pages as one PDF file: a board at true scale, with a ruler, words and lines to cut along.
 
 Nothing beside the board is a dark area with corners, so that no detector takes it for a pattern.
 """
@@ -30,7 +30,7 @@ _POINT = _INCH / 72
 _STYLE: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],
     "text.parse_math": False,
-    # Letters stay letters, so that pages can be searched and print as sharp as the rest.
+    # Text stays text, so that pages can be searched and print as sharp as the rest.
     "pdf.fonttype": 42,
     "pdf.compression": 6,
     "path.simplify": False,
@@ -62,7 +62,7 @@ def write_boards(path: Path, pages: Sequence[Page]) -> None:
 
 
 def _draw(page: Page, number: str) -> Figure:
-    """The page; every place on its axes is (x, y) in millimetres from its top left corner."""
+    """Draw a page; every place on its axes is (x, y) in millimetres from its top left corner."""
     figure = Figure(figsize=(page.width / _INCH, page.height / _INCH), dpi=72)
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, page.width), ylim=(page.height, 0))
     axes.set_axis_off()
@@ -76,7 +76,7 @@ def _draw(page: Page, number: str) -> Figure:
 
 
 def ink_rectangles(board: Board) -> FloatArray:
-    """(N, 4, 2) rectangles that are the ink of a board, in its plane."""
+    """Return (N, 4, 2) rectangles of a board's ink, in its plane."""
     face = board_face(board, margin=0.0)
     row, column = np.nonzero(face.dark)
     cell = np.stack([column, row], axis=-1)[:, None] + AROUND_SQUARE
@@ -84,7 +84,7 @@ def ink_rectangles(board: Board) -> FloatArray:
 
 
 def _draw_cut(axes: Axes, page: Page, side: Side, cut: Cut) -> None:
-    """A line to cut along, and beyond it what the edge meets."""
+    """Draw a line to cut along, and beyond it the board that the edge meets."""
     words = f"cut here: this edge meets the {cut.side} edge of {cut.board}"
     beyond = cut.place + (-_BESIDE_CUT if side in ("left", "top") else _BESIDE_CUT + 2.2)
     upright = side in ("left", "right")
@@ -97,7 +97,7 @@ def _draw_cut(axes: Axes, page: Page, side: Side, cut: Cut) -> None:
 
 
 def _draw_strip(axes: Axes, page: Page, number: str) -> None:
-    """The ruler, which way x and y run, and what the board is."""
+    """Draw the ruler, the directions of x and y, and the board's description."""
     turn = Affine2D().rotate_deg(-90).translate(0, page.length) if page.turned else Affine2D()
     place = turn.translate(*page.strip) + axes.transData
 
@@ -142,7 +142,7 @@ def _fit(text: Text, size: float, room: float) -> None:
 
 
 def _words(board: Board, number: str) -> tuple[str, str, str]:
-    """What the strip says, in three lines."""
+    """Return the three lines of text of the strip."""
     if isinstance(board, AprilGrid):
         columns, rows, origin = board.columns // 2, board.rows // 2, "top left corner of its tag"
         what = f"{columns} x {rows} tags of {board.square:g} mm, spacing {board.spacing:g}"

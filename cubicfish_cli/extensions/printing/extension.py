@@ -1,4 +1,4 @@
-"""What the extension adds."""
+"""The extension's entry."""
 
 from cubicfish_cli.app.extensions import Extension
 

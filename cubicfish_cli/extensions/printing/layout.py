@@ -20,7 +20,7 @@ STRIP = 12.5
 """Height of the strip with ruler and words, in millimetres."""
 SHORTEST_STRIP = 124.0
 """Length that the strip needs for its ruler."""
-# White around a print, in shares of what it should have, where the paper is small.
+# White around a print on small paper, as shares of its quiet zone.
 _SHARES = (1.0, 0.75, 0.5, 0.4)
 _ROUNDING = 1e-6
 
@@ -67,7 +67,7 @@ class Page:
 
 
 def lay_out(board: Board, paper: Paper, *, margin: float) -> Page:
-    """A board in the middle of a page, with as much white around it as there is room for.
+    """Place a board in the middle of a page, with as much white around it as there is room for.
 
     Args:
         board: the board, in millimetres.
@@ -85,7 +85,7 @@ def lay_out(board: Board, paper: Paper, *, margin: float) -> Page:
         sizes.reverse()
     for share, turned, (width, height) in product(_SHARES, (False, True), sizes):
         white = share * quiet_zone(board)
-        # White paper beyond the printer's reach is white too; the strip ends it on its side.
+        # Paper where the printer cannot print is white too; the strip bounds it on its side.
         rim, beside = max(white, margin), margin + STRIP + white
         free_x = width - (right - left) - rim - (beside if turned else rim)
         free_y = height - (bottom - top) - rim - (rim if turned else beside)
@@ -113,7 +113,7 @@ def quiet_zone(board: Board) -> float:
 
 
 def boards_in_millimetres(target: Target) -> list[Board]:
-    """The boards of a target that have a print, as drawn, with every length in millimetres.
+    """Return the nominal boards of a target that have a print, with every length in millimetres.
 
     Raises:
         TargetError: no board has a print, or the unit is not known.

@@ -62,14 +62,14 @@ class _Sheet:
     y_axis: Vector
 
     def edges(self) -> dict[Side, frozenset[tuple[float, ...]]]:
-        """The end points of each side, where a, b and c are 1."""
+        """Return the end points of each side, where a, b and c are 1."""
         corner, x, y = np.array([self.corner, self.x_axis, self.y_axis])
         around = [*map(tuple, (corner, corner + x, corner + x + y, corner + y))]
         ends = zip(around, around[1:] + around[:1], strict=True)
         return dict(zip(_SIDES, map(frozenset, ends), strict=True))
 
     def meets(self, sheets: Sequence[_Sheet]) -> Meetings:
-        """What its sides meet."""
+        """Return the sheets and sides that its sides meet."""
         return {
             side: (other.name, far)
             for side, ends in self.edges().items()
@@ -99,15 +99,15 @@ _SHEETS: dict[str, tuple[_Sheet, ...]] = {
 
 
 def design(options: PrintOptions, paper: Paper, *, margin: float) -> tuple[Target, list[Page]]:
-    """A target that fits the paper, each board on one page.
+    """Design a target that fits the paper, each board on one page.
 
     Args:
-        options: what it is to be like.
+        options: the target's options.
         paper: the paper.
         margin: at the paper's edges, where nothing is printed, in millimetres.
 
     Raises:
-        TargetError: nothing like that fits, or the markers' family has not enough of them.
+        TargetError: no such target fits, or the family has too few markers.
 
     """
     kind, made = options.kind or "board", DESIGNS[options.board_type or "checkerboard"]
@@ -145,7 +145,7 @@ def design(options: PrintOptions, paper: Paper, *, margin: float) -> tuple[Targe
 
 
 def _largest(kind: str, paper: Paper, margin: float) -> FloatArray:
-    """The largest sheets that the paper holds, across: their sides a, b and c."""
+    """Return the largest sheets that the paper holds, across: their sides a, b and c."""
     width, height = paper.long - 2 * margin, paper.short - 2 * margin
     sides = np.array([width, width, width])
     for one in _SHEETS[kind]:
@@ -166,7 +166,7 @@ def _largest(kind: str, paper: Paper, margin: float) -> FloatArray:
 def _fitting(
     options: PrintOptions, made: Design, rooms: Sequence[FloatArray], paper: Paper, *, rim: float
 ) -> tuple[float, list[Counts]]:
-    """The squares and their numbers that cover most of sheets of these widths and heights.
+    """Return the square's side and the counts that cover most of sheets (width, height).
 
     White at the sheets' edges is at least ``rim`` wide.
     """
@@ -205,17 +205,16 @@ def _fitting(
 
 
 def _told_apart(made: Design, limits: Sequence[Counts]) -> list[Counts]:
-    """The largest numbers of corners within limits; none where there are too few.
+    """Return the largest counts of corners within limits; none if there is too little room.
 
-    Plain boards are told apart by their numbers and by the colours of their squares, so no two
-    have the same numbers, either way round, and none looks the same upside down: the sum of its
-    numbers is odd.
+    Counts and the colours of squares tell plain boards apart: no two have the same counts, either
+    way round, and none looks the same upside down, since the sum of its counts is odd.
     """
     fewest = made.counts[0]
     if made.marker:
         return list(limits) if np.min(limits) >= fewest else []
     chosen: dict[int, Counts] = {}
-    # Where there is the least room there is the least choice.
+    # The smallest sheet has the least choice, and comes first.
     for index in sorted(range(len(limits)), key=lambda k: (limits[k][0] * limits[k][1], k)):
         columns, rows = limits[index]
         taken = {tuple(sorted(counts)) for counts in chosen.values()}
@@ -234,10 +233,10 @@ def _told_apart(made: Design, limits: Sequence[Counts]) -> list[Counts]:
 def _place(
     meets: Meetings, room: FloatArray, made: Design, counts: Counts, square: float
 ) -> FloatArray:
-    """Where on a sheet (width, height) its corner (0, 0) is (2,), from the top left.
+    """Return where on a sheet (width, height) its corner (0, 0) is (2,), from the top left.
 
-    At a single cut edge there is as little white as is allowed, else as much on both sides. Words
-    and ruler keep off an edge that is cut.
+    At a single cut edge there is as little white as is allowed, else the same on both sides. Words
+    and ruler stay away from an edge that is cut.
     """
     place = []
     for k, (near, far) in enumerate((("left", "right"), ("top", "bottom"))):
@@ -254,7 +253,7 @@ def _place(
 def _cut_out(
     board: Board, meets: Meetings, room: FloatArray, place: FloatArray, paper: Paper
 ) -> Page:
-    """A sheet (width, height) that is cut out of its page; corner (0, 0) has a place on it."""
+    """Lay out a sheet (width, height) to be cut out of its page; ``place`` is of corner (0, 0)."""
     width, height = room.tolist()
     bands = {side: BAND * (side in meets) for side in _SIDES}
     x = (paper.long + bands["left"] - bands["right"] - width) / 2

@@ -39,7 +39,7 @@ class Paper:
 
 
 def paper(text: str) -> Paper:
-    """``A4``, ``letter``, ``600x400mm`` or ``24x36in`` -> Paper.
+    """Parse a size of paper: ``A4``, ``letter``, ``600x400mm`` or ``24x36in``.
 
     Raises:
         TargetError: the text is no size of paper, or too small or too large a one.

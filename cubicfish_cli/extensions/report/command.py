@@ -19,13 +19,13 @@ from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
 
 @record
 class ReportOptions:
-    """A page about a camera.
+    """Options of :func:`report_files`.
 
     Attributes:
-        camera: its file, or the folder of that.
-        target: the calibration target as drawn, where it is not at its recorded place.
-        photos: files, folders or patterns of the photos, where they are not at theirs.
-        page: where the page goes; by default report.html beside the camera.
+        camera: the file or folder of the camera.
+        target: the nominal calibration target, if it is not at its recorded place.
+        photos: files, folders or patterns of the photos, if they are not at their recorded places.
+        page: the page to write; by default report.html beside the camera.
 
     """
 

@@ -1,4 +1,4 @@
-"""The figures of a page: where the corners are, how far off they are, and what the lens is like."""
+"""The figures of a page: the corners' places and errors, and the lens."""
 
 import math
 
@@ -43,7 +43,7 @@ _ARROW_SHARE = 0.04
 
 
 def all_figures(facts: Facts) -> dict[str, Drawn]:
-    """Every figure that these facts allow, by its name."""
+    """Draw every figure that these facts allow, by its name."""
     drawn: list[Drawn | None] = []
     errors, camera = facts.errors, facts.camera
     with drawing(STYLE):
@@ -56,7 +56,7 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
 
 
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
-    """Where the corners are, and the cells of the field that hold none."""
+    """Draw the corners, and the cells of the field that hold none."""
     figure, axes = _photo_axes(facts)
     pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
     keys = [Key(kind="line", colour=INK, text="where the camera may be trusted")]
@@ -88,13 +88,13 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
 
 
 def arrow_zoom(facts: Facts, errors: ErrorFacts) -> float:
-    """How many times as long as they are errors are drawn, so that most can be seen."""
+    """Return the magnification of the drawn errors, so that most can be seen."""
     typical = float(np.percentile(errors.length, 95))
     return 1 / round_up(typical / (_ARROW_SHARE * max(facts.camera.image_size)))
 
 
 def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
-    """Residuals as arrows, magnified."""
+    """Draw residuals as arrows, magnified."""
     length = errors.length
     zoom = arrow_zoom(facts, errors)
     figure, axes = _photo_axes(facts)
@@ -121,7 +121,7 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
 
 
 def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
-    """RMS error in cells over the photo."""
+    """Draw the RMS error in cells over the photo."""
     width, height = facts.camera.image_size
     cell = min(width, height) / _FINE_CELLS
     edges = [np.arange(-(-side // cell) + 1) * cell - 0.5 for side in (width, height)]
@@ -146,7 +146,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
 
 
 def angle_figure(errors: ErrorFacts) -> Drawn | None:
-    """Error by angle from the axis."""
+    """Draw the error by angle from the axis."""
     angle, length = errors.angle_deg, errors.length
     if angle is None:
         return None
@@ -181,7 +181,7 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
 
 
 def profile_figure(camera: CubicCamera) -> Drawn:
-    """Radius by angle, beside the reference and ideal lenses."""
+    """Draw the radius by angle, beside the reference and ideal lenses."""
     theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
     rays = ray_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
     radial = camera.radial
@@ -235,7 +235,7 @@ def profile_figure(camera: CubicCamera) -> Drawn:
 
 
 def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
-    """How far the camera's own pixels may be off, over the photo."""
+    """Draw the uncertainty of the camera's pixels over the photo."""
     width, height = camera.image_size
     x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
     pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -268,7 +268,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
 
 
 def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
-    """Axes of a photo's shape, y down, with the trusted field's outline."""
+    """Make axes of a photo's shape, y down, with the trusted field's outline."""
     figure = new_figure(3.9)
     axes = figure.add_subplot()
     width, height = facts.camera.image_size

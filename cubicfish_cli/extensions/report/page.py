@@ -36,12 +36,12 @@ _POINT_ABSENT = (
 def page_of_fit(
     fitted: Calibration | PointCalibration, pairs: Observations, photos: Sequence[Path]
 ) -> str:
-    """The page about a fit that is still at hand; see :func:`facts_of_fit`."""
+    """Make the page about a fresh fit; see :func:`facts_of_fit`."""
     return report_html(facts_of_fit(fitted, pairs, photos))
 
 
 def report_html(facts: Facts) -> str:
-    """One self-contained HTML page about a calibration.
+    """Make one self-contained HTML page about a calibration.
 
     The same facts give the same page, to the byte.
     """
@@ -83,7 +83,7 @@ def report_html(facts: Facts) -> str:
 
 
 def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
-    """The figures at the top: name, value, meaning."""
+    """Return the figures at the top: name, value, meaning."""
     fit = facts.fit
     tiles = [
         (name, f"{value:.3f} px", meaning)
@@ -102,7 +102,7 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
 
 
 def _boards(facts: Facts) -> dict[str, str]:
-    """Which boards each photo shows, with their corners, where the corners are at hand."""
+    """Return the boards that each photo shows, with their corners, if the corners are known."""
     if facts.errors is None or not facts.errors.pairs.boards:
         return {}
     pairs = facts.errors.pairs
@@ -115,7 +115,7 @@ def _boards(facts: Facts) -> dict[str, str]:
 
 
 def _notes(fit: FitRecord) -> list[str]:
-    """What speaks not against the camera and should be known all the same."""
+    """Return remarks that do not speak against the camera."""
     return [one.line for one in fit.findings if one.severity is Severity.NOTE]
 
 
@@ -124,7 +124,7 @@ def _least_off(corner: DroppedCorner) -> float:
 
 
 def _without_corners(facts: Facts) -> list[str]:
-    """Photos that went in and of which no corner took part, besides those left out by name."""
+    """Return photos of which no corner was used, beside those left out by name."""
     known = {photo.image for photo in facts.photos} | facts.fit.unfit_images.keys()
     files = [one.file for one in origin_of(facts.known.made_by).inputs]
     paths = [Path(file) for file in files if not file.lower().endswith(".csv")]

@@ -1,4 +1,4 @@
-"""Small copies of the photos for the page, with what was found in them."""
+"""Small copies of the photos for the page, with the corners found in them."""
 
 import hashlib
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.maps import build_map
 
 Small = npt.NDArray[np.uint8]
-# What a page can carry and a reader look at: more photos have a row in the table only.
+# So many a page can carry and a reader look at: more photos have a row in the table only.
 MOST_THUMBNAILS = 48
 MOST_CARDS = 12
 # Reading photos is what takes time: a fifth of a second for each 12 million pixels.
@@ -62,7 +62,7 @@ class Pictures:
 
     Attributes:
         photos: by the photo's name, those with the largest errors first.
-        example: None where no photo is at hand or the camera has no rays.
+        example: None if no photo can be read or the camera has no rays.
         problems: why photos are missing, a line each.
 
     """
@@ -77,7 +77,7 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
 
     Args:
         facts: the calibration; photos are those of its ``files``.
-        zoom: how many times as long as they are errors are drawn.
+        zoom: the magnification of the drawn errors.
 
     """
     order = sorted(
@@ -115,10 +115,10 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
 
 
 def _read(facts: Facts, photo: PhotoRecord) -> Picture:
-    """A photo of a fit.
+    """Read a photo of a fit.
 
     Raises:
-        PhotoError: it cannot be read, or is not what it was.
+        PhotoError: it cannot be read, or has changed since the fit.
 
     """
     path, digest = facts.files[photo.image], facts.digests.get(photo.image)

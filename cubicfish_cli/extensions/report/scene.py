@@ -1,4 +1,4 @@
-"""Where photos were taken from, or where a rig's cameras stand, in space."""
+"""Views in space of the target and the photos' places."""
 
 import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -28,14 +28,14 @@ _VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above",
 
 
 def scene_figures(facts: Facts) -> dict[str, Drawn]:
-    """The target with the photos' places from two sides, by name; none where no pose is known."""
+    """Draw the target with the photos' places from two sides, by name; none if no pose is known."""
     if not facts.fit.poses:
         return {}
     vectors, shifts = zip(*facts.fit.poses.values(), strict=True)
     rotation = rotation_from_vector(vectors)
     centre = -np.einsum("nij,ni->nj", rotation, np.array(shifts))
     boards = () if facts.target is None else facts.target.boards
-    # A fit and its file differ in the last digits: the page is to be the same.
+    # A fit and its file differ in the last digits, but the page must be the same.
     plates = [board.outline().astype(np.float32).astype(float) for board in boards]
     loose = [plate for board, plate in zip(boards, plates, strict=True) if board.points is not None]
     if not boards and facts.errors is not None:

@@ -1,12 +1,11 @@
-"""Target and lens -> photos with known truth.
+"""Simulated photos of a target through a lens, with known truth.
 
-`simulate.py` takes the poses of `app/viewpoints/views.py` that fill the field and renders them,
-with rays that are worked out once for all photos (`RayGrid`), and makes grey levels of light, burnt
-out and bleeding where there is too much. What is printed on a board is a `Face`
-(`app/board_faces.py`).
+`simulate.py` renders photos from poses of `app/viewpoints/views.py` that fill the field, with rays
+that are computed once for all photos (`RayGrid`), and turns light into grey levels, burnt out and
+bleeding where there is too much of it. A `Face` (`app/board_faces.py`) is the print of a board.
 
-Tests have more in tests/support. `AsymmetricLens` is of the family that P is held to, and flatters
-what leans on that: the lenses of `synthetic_lenses.py` are of none. `simulated.py` makes corners
-through any lens without pictures, with errors as those of photos, and `synthetic_films.py` renders
-films of a hand that moves a target.
+Tests have more in tests/support. `AsymmetricLens` is of the family of the prior on P, and flatters
+fits that rely on it: the lenses of `synthetic_lenses.py` are of no family. `simulated.py` makes
+corners through any lens without pictures, with errors like those of photos, and
+`synthetic_films.py` renders films of a hand that moves a target.
 """

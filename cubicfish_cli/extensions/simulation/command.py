@@ -48,17 +48,17 @@ _BOUNDS: Mapping[str, tuple[float, float]] = {
 
 @record
 class LookOptions:
-    """How simulated pictures look, and from where they are taken.
+    """Options of the sensor and the poses of simulated pictures.
 
     Attributes:
         noise: standard deviation of the sensor's noise, grey levels of 255, at most 100.
         blur: standard deviation of the lens's blur, pixels, at most 50.
         vignetting: share of the light that is lost 90° from the axis, at most 0.8.
         exposure: 1 is a well-lit picture, 0.2 a dark one; 0.02 to 4, and overexposed ones bleed.
-        seed: another one gives other poses and other noise, the same one the same.
+        seed: of poses and noise.
 
     Raises:
-        UsageError: one is out of its bounds.
+        UsageError: a value is out of its bounds.
 
     """
 
@@ -103,21 +103,21 @@ class LookOptions:
 
 @record
 class SimulateOptions:
-    """Photos of a target, taken through a camera.
+    """Options of :func:`simulate_files`.
 
     Attributes:
         target: the calibration target, or its file; its boards are rendered flat.
         camera: a camera, a fit, or the file of one.
         number: of photos, where there are no ``poses``; by default 12.
-        folder: where photo_01.jpg and so on go, true_corners.csv (pixels), true_poses.csv and
-            true_camera.yaml.
-        poses: a table to take photos from, such as the true_poses.csv of earlier ones; lengths
-            in the target's unit, rotation vectors in radians, ``camera_from_world``.
-        look: how they look.
+        folder: the folder for photo_01.jpg and so on, true_corners.csv (pixels), true_poses.csv
+            and true_camera.yaml.
+        poses: a table of poses, such as an earlier true_poses.csv; lengths in the target's unit,
+            rotation vectors in radians, ``camera_from_world``.
+        look: of the sensor.
         form: of the photos: ``jpg`` or ``png``.
 
     Raises:
-        UsageError: one is not usable, or they do not go together.
+        UsageError: an option is not usable, or the options do not go together.
 
     """
 
@@ -155,14 +155,14 @@ class SimulateOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedFiles:
-    """What became of :func:`simulate_files`.
+    """Result of :func:`simulate_files`.
 
     Attributes:
         photos: the photos.
         truth: the files beside them: ``true_corners``, ``true_poses`` and ``true_camera``.
-        corners: how many corners can be seen in them.
+        corners: how many corners are visible in them.
         image_size: (width, height), pixels.
-        seed: their seed.
+        seed: the seed of poses and noise.
 
     """
 
@@ -173,7 +173,7 @@ class SimulatedFiles:
     seed: int
 
     def as_record(self) -> dict[str, Any]:
-        """Plain data: what ``cubicfish simulate --json`` prints."""
+        """Return plain data: what ``cubicfish simulate --json`` prints."""
         named = ("photos", "corners", "image_size", "seed")
         return {**{name: getattr(self, name) for name in named}, **self.truth}
 
@@ -184,10 +184,10 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     The poses fill the camera's field. All files are written, or none.
 
     Raises:
-        UsageError: what is asked does not go together.
+        UsageError: the options do not go together.
         CameraFileError: the camera cannot be used.
         CorrespondenceError: the table cannot be used.
-        TargetError: the target cannot be drawn, or is not seen so often.
+        TargetError: the target cannot be drawn, or there are not enough views of it.
         OutputError: no photo shows a corner, or a file exists and may not be replaced.
 
     """

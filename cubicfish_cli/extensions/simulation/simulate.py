@@ -1,8 +1,7 @@
-"""Photos of known truth: a target through any lens, from poses that are given or chosen.
+"""Photos of known truth: a target through any lens, from given or chosen poses.
 
-Target, lens and pose -> the photo that the lens would take, ray by ray.
-
-From the light on a sensor to the grey levels of a photo go exposure, blur, blooming and noise.
+Photos are rendered ray by ray. Exposure, blur, blooming and noise turn the light on the sensor into
+grey levels.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ FloatArray32 = npt.NDArray[np.float32]
 _PIXELS_PER_BLOCK = 200_000
 _QUALITY = 95
 _SUPERSAMPLE = 4
-# Of each photo there are so many views to choose from, and at least so many in all.
+# So many views to choose from for each photo, and at least so many in all.
 _VIEWS_PER_PHOTO, _FEWEST_VIEWS, _MOST_VIEWS = 15, 120, 1500
 # Towards the lamp, camera frame: over the photographer's left shoulder.
 LAMP = np.array([-0.35, -0.5, -0.79])
@@ -77,7 +76,7 @@ class RayGrid:
         return cls(ray=ray, by_x=_slope(ray, axis=1), by_y=_slope(ray, axis=0))
 
     def __call__(self, pixel: FloatArray) -> FloatArray:
-        """Pixels (N, 2) of the photo -> rays (N, 3), as a renderer wants them."""
+        """Turn pixels (N, 2) of the photo into rays (N, 3)."""
         height, width = self.ray.shape[:2]
         place = np.clip(np.rint(pixel).astype(np.intp), 0, (width - 1, height - 1))
         flat = place[:, 1] * width + place[:, 0]
@@ -98,7 +97,7 @@ def _slope(ray: FloatArray32, axis: int) -> FloatArray32:
 
 
 def _rows_of_pixels(image_size: tuple[int, int], most: int) -> Iterator[tuple[slice, FloatArray]]:
-    """Rows of a picture, at most so many pixels at a time, and their pixels (rows, width, 2)."""
+    """Yield blocks of rows, of at most ``most`` pixels, and their pixels (rows, width, 2)."""
     width, height = image_size
     step = max(1, most // width)
     for top in range(0, height, step):
@@ -109,7 +108,7 @@ def _rows_of_pixels(image_size: tuple[int, int], most: int) -> Iterator[tuple[sl
 def chosen_poses(
     target: Target, lens: WholeLens, image_size: tuple[int, int], count: int, *, seed: int = 0
 ) -> list[Pose]:
-    """Poses of ``count`` photos that fill the field from varied sides and distances.
+    """Choose poses of ``count`` photos that fill the field from varied sides and distances.
 
     Raises:
         TargetError: the target cannot be drawn, or cannot be seen so often.
@@ -182,7 +181,7 @@ def simulated_photos(
 
 
 def photo_bytes(photo: npt.NDArray[np.uint8], form: str) -> bytes:
-    """A photo as a JPEG file of quality 95 (``jpg``) or a PNG file (``png``)."""
+    """Encode a photo as a JPEG file of quality 95 (``jpg``) or a PNG file (``png``)."""
     options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if form == "jpg" else []
     _, data = cv2.imencode(f".{form}", photo, options)
     return data.tobytes()
@@ -198,24 +197,24 @@ Unproject = Callable[[FloatArray], FloatArray]
 Background = Callable[[FloatArray], FloatArray]
 Starts = Callable[[FloatArray], FloatArray]
 
-# Shares of the light that are thrown back.
+# Shares of the light that are reflected.
 INK, PAPER, _BACK = 0.07, 0.92, 0.45
 # Light from above and from one side, so that boards at right angles differ in brightness.
 _LIGHT = np.array([0.36, 0.48, 0.8])
 AMBIENT = 0.6
 _RAYS_PER_BLOCK = 50_000  # fits a processor cache
-_NOTHING, _BLACK = -1, -2  # what a ray shows where there is no board, and outside the field
+_NOTHING, _BLACK = -1, -2  # the label of rays that meet no board, and of those outside the field
 
 
 def sensed(
     light: FloatArray, *, exposure: float, blur: float, noise: float, seed: int | Sequence[int]
 ) -> npt.NDArray[np.uint8]:
-    """What a sensor makes of light (height, width) -> grey levels (height, width) uint8.
+    """Turn light (height, width) into a sensor's grey levels (height, width) uint8.
 
     Args:
-        light: 1 is what white paper throws back when it is lit well.
-        exposure: factor on the light. From about 1.15 on white paper is burnt out, and the more
-            it is, the farther it bleeds into dark squares: see :func:`bloomed`.
+        light: 1 is that of well-lit white paper.
+        exposure: factor on the light. From about 1.15 on white paper is burnt out, and bleeds
+            the farther into dark squares the larger the factor: see :func:`bloomed`.
         blur: standard deviation of the lens's blur, pixels.
         noise: standard deviation of the sensor's noise, grey levels.
         seed: of the noise.
@@ -231,12 +230,12 @@ def sensed(
 
 
 def bloomed(level: FloatArray) -> FloatArray:
-    """Grey levels (height, width) of a sensor whose pixels overflow into their neighbours.
+    """Let grey levels (height, width) above 255 overflow into neighbouring pixels.
 
-    What a pixel has above 255 goes to the pixels around it, less and less by exp(-distance/0.8 px),
-    the same on all sides. A straight edge between white and dark moves into the dark by as much as
-    the logarithm of the overflow, so that dark squares that meet at a corner come apart by a gap
-    whose middle is the corner still. Where nothing is above 255 nothing changes.
+    The excess spreads by exp(-distance/0.8 px), the same on all sides. A straight edge between
+    white and dark moves into the dark with the logarithm of the overflow, so that dark squares that
+    meet at a corner come apart by a gap with the corner still in its middle. Where nothing is above
+    255 nothing changes.
     """
     over = level - _FULL
     if not (over > 0).any():
@@ -249,7 +248,7 @@ def bloomed(level: FloatArray) -> FloatArray:
 
 
 def room_background(directions: FloatArray) -> FloatArray:
-    """A plain room far away: world directions (N, 3) -> brightness (N,), smooth on each wall."""
+    """Return the brightness (N,) of a plain room far away in world directions (N, 3)."""
     size = np.abs(directions)
     wall = np.argmax(size, axis=1)
     positive = np.take_along_axis(directions, wall[:, None], axis=1)[:, 0] > 0
@@ -277,9 +276,9 @@ def render(
 ) -> npt.NDArray[np.uint8]:
     """Render a grey photo of the target -> (height, width) uint8.
 
-    A pixel beside which something else is seen is the mean of ``supersample``² rays over its area,
-    so a printed edge lies exactly where the lens puts it; any other is one ray. Memory is bounded:
-    rows are done in blocks.
+    A pixel whose neighbour shows something else is the mean of ``supersample``² rays over its area,
+    so that a printed edge lies exactly where the lens puts it; any other pixel is one ray. Rows are
+    rendered in blocks, which bounds the memory.
 
     Args:
         target: the calibration target; boards that are seen from behind are plain grey.
@@ -361,5 +360,5 @@ def _smooth_edges(
 
 
 def vignette(angle: FloatArray, vignetting: float) -> FloatArray:
-    """The share of the light that arrives at angles from the axis (...,), radians."""
+    """Return the share of the light that arrives at angles from the axis (...,), radians."""
     return np.asarray(1.0 - vignetting * np.minimum((angle / radians(90.0)) ** 4, 1.2))
