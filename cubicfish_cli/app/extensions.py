@@ -9,10 +9,9 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from pkgutil import resolve_name
 
 from cubicfish_cli.core.errors import CubicfishError
 
@@ -29,12 +28,6 @@ TABLE = {
     "rigs": "cubicfish_cli.extensions.rigs.extension:EXTENSION",
 }
 """The extensions that come with the package, and where their records are."""
-
-
-def load_place(place: str) -> Any:
-    """What ``module:name`` is."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +120,7 @@ def extensions() -> tuple[Extension, ...]:
         CubicfishError: an installed one cannot be loaded.
 
     """
-    own = map(load_place, TABLE.values())
+    own = map(resolve_name, TABLE.values())
     return (*own, *map(_load_installed, entry_points(group=GROUP)))
 
 

@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.core.codes import words
-
 if TYPE_CHECKING:
     from cubicfish_cli.core.finding import Finding
 
@@ -48,8 +46,9 @@ class Event(StrEnum):
 
     def line(self, **figures: Any) -> str:
         """What is said of it."""
-        line: str = words().say_event(self, figures)
-        return line
+        from cubicfish_cli.core.codes import words
+
+        return str(words().say_event(self, figures))
 
 
 class Listener:

@@ -7,12 +7,13 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.extensions import Output, extensions, load_place
+from cubicfish_cli.app.extensions import Output, extensions
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.pages.report_files import PAGE
@@ -240,7 +241,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         )
     photos, chosen = paths, None
     for reader in (place for one in extensions() for place in one.inputs):
-        read_photos = load_place(reader)
+        read_photos = resolve_name(reader)
         photos, ended = read_photos(photos, folder / "frames", source, options.most, run)
         chosen = ended or chosen
     loaded = load_inputs(
@@ -351,7 +352,7 @@ def _output(
     run.listener.progress("Making the report")
     try:
         with extra.quiet():
-            make = load_place(wanted.content)
+            make = resolve_name(wanted.content)
         content: Content = make(fitted, loaded.pairs, loaded.photos)
     except Exception as problem:  # matplotlib may be broken in ways of its own
         what = f"{type(problem).__name__}: {problem}".splitlines()[0]

@@ -75,7 +75,7 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     """
     from cubicfish_cli.app.comparison import compare
     from cubicfish_cli.app.undistortion.images import check_suffix, write_picture
-    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish_cli.core.io.camera_keys import read_camera
 
     path = path_or_none(options.picture)
     if path is not None:
@@ -83,7 +83,7 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
         check_suffix(path)
     elif run.overwrite:
         raise UsageError("--overwrite goes with --picture, which writes a file: leave it out")
-    both = (load_camera(in_folder(Path(given))).camera for given in (options.first, options.second))
+    both = (read_camera(in_folder(Path(given))) for given in (options.first, options.second))
     comparison = compare(*both)
     if path is not None:
         write_picture(path, _picture(comparison), overwrite=run.overwrite)

@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.extensions import load_place, written_formats
+from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import OWN_FIELD
 from cubicfish_cli.app.lenses.to_lens import Conversion, to_lens
@@ -41,7 +42,7 @@ class Exported(PlacedLens):
     @property
     def text(self) -> str:
         """The text of the format's file."""
-        text: str = load_place(written_formats()[self.to].write)(self)
+        text: str = resolve_name(written_formats()[self.to].write)(self)
         return text
 
     def as_record(self) -> dict[str, Any]:
@@ -95,7 +96,7 @@ def export_camera(
     convert = partial(
         to_lens,
         camera,
-        load_place(known[to].written[to]["lens"]),
+        resolve_name(known[to].written[to]["lens"]),
         covered_deg=covered if math.isfinite(covered) else None,
     )
     conversion = convert(max_angle_deg=max_angle_deg)

@@ -115,14 +115,14 @@ def map_files(options: MapOptions, *, run: Run = RUN) -> MapFiles:
     """
     from cubicfish_cli.app.undistortion.choose import chosen_view
     from cubicfish_cli.app.undistortion.map_formats import build_redistort_map, map_paths
-    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish_cli.core.io.camera_keys import read_camera
     from cubicfish_cli.core.views.maps import camera_for_photos
 
     goal, view = Path(options.output), options.view
     plan = map_paths(goal, view.parts if isinstance(view, ViewOptions) else ("",))
     refuse_existing(*files_of(plan), overwrite=run.overwrite)
     path = in_folder(Path(options.camera))
-    loaded = load_camera(path).camera
+    loaded = read_camera(path)
     there = camera_for_photos(loaded, options.photo_size or loaded.image_size)
     chosen = chosen_view(there, view)
     maps = chosen.maps

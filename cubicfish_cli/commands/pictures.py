@@ -16,10 +16,8 @@ from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_
 from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.app.undistortion.images import check_suffix, part_name
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import Content, refuse_existing, refuse_outside, write_files
-from cubicfish_cli.core.finding import Finding
 
 if TYPE_CHECKING:
     from cubicfish_cli.commands.undistort import PictureOptions
@@ -73,6 +71,9 @@ class UndistortedFiles:
 
 def _failure_record(name: str, problem: str) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
+    from cubicfish_cli.core.codes import Code, Severity
+    from cubicfish_cli.core.finding import Finding
+
     told = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )

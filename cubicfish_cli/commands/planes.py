@@ -17,7 +17,7 @@ from cubicfish_cli.app.undistortion.options import PlaneOptions
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import UsageError, ViewError
 from cubicfish_cli.core.fit.evaluate import evaluate
-from cubicfish_cli.core.io.camera_yaml import Calibrated, PointCameraFile
+from cubicfish_cli.core.io.camera_yaml import Calibrated, load_any_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import camera_for_photos
 from cubicfish_cli.core.views.plane import board_with_plane, build_plane
@@ -28,20 +28,22 @@ class PlaneViews(Views):
     """Views of a board's plane, one per photo, since the board's pose differs."""
 
     def __init__(
-        self, loaded: Calibrated | PointCameraFile | CubicCamera, options: PlaneOptions, how: str
+        self, given: Path | Calibrated | CubicCamera, options: PlaneOptions, how: str
     ) -> None:
         """Prepare for the board of a target.
 
         Args:
-            loaded: the camera, maybe with the poses of the photos of its calibration.
+            given: the camera, maybe with the poses of the photos of its calibration, or its file.
             options: the board, and the view's size and field.
             how: how pixels are interpolated.
 
         Raises:
             UsageError: the target has no such board, or the board has no plane.
             TargetError: the target's file cannot be used.
+            CameraFileError: the camera's cannot.
 
         """
+        loaded = load_any_camera(given) if isinstance(given, Path) else given
         fit = FitRecord() if isinstance(loaded, CubicCamera) else loaded.fit
         self._seen_by = loaded if isinstance(loaded, CubicCamera) else loaded.camera
         self._plane, self._target = options, target_in(options.target)

@@ -228,9 +228,9 @@ def unproject_points(options: UnprojectOptions, *, run: Run = RUN) -> Points:
         CubicfishError: the camera or the pixels cannot be used.
 
     """
-    from cubicfish_cli.core.io.camera_yaml import load_camera
+    from cubicfish_cli.core.io.camera_keys import read_camera
 
-    camera = load_camera(in_folder(Path(options.camera))).camera
+    camera = read_camera(in_folder(Path(options.camera)))
     read = read_points(Path(options.pixels), ("x", "y"))
     return replace(read, values=camera.unproject(read.values))
 

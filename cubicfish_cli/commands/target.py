@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.extensions import extension_commands
 from cubicfish_cli.app.paths import path_or_none
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import target_in
@@ -299,7 +297,7 @@ def _direction(axis: Iterable[float]) -> str:
     "target",
     cls=LazyGroup,
     own={"check": "cubicfish_cli.commands.target:check"},
-    more=partial(extension_commands, "target"),
+    of="target",
     short_help="Print or check the calibration target, before any photo.",
     epilog=examples(
         "cubicfish target print --object corner --paper A4 -o my-target/",

@@ -168,7 +168,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     """
     from cubicfish_cli.app.undistortion.batch import Views
     from cubicfish_cli.commands.pictures import plan_jobs, write_pictures
-    from cubicfish_cli.core.io.camera_yaml import load_any_camera, load_camera
+    from cubicfish_cli.core.io.camera_keys import read_camera
     from cubicfish_cli.core.lenses.cubic import CubicCamera
 
     kind, sources, alone = _find_sources(named_sources(options.photos), run)
@@ -181,10 +181,8 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     jobs = plan_jobs(kind, photos, Path(options.output), options, run, alone=alone)
     path: Path | None = None
     known: Any = options.camera
-    is_plane = isinstance(options.view, PlaneOptions)
     if isinstance(known, str | os.PathLike):
-        path = in_folder(Path(known))
-        known = load_any_camera(path) if is_plane else load_camera(path)
+        known = path = in_folder(Path(known))
     if isinstance(options.view, PlaneOptions):
         from cubicfish_cli.commands.planes import PlaneViews
 
@@ -192,6 +190,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
         planes.find_poses([one for _, one in sources], run)
         views: Views = planes
     else:
+        known = read_camera(known) if isinstance(known, Path) else known
         camera = known if isinstance(known, CubicCamera) else known.camera
         views = Views(camera, options.view, options.interpolation)
     if kind == "photo":

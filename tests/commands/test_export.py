@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from pkgutil import resolve_name
 
 import cv2
 import numpy as np
@@ -12,7 +13,6 @@ from running import Run
 
 from cubicfish_cli.app.extensions import (
     camera_formats,
-    load_place,
     read_formats,
     written_formats,
 )
@@ -68,7 +68,7 @@ def test_the_commands_know_the_formats_that_there_are(run: Run):
     for one in camera_formats():
         places = [one.read, one.write, one.write_rig, one.looks_like, one.binary_looks_like]
         places += [how["lens"] for how in one.written.values()]
-        assert all(callable(load_place(place)) for place in places if place)
+        assert all(callable(resolve_name(place)) for place in places if place)
         assert one.written
         assert bool(one.read) == bool(one.reads) == bool(one.marks)
         assert bool(one.write_rig) == bool(one.rig_name)

@@ -87,21 +87,30 @@ def test_a_photo_shows_its_edges_also_where_the_camera_is_not_calibrated(
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "says", "of_camera"),
     [
-        (lambda record: record.update(image_size=[480, 360]), "reaches beyond the photo"),
-        (lambda record: record.update(image_size=[1920, 1440]), "the grid of fit.uncertainty"),
-        (lambda record: record["fit"]["uncertainty"].update(focal_px=[-0.1, 0.1]), "below 0"),
-        (lambda record: record["fit"]["uncertainty"]["sigma_px"][0].append(-1), "below 0"),
+        (lambda record: record.update(image_size=[480, 360]), "reaches beyond the photo", True),
+        (lambda record: record.update(image_size=[1920, 1440]), "the grid of fit.", True),
+        (lambda record: record["fit"].update(uncertainty=3), "fit.uncertainty must hold", True),
+        (lambda record: record["fit"]["uncertainty"].update(focal_px=[-1, 0.1]), "below 0", False),
+        (lambda record: record["fit"]["uncertainty"]["sigma_px"][0].append(-1), "below 0", False),
     ],
 )
 def test_figures_that_contradict_each_other_are_refused(
-    run: Run, calibrated: Path, tmp_path: Path, change: Callable[[Any], None], says: str
+    run: Run,
+    calibrated: Path,
+    tmp_path: Path,
+    change: Callable[[Any], None],
+    says: str,
+    of_camera: bool,
 ) -> None:
+    """What takes the camera alone does not look at figures that say nothing of it."""
     record = yaml.safe_load((calibrated / "camera.yaml").read_text())
     change(record)
     (tmp_path / "camera.yaml").write_text(yaml.safe_dump(record))
     assert says in run("info", tmp_path, code=1).stderr
+    alone = run("unproject", "-m", tmp_path, "100,100", code=int(of_camera))
+    assert (says in alone.stderr) == of_camera
 
 
 def test_a_file_without_a_fit_says_what_it_knows(

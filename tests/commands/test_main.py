@@ -72,6 +72,22 @@ def test_a_table_is_calibrated_without_what_photos_films_and_rigs_need(tmp_path:
 
 
 @pytest.mark.slow
+def test_photos_are_undistorted_without_what_is_known_of_a_fit(tmp_path: Path) -> None:
+    photo = next((SAMPLE / "photos").iterdir())
+    args = ["undistort", photo, tmp_path / "flat.png", "-m", SAMPLE / "true_camera.yaml"]
+    code = (
+        "import sys; from cubicfish_cli.app.terminal.main import cli\n"
+        f"cli({list(map(str, args))!r}, standalone_mode=False)\n"
+        "print(*(name for name in sys.modules if name.startswith('cubicfish_cli.core.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = done.stdout.splitlines()[-1].split()
+    assert "cubicfish_cli.core.io.camera_keys" in loaded
+    for part in ("assess", "fit", "finding", "target"):
+        assert not [name for name in loaded if name.startswith(f"cubicfish_cli.core.{part}")]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "args",
     [

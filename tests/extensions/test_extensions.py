@@ -7,13 +7,14 @@ import subprocess
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 from running import SAMPLE, Run
 
 import cubicfish_cli
 from cubicfish_cli.app import extensions as extension
-from cubicfish_cli.app.extensions import TABLE, Extension, extensions, load_place
+from cubicfish_cli.app.extensions import TABLE, Extension, extensions
 
 
 def copied_without(name: str, folder: Path) -> None:
@@ -47,7 +48,7 @@ def test_nothing_else_needs_an_extension(
     name: str, calibrated: Path, run: Run, tmp_path: Path
 ) -> None:
     copied_without(name, tmp_path)
-    gone = {one.rpartition(" ")[::2] for one in load_place(TABLE[name]).commands}
+    gone = {one.rpartition(" ")[::2] for one in resolve_name(TABLE[name]).commands}
     for group, command in gone:
         said = run_without(tmp_path, *group.split(), "--help")
         assert said.returncode == 0, said.stderr

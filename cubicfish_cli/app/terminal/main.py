@@ -7,14 +7,14 @@ work inside their bodies: help and usage errors answer at once.
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
+from pkgutil import resolve_name
 from typing import Any, NoReturn
 
 import click
 
 from cubicfish_cli import __version__
-from cubicfish_cli.app.extensions import extension_commands, load_place
 from cubicfish_cli.app.terminal.parameters import DEBUG_KEY, common_options, examples
 from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, ending_signal
 from cubicfish_cli.app.terminal.terminal import Failure, lead_nowhere, safe, say_interrupted, tell
@@ -45,29 +45,29 @@ class LazyGroup(click.Group):
 
     Args:
         own: name -> ``module:command``.
-        more: gives further ones, where none of these is meant.
+        of: the group's name, by which extensions add to it; "" for ``cubicfish``.
 
     """
 
-    def __init__(
-        self,
-        *args: Any,
-        own: Mapping[str, str],
-        more: Callable[[], Mapping[str, str]] = dict,
-        **rest: Any,
-    ) -> None:
+    def __init__(self, *args: Any, own: Mapping[str, str], of: str = "", **rest: Any) -> None:
         super().__init__(*args, **rest)
-        self._own, self._more = own, more
+        self._own, self._of = own, of
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The commands' names, in the order of the work."""
-        return [*self._own, *self._more()]
+        return [*self._own, *self._added()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module and return the command."""
-        place = self._own.get(cmd_name) or self._more().get(cmd_name)
-        command: click.Command | None = None if place is None else load_place(place)
+        place = self._own.get(cmd_name) or self._added().get(cmd_name)
+        command: click.Command | None = None if place is None else resolve_name(place)
         return command
+
+    def _added(self) -> Mapping[str, str]:
+        """List the commands of extensions, which are loaded where none of its own is meant."""
+        from cubicfish_cli.app.extensions import extension_commands
+
+        return extension_commands(self._of)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -133,7 +133,6 @@ def _why(error: Exception) -> str | None:
 @click.group(
     cls=Program,
     own={name: f"cubicfish_cli.{place}" for name, place in COMMANDS.items()},
-    more=extension_commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog=examples(
         "cubicfish calibrate photos/ --target target.yaml",

@@ -11,15 +11,17 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
 import click
 from click.core import ParameterSource
 
 from cubicfish_cli.app.paths import in_folder
-from cubicfish_cli.app.target_source import TargetSource, length_mm
 from cubicfish_cli.core.errors import CameraFileError, UsageError
 from cubicfish_cli.core.wording import quoted
+
+if TYPE_CHECKING:
+    from cubicfish_cli.app.target_source import TargetSource
 
 
 class FloatRange(click.FloatRange):
@@ -393,6 +395,8 @@ COUNTS = Parsed("COLUMNSxROWS", _counts)
 
 
 def _choice(target: Path | None, board: tuple[int, int] | None, square: str | None) -> TargetSource:
+    from cubicfish_cli.app.target_source import TargetSource, length_mm
+
     if board is None:
         if square is not None:
             raise click.UsageError("--square is of --board: add --board 9x6 (inner corners)")
@@ -401,7 +405,6 @@ def _choice(target: Path | None, board: tuple[int, int] | None, square: str | No
         raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
         raise click.UsageError("--board needs the side of its squares: add --square 25mm")
-
     return TargetSource(counts=board, square=length_mm(square))
 
 

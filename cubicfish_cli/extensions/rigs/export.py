@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.extensions import load_place, written_formats
+from cubicfish_cli.app.extensions import written_formats
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
@@ -80,7 +81,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
         except FitError as problem:
             raise FitError(f"camera {one.name}: {problem}") from problem
         made.append((one, own))
-    text = load_place(formats[to].write_rig)(lens_rig(known, made))
+    text = resolve_name(formats[to].write_rig)(lens_rig(known, made))
     texts = {goal: text} if isinstance(text, str) else {goal / n: one for n, one in text.items()}
     written = write_files(texts, overwrite=run.overwrite, folder=goal)
     lines, warnings = [], []

@@ -12,6 +12,7 @@ COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "
 @click.group(
     "rig",
     cls=LazyGroup,
+    of="rig",
     own={name: f"cubicfish_cli.extensions.rigs.{name}:command" for name in COMMANDS},
     short_help="Several cameras on one body: where each stands, and what is done with them.",
     epilog=examples(

@@ -22,7 +22,8 @@ from cubicfish_cli.core.errors import CameraFileError, CubicfishError
 from cubicfish_cli.core.files import Content, write_files
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.geometry import camera_centre
-from cubicfish_cli.core.io.camera_yaml import Calibrated, Keys, camera_text, load_camera
+from cubicfish_cli.core.io.camera_keys import Keys
+from cubicfish_cli.core.io.camera_yaml import Calibrated, camera_text, load_camera
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.plain_yaml import (
     load_plain_yaml,

@@ -5,13 +5,14 @@ import struct
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from pkgutil import resolve_name
 
 import cv2
 import numpy as np
 from fuzz_cameras import camera
 from fuzz_foreign import RAYS
 
-from cubicfish_cli.app.extensions import load_place, read_formats
+from cubicfish_cli.app.extensions import read_formats
 from cubicfish_cli.app.lenses.file_contents import PlacedLens
 from cubicfish_cli.app.lenses.foreign_files import read_foreign
 from cubicfish_cli.app.lenses.to_lens import to_lens
@@ -66,9 +67,9 @@ def exported_seeds(read: str) -> Sequence[bytes]:
     """Files that are read under this name, as ``cubicfish export`` writes them."""
     poses = {"a.png": (np.eye(3), np.zeros(3))}
     made = read_formats()[read]
-    lenses = [load_place(how["lens"]) for how in made.written.values()]
+    lenses = [resolve_name(how["lens"]) for how in made.written.values()]
     return [
-        load_place(made.write)(
+        resolve_name(made.write)(
             PlacedLens(lens=to_lens(camera(), lens).lens, note=["a note"], poses=poses)
         ).encode()
         for lens in lenses
