@@ -114,6 +114,8 @@ def fit_crossings(
     fit: LocalFit,
     half: FloatArray,
     noise: float,
+    *,
+    rows: IntArray | None = None,
     gap: Gaps | None = None,
     quiet: Quiet | None = None,
 ) -> Crossings:
@@ -129,10 +131,14 @@ def fit_crossings(
         fit: local shape of the grid around each corner.
         half: (N,) half-size of the window, pixels.
         noise: standard deviation of the pixel noise, grey levels.
-        gap: what is known of the gaps beforehand; None: about none, 2 px at most.
-        quiet: how much of the squares is clean; None: all of it.
+        rows: which of these corners are fitted; None: all.
+        gap: what is known of their gaps beforehand; None: about none, 2 px at most.
+        quiet: how much of the squares at all N is clean; None: all of it.
 
     """
+    if rows is not None:
+        pixel, fit, half = pixel[rows], fit.select(rows), half[rows]
+        quiet = None if quiet is None else quiet.select(rows)
     count = len(pixel)
     if gap is None:
         gap = Gaps(mean=np.zeros(count), spread=np.full(count, _GAP_SPREAD))
@@ -146,36 +152,23 @@ def fit_crossings(
         misfit=np.zeros(count),
         spread=np.full(count, np.inf),
     )
-    reach = np.ceil(half).astype(int)
-    for radius in np.unique(reach):
-        rows = np.nonzero(reach == radius)[0]
-        _fit(image, out, rows, fit, half[rows], int(radius), noise, gap, quiet)
+    noise = max(noise, 0.3)
+    height, width = image.shape
+    centre, reach = np.rint(out.pixel).astype(int), np.ceil(half).astype(int)
+    inside = (centre >= reach[:, None]).all(1) & fit.sound
+    inside &= (centre < (width, height) - reach[:, None]).all(1)
+    for radius in np.unique(reach[inside]):
+        some = np.flatnonzero(inside & (reach == radius))
+        local, within = fit.select(some), None if quiet is None else quiet.select(some)
+        start, middle = out.pixel[some], centre[some]
+        frame = _frame(image, start, middle, local, half[some], int(radius), within)
+        state = _minimise(frame, noise, gap.select(some))
+        _enter(out, some, local, state, noise)
     return out
 
 
-def _fit(
-    image: npt.NDArray[np.generic],
-    out: Crossings,
-    rows: IntArray,
-    fit: LocalFit,
-    half: FloatArray,
-    radius: int,
-    noise: float,
-    gap: Gaps,
-    quiet: Quiet | None,
-) -> None:
-    """Fit the corners of some rows, all with windows of (2 radius + 1) pixels, into ``out``."""
-    height, width = image.shape
-    centre = np.rint(out.pixel[rows]).astype(int)
-    inside = (centre >= radius).all(1) & (centre < (width - radius, height - radius)).all(1)
-    inside &= fit.sound[rows]
-    rows, centre, half = rows[inside], centre[inside], half[inside]
-    if not len(rows):
-        return
-    local = fit.select(rows)
-    within = None if quiet is None else quiet.select(rows)
-    frame = _frame(image, out.pixel[rows], centre, local, half, radius, within)
-    state = _minimise(frame, max(noise, 0.3), gap.select(rows))
+def _enter(out: Crossings, rows: IntArray, local: LocalFit, state: _State, noise: float) -> None:
+    """Enter what the fits of some rows came to."""
     length, height = _sides(local)
     lean = length[:, 0] / height[:, 0]  # 1 / sine of the angle between the edges
 
@@ -196,7 +189,7 @@ def _fit(
     out.turn[rows] = np.abs(state.shape[:, 2:4]).max(1)
     out.gap[rows] = 2 * state.shape[:, 6]
     out.misfit[rows] = state.misfit
-    final = np.maximum(state.misfit, max(noise, 0.3))[:, None, None]
+    final = np.maximum(state.misfit, noise)[:, None, None]
     prior = (1 / _PRIOR_SPREAD) ** 2 * np.eye(_UNKNOWNS)
     covariance = np.linalg.inv(state.data / final**2 + prior)
     out.spread[rows] = lean * np.sqrt(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1]))

@@ -3,7 +3,7 @@
 That is whether it is whole, sharp, and like its neighbours.
 """
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -104,12 +104,10 @@ def _cross(
     largest: float,
     quiet: Quiet | None = None,
 ) -> Crossings:
-    def crossings(rows: IntArray, gaps: Gaps | None = None) -> Crossings:
-        within = None if quiet is None else quiet.select(rows)
-        return fit_crossings(image, start[rows], fit.select(rows), half[rows], noise, gaps, within)
-
     half = np.clip(_OF_SIDE * fit.side, _SMALLEST_HALF, _USUAL_HALF)
-    found = crossings(np.arange(len(start)))
+    # Of the windows as they are when it is called.
+    crossings = partial(fit_crossings, image, start, fit, half, noise, quiet=quiet)
+    found = crossings()
     for _ in range(3):
         # A window within the blur, or the gap, sees no more than a slope.
         need = _OF_BLUR * found.blur.max(1) + _OF_GAP * np.abs(found.gap)
@@ -119,20 +117,20 @@ def _cross(
         if not len(rows):
             break
         half[rows] = wider[rows]
-        found.replace(rows, crossings(rows))
-    _share_gaps(image, start, found, noise, crossings)
+        found.replace(rows, crossings(rows=rows))
+    rows, usual = _find_odd_gaps(image, start, found, noise)
+    if len(rows):
+        found.replace(rows, crossings(rows=rows, gap=usual))
+        odd = np.abs(found.gap[rows] - usual.mean) > _ODD_GAP * usual.spread
+        found.ok[rows[odd]] = False
     _lean_on_saddles(image, found, half)
     return found
 
 
-def _share_gaps(
-    image: npt.NDArray[np.generic],
-    start: FloatArray,
-    found: Crossings,
-    noise: float,
-    fit_again: Callable[[IntArray, Gaps], Crossings],
-) -> None:
-    """Fit the corners again whose gap is not like those around them, held to these, in place.
+def _find_odd_gaps(
+    image: npt.NDArray[np.generic], start: FloatArray, found: Crossings, noise: float
+) -> tuple[IntArray, Gaps]:
+    """Find the corners whose gap is not like those around them, and how these are.
 
     White bleeds alike all over a part of a board, and a blur along one diagonal (a moved camera)
     parts all dark squares that meet along the one and joins those along the other. A gap of its own
@@ -151,11 +149,7 @@ def _share_gaps(
             spread[group] = np.maximum(1.5 * scatter, _GAP_SPREAD)
     rows = np.nonzero(np.abs(found.gap - mean) > 2 * spread)[0]
     rows = rows[~_bleeds_more(image, found.select(rows), mean[rows], noise)]
-    if len(rows):
-        gaps = Gaps(mean=mean[rows], spread=spread[rows])
-        found.replace(rows, fit_again(rows, gaps))
-        odd = np.abs(found.gap - mean)[rows] > _ODD_GAP * spread[rows]
-        found.ok[rows[odd]] = False
+    return rows, Gaps(mean=mean[rows], spread=spread[rows])
 
 
 def _bleeds_more(
