@@ -19,6 +19,7 @@ types:
 docs:
     python docs/cli.py
     mkdocs build --strict
+    python tests/system/site_links.py site
 
 # Figures of fit, finder and undistortion
 bench:

@@ -67,12 +67,25 @@ ENVIRONMENT = {
 }
 
 COMPLETION = """\
-Shells complete commands, options, choices and paths once they are told to (in zsh, after
-`compinit`; bash from 4.4 on):
+Shells complete commands, options, choices and paths once they are told to. Paste the lines for your
+shell, and open a new one. In bash (4.4 or newer):
 
 ```sh
-echo 'eval "$(_CUBICFISH_COMPLETE=bash_source cubicfish)"' >> ~/.bashrc
-echo 'eval "$(_CUBICFISH_COMPLETE=zsh_source cubicfish)"' >> ~/.zshrc
+_CUBICFISH_COMPLETE=bash_source cubicfish > ~/.cubicfish.bash
+echo '. ~/.cubicfish.bash' >> ~/.bashrc
+```
+
+In zsh:
+
+```sh
+_CUBICFISH_COMPLETE=zsh_source cubicfish > ~/.cubicfish.zsh
+echo 'autoload -Uz compinit && compinit; . ~/.cubicfish.zsh' >> ~/.zshrc
+```
+
+In fish:
+
+```sh
+mkdir -p ~/.config/fish/completions
 _CUBICFISH_COMPLETE=fish_source cubicfish > ~/.config/fish/completions/cubicfish.fish
 ```
 """
@@ -113,8 +126,14 @@ def example_lines(command: click.Command) -> list[str]:
 def json_keys(command: str) -> dict[str, str]:
     """Key -> meaning of what a command prints with ``--json``, such as ``target-check``."""
     tables = tomllib.loads(PAGE.with_name("json_keys.toml").read_text(encoding="utf-8"))
-    parts = tables["parts"]
-    return {key: Template(text).substitute(parts) for key, text in tables[command].items()}
+    if command not in tables:
+        sys.exit(f"docs/json_keys.toml lacks the table [{command}], of what its --json prints")
+    try:
+        return {
+            key: Template(text).substitute(tables["parts"]) for key, text in tables[command].items()
+        }
+    except KeyError as missing:
+        sys.exit(f"docs/json_keys.toml lacks the key {missing} of [parts], which [{command}] names")
 
 
 def page() -> str:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -96,43 +97,43 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(root), prepend=os.pathsep)
 
 
+def lines_to_paste(shell: str) -> str:
+    """What the reference of the command line says to paste into this shell."""
+    page = (Path(__file__).parents[2] / "docs" / "cli.md").read_text(encoding="utf-8")
+    section = page.partition("## Completion in the shell")[2].partition("\n## ")[0]
+    (lines,) = re.findall(rf"In {shell}.*?:\n\n```sh\n(.*?)```", section, re.DOTALL)
+    return lines
+
+
+PROBES = {
+    "bash": "COMP_WORDS=(cubicfish tar) COMP_CWORD=1; "
+    '"$(complete -p cubicfish | sed "s/.*-F //; s/ .*//")" cubicfish; echo "${COMPREPLY[@]}"',
+    "fish": "complete -C 'cubicfish tar' | string split -f1 \\t",
+    "zsh": "words=(cubicfish tar) CURRENT=2; compadd() { :; }; "
+    '_describe() { local -a found=("${(@P)3}"); print "${found[1]%%:*}"; }; '
+    "${_comps[cubicfish]}",
+}
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("program")
-@pytest.mark.parametrize(
-    ("shell", "code"),
-    [
-        (
-            "bash",
-            'eval "$(_CUBICFISH_COMPLETE=bash_source cubicfish)"; '
-            "COMP_WORDS=(cubicfish tar) COMP_CWORD=1; "
-            '"$(complete -p cubicfish | sed "s/.*-F //; s/ .*//")" cubicfish; '
-            'echo "${COMPREPLY[@]}"',
-        ),
-        (
-            "fish",
-            "_CUBICFISH_COMPLETE=fish_source cubicfish | source; complete -C 'cubicfish tar' "
-            "| string split -f1 \\t",
-        ),
-        (
-            "zsh",
-            "autoload -U compinit; compinit -D -u; "
-            'eval "$(_CUBICFISH_COMPLETE=zsh_source cubicfish)"; '
-            "words=(cubicfish tar) CURRENT=2; compadd() { :; }; "
-            '_describe() { local -a found=("${(@P)3}"); print "${found[1]%%:*}"; }; '
-            "${_comps[cubicfish]}",
-        ),
-    ],
-    ids=["bash", "fish", "zsh"],
-)
-def test_a_shell_takes_what_the_readme_says(shell: str, code: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("shell", PROBES)
+def test_a_new_shell_completes_after_the_lines_are_pasted(shell: str, tmp_path: Path) -> None:
+    """In an account that has nothing: no folders, no settings of the shell."""
     if shutil.which(shell) is None:
         pytest.skip(f"there is no {shell} here")
-    options = {"bash": ["--norc", "--noprofile"], "zsh": ["-f"], "fish": ["--no-config"]}[shell]
-    done = subprocess.run(
-        [shell, *options, "-c", code],
-        env={**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    home = tmp_path / "home"
+    home.mkdir()
+    settings = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "ZDOTDIR", "BASH_ENV", "ENV")
+    environ = {key: value for key, value in os.environ.items() if key not in settings}
+
+    def run(*options: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [shell, *options], env={**environ, "HOME": str(home)}, cwd=home,
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+
+    pasted = run("-c", lines_to_paste(shell))
+    assert (pasted.returncode, pasted.stderr) == (0, "")
+    done = run("-i", "-c", PROBES[shell])
     assert done.stdout.split() == ["target"], done.stderr

@@ -84,6 +84,24 @@ def test_the_page_has_every_command_and_all_its_parameters(
     assert "**Examples**" in section
 
 
+@pytest.mark.parametrize(
+    ("line", "other", "named"),
+    [("[map]", "[elsewhere]", "[map]"), ("findings =", "others =", "'findings'")],
+)
+def test_keys_that_are_described_nowhere_are_named(
+    made: ModuleType, line: str, other: str, named: str,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:  # fmt: skip
+    keys = (ROOT / "docs" / "json_keys.toml").read_text(encoding="utf-8")
+    assert f"\n{line}" in keys
+    lacking = keys.replace(f"\n{line}", f"\n{other}")
+    (tmp_path / "json_keys.toml").write_text(lacking, encoding="utf-8")
+    monkeypatch.setattr(made, "PAGE", tmp_path / "cli.md")
+    with pytest.raises(SystemExit, match=rf"lacks the .*{re.escape(named)}") as ended:
+        made.page()
+    assert "\n" not in str(ended.value)
+
+
 def test_links_within_the_page_lead_somewhere(made: ModuleType) -> None:
     text = made.PAGE.read_text(encoding="utf-8")
     places = {heading.lower().replace(" ", "-") for heading in sections(text)}
