@@ -20,19 +20,7 @@ from cubicfish_cli.app.pages.report_files import PAGE
 from cubicfish_cli.app.paths import check_inputs, path_or_none, paths_of, tables_among
 from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
 from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import (
-    corners_by_board,
-    fitted_rows,
-    hold_gate,
-    mark_of,
-    print_errors,
-    print_figure,
-    print_photo_table,
-    print_verdict,
-    px,
-    why_lost,
-)
+from cubicfish_cli.app.terminal import figures, parameters
 from cubicfish_cli.app.terminal.parameters import (
     DEFAULT_MODEL,
     as_command,
@@ -41,14 +29,7 @@ from cubicfish_cli.app.terminal.parameters import (
     target_options,
 )
 from cubicfish_cli.app.terminal.progress import How, say_left_out
-from cubicfish_cli.app.terminal.terminal import (
-    apart,
-    detail,
-    print_next,
-    print_wrote,
-    result,
-    say,
-)
+from cubicfish_cli.app.terminal.terminal import apart, detail, print_next, print_wrote, result, say
 from cubicfish_cli.app.words.phrases import counted, plural
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
@@ -391,7 +372,7 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
     _say_if_no_page(made.files, wanted=given.report)
-    hold_gate(fitted.fit.rms_px, how.max_rms)
+    figures.hold_gate(fitted.fit.rms_px, how.max_rms)
 
 
 def _say_if_no_page(files: Mapping[str, Path], *, wanted: bool) -> None:
@@ -412,23 +393,25 @@ def _say_findings(fit: FitRecord) -> None:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in fit.findings:
-        say(f"{mark_of(finding)}: {finding.line}")
+        say(f"{figures.mark_of(finding)}: {finding.line}")
 
 
 def _print_calibration(made: CalibratedFiles) -> None:
     """Print the figures behind the verdict, the photos, the files, and what to do next."""
     fitted, fit, detection = made.fitted, made.fitted.fit, made.inputs.detection
-    print_verdict(fitted.verdict)
+    figures.print_verdict(fitted.verdict)
     if made.advice is not None:
         result(f"advice: {made.advice}")
     result()
     _print_figures(fitted)
     lost = dict.fromkeys(fitted.unfit, "left out")  # stderr has the reasons
-    lost |= why_lost(detection)
-    by_board = corners_by_board(fitted.pairs)
-    rows = fitted_rows(fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost)
+    lost |= figures.why_lost(detection)
+    by_board = figures.corners_by_board(fitted.pairs)
+    rows = figures.fitted_rows(
+        fit.per_image, fit.dropped_corners, fitted.camera.image_size, by_board, lost
+    )
     everything = str(made.files["camera"])
-    print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
+    figures.print_photo_table(rows, fitted.pairs.boards, everything=everything, apart=True)
     result()
     _print_object(fit)
     print_wrote(made.files.values())
@@ -464,17 +447,19 @@ def _print_figures(fitted: Calibration | PointCalibration) -> None:
     more.append(("held-out RMS", fit.held_out_rms_px, judged))
     if fit.held_out_folds:
         more.append(("  radial reference", fit.companion_held_out_rms_px, ""))
-    print_errors(fit, more)
+    figures.print_errors(fit, more)
     for figure in scope(fitted):
-        print_figure(*figure)
+        figures.print_figure(*figure)
     if fit.pupil is not None:
-        print_figure("entrance pupil", px(fit.pupil.rim_px), meaning=pupil_meaning(fit.pupil))
+        figures.print_figure(
+            "entrance pupil", figures.px(fit.pupil.rim_px), meaning=pupil_meaning(fit.pupil)
+        )
     if fit.lift == "point":
         meaning = "P means something on the boards only; points off them are refused"
         if fit.rank == 20:
             meaning = "the corners determine P in the volume that they fill"
-        print_figure("rank", str(fit.rank), "", f"of 20: {meaning}")
-        print_figure("frame", fit.frame or "", "", "of the points that it takes")
+        figures.print_figure("rank", str(fit.rank), "", f"of 20: {meaning}")
+        figures.print_figure("frame", fit.frame or "", "", "of the points that it takes")
 
 
 def _print_object(fit: FitRecord) -> None:
@@ -483,7 +468,9 @@ def _print_object(fit: FitRecord) -> None:
         return
     what = {"shape": "boards' shapes and places", "points": "shapes, places and single corners"}
     levels = {"off": "as drawn", "shape": "shapes", "points": "corners too"}
-    tried = ", ".join(f"{levels[name]} {px(rms)}" for name, rms in fit.held_out_by_level.items())
+    tried = ", ".join(
+        f"{levels[name]} {figures.px(rms)}" for name, rms in fit.held_out_by_level.items()
+    )
     result(
         f"target fitted too: {what[fit.refine_target or '']}"
         + f" (held-out error px: {tried})" * bool(tried)

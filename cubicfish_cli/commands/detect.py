@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.paths import named_photos, paths_of
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import (
-    GOOD,
-    PhotoRow,
-    corners_by_board,
-    lost_word,
-    mark_of,
-    print_photo_table,
-)
+from cubicfish_cli.app.terminal import figures, parameters
 from cubicfish_cli.app.terminal.parameters import as_command, option, record, target_options
 from cubicfish_cli.app.terminal.progress import How, say_found
 from cubicfish_cli.app.terminal.terminal import result, say
@@ -147,21 +139,21 @@ def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
     detection, printed = made.detection, how.print(made)
     say_found([one for photo in detection.photos for one in photo.findings])
     for finding in detection.findings:
-        say(f"{mark_of(finding)}: {finding.line}")
+        say(f"{figures.mark_of(finding)}: {finding.line}")
     if not printed:
         corners = detection.corners
         found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
-        print_photo_table(_rows(detection), corners.boards)
+        figures.print_photo_table(_rows(detection), corners.boards)
         result(f"\nwrote {given.table}: {found}")
 
 
-def _rows(detection: Detection) -> list[PhotoRow]:
-    by_board = corners_by_board(detection.corners)
+def _rows(detection: Detection) -> list[figures.PhotoRow]:
+    by_board = figures.corners_by_board(detection.corners)
     rows = []
     for photo in detection.photos:
         said = []
         if photo.lost:
-            said.append(lost_word(photo))
+            said.append(figures.lost_word(photo))
         elif photo.corners < _FEW_CORNERS:
             said.append("few corners")
         if not photo.exact:
@@ -169,9 +161,9 @@ def _rows(detection: Detection) -> list[PhotoRow]:
         if not photo.lost and photo.notes:
             said.append(f"{plural(len(photo.notes), 'remark')}")
         rows.append(
-            PhotoRow(
+            figures.PhotoRow(
                 name=photo.name,
-                words="; ".join(said) or GOOD,
+                words="; ".join(said) or figures.GOOD,
                 level="good" if not said else "bad" if photo.lost else "care",
                 boards=by_board.get(photo.name, {}),
                 corners=None if photo.lost else photo.corners,

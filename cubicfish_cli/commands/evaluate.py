@@ -11,18 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cubicfish_cli.app.paths import check_inputs, in_folder, paths_of
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import TargetSource
-from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import (
-    corners_by_board,
-    fitted_rows,
-    hold_gate,
-    print_errors,
-    print_figure,
-    print_photo_table,
-    print_verdict,
-    px,
-    why_lost,
-)
+from cubicfish_cli.app.terminal import figures, parameters
 from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How, say_found, say_left_out
 from cubicfish_cli.app.terminal.terminal import result, say
@@ -164,7 +153,7 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     say_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)
-    hold_gate(evaluation.errors.rms_px, how.max_rms)
+    figures.hold_gate(evaluation.errors.rms_px, how.max_rms)
 
 
 def say_unplaced(photos: Sequence[str], of: str = "") -> None:
@@ -179,19 +168,19 @@ def say_unplaced(photos: Sequence[str], of: str = "") -> None:
 def _print(made: EvaluatedFiles) -> None:
     known, pairs = made.evaluation, made.inputs.pairs
     lost = dict.fromkeys(known.unplaced, "too few corners")
-    lost |= why_lost(made.inputs.detection)
-    by_board = corners_by_board(known.pairs)
-    rows = fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
-    print_photo_table(rows, pairs.boards)
+    lost |= figures.why_lost(made.inputs.detection)
+    by_board = figures.corners_by_board(known.pairs)
+    rows = figures.fitted_rows(known.photos, (), pairs.image_size, by_board, lost)
+    figures.print_photo_table(rows, pairs.boards)
     photos = plural(len(known.pairs.images), "photo")
     result(f"\n{photos}, {plural(known.errors.corners, 'corner')}\n")
-    print_errors(known.errors, [])
+    figures.print_errors(known.errors, [])
     sigma = made.uncertainty
     if sigma is not None:
         meaning = (
             "of the camera itself: 1σ, median over these corners; 95 % of them within "
-            f"{px(sigma.p95_px)} px"
+            f"{figures.px(sigma.p95_px)} px"
         )
-        print_figure("uncertainty", px(sigma.median_px), meaning=meaning)
+        figures.print_figure("uncertainty", figures.px(sigma.median_px), meaning=meaning)
     result()
-    print_verdict(made.verdict)
+    figures.print_verdict(made.verdict)

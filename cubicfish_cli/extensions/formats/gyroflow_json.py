@@ -2,12 +2,7 @@
 
 from pathlib import Path
 
-from cubicfish_cli.app.lenses.file_contents import (
-    PlacedLens,
-    json_text,
-    load_plain_json,
-    numbers,
-)
+from cubicfish_cli.app.lenses.file_contents import PlacedLens, json_text, load_plain_json, numbers
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera

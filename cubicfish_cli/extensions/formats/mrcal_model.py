@@ -18,13 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.file_contents import (
-    Fields,
-    LensRig,
-    PlacedLens,
-    numbers,
-    size,
-)
+from cubicfish_cli.app.lenses.file_contents import Fields, LensRig, PlacedLens, numbers, size
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.plain_yaml import parse_plain_yaml
 from cubicfish_cli.core.reading import read_text

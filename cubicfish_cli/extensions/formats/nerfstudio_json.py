@@ -22,12 +22,7 @@ from cubicfish_cli.app.lenses.file_contents import (
 )
 from cubicfish_cli.core.lenses.lens import Lens
 from cubicfish_cli.core.lenses.radial import RadialCamera
-from cubicfish_cli.extensions.formats.lenses import (
-    PINHOLE,
-    PinholeLens,
-    named_lens,
-    named_numbers,
-)
+from cubicfish_cli.extensions.formats.lenses import PINHOLE, PinholeLens, named_lens, named_numbers
 
 MAX_BYTES = 64_000_000
 _WRITTEN = "OPENCV_FISHEYE"

@@ -18,14 +18,7 @@ from cubicfish_cli.core.errors import TargetError
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.printing.designs import DESIGNS, Counts, Design
-from cubicfish_cli.extensions.printing.layout import (
-    SHORTEST_STRIP,
-    STRIP,
-    Cut,
-    Page,
-    Side,
-    lay_out,
-)
+from cubicfish_cli.extensions.printing.layout import SHORTEST_STRIP, STRIP, Cut, Page, Side, lay_out
 from cubicfish_cli.extensions.printing.paper import Paper
 
 if TYPE_CHECKING:

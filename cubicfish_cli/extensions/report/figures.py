@@ -11,24 +11,7 @@ from cubicfish_cli.app.calibration_facts import ErrorFacts, Facts
 from cubicfish_cli.app.comparison import aligned_difference
 from cubicfish_cli.app.difference_picture import round_up
 from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.app.pages.figures import (
-    BLUE,
-    BOARD_COLOURS,
-    GREEN,
-    INK,
-    MOST_DOTS,
-    ORANGE,
-    PURPLE,
-    RED,
-    STYLE,
-    Drawn,
-    Key,
-    dots,
-    finished,
-    new_figure,
-    some,
-    thinned,
-)
+from cubicfish_cli.app.pages import figures as page
 from cubicfish_cli.app.words.camera import uncertainty_words
 from cubicfish_cli.core.fit.statistics import rms_px
 from cubicfish_cli.core.geometry import inside_polygon
@@ -42,11 +25,11 @@ _STEP_DEG = 5.0
 _ARROW_SHARE = 0.04
 
 
-def all_figures(facts: Facts) -> dict[str, Drawn]:
+def all_figures(facts: Facts) -> dict[str, page.Drawn]:
     """Draw every figure that these facts allow, by its name."""
-    drawn: list[Drawn | None] = []
+    drawn: list[page.Drawn | None] = []
     errors, camera = facts.errors, facts.camera
-    with drawing(STYLE):
+    with drawing(page.STYLE):
         if errors is not None:
             drawn += [coverage_figure(facts, errors), vectors_figure(facts, errors)]
             drawn += [places_figure(facts, errors), angle_figure(errors)]
@@ -55,34 +38,34 @@ def all_figures(facts: Facts) -> dict[str, Drawn]:
     return {figure.name: figure for figure in drawn if figure is not None}
 
 
-def coverage_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the corners, and the cells of the field that hold none."""
     figure, axes = _photo_axes(facts)
     pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
-    keys = [Key(kind="line", colour=INK, text="where the camera may be trusted")]
+    keys = [page.Key(kind="line", colour=page.INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
     if empty:
         height, width = cells.empty.shape
         reach = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
         shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
         axes.imshow(shade, extent=reach, interpolation="nearest", zorder=0.5)
-        keys.append(Key(kind="area", colour=RED, text="no corner here"))
-    shown = some(len(pixel), MOST_DOTS)
-    boards = pairs.boards if 1 < len(pairs.boards) <= len(BOARD_COLOURS) else ("corner",)
-    for index, (board, colour) in enumerate(zip(boards, BOARD_COLOURS, strict=False)):
+        keys.append(page.Key(kind="area", colour=page.RED, text="no corner here"))
+    shown = page.some(len(pixel), page.MOST_DOTS)
+    boards = pairs.boards if 1 < len(pairs.boards) <= len(page.BOARD_COLOURS) else ("corner",)
+    for index, (board, colour) in enumerate(zip(boards, page.BOARD_COLOURS, strict=False)):
         own = shown[pairs.board[shown] == index] if len(boards) > 1 else shown
-        dots(axes, pixel[own], colour, 2.5)
-        keys.append(Key(kind="dot", colour=colour, text=board))
+        page.dots(axes, pixel[own], colour, 2.5)
+        keys.append(page.Key(kind="dot", colour=colour, text=board))
     share = facts.fit.coverage
     caption = f"Corners cover {100 * share:.0f} % of the field." if math.isfinite(share) else ""
     if empty:
         caption += " What a camera says of places without corners nobody has checked."
-    return finished(
+    return page.finished(
         figure,
         name="coverage",
         title="Where the corners are",
         label=f"{len(pixel)} corners over the photo, and {empty} parts of the field without any",
-        caption=(caption + thinned(len(pixel), MOST_DOTS, "corners")).strip(),
+        caption=(caption + page.thinned(len(pixel), page.MOST_DOTS, "corners")).strip(),
         keys=tuple(keys),
     )
 
@@ -93,18 +76,20 @@ def arrow_zoom(facts: Facts, errors: ErrorFacts) -> float:
     return 1 / round_up(typical / (_ARROW_SHARE * max(facts.camera.image_size)))
 
 
-def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+def vectors_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw residuals as arrows, magnified."""
     length = errors.length
     zoom = arrow_zoom(facts, errors)
     figure, axes = _photo_axes(facts)
-    shown = some(len(length), _MOST_STROKES)
+    shown = page.some(len(length), _MOST_STROKES)
     start = errors.pairs.pixel[shown]
     ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
-    axes.add_collection(LineCollection(list(ends), colors=BLUE, linewidths=0.8, rasterized=True))
-    dots(axes, start, INK, 1.5)
+    axes.add_collection(
+        LineCollection(list(ends), colors=page.BLUE, linewidths=0.8, rasterized=True)
+    )
+    page.dots(axes, start, page.INK, 1.5)
     typical = float(np.percentile(length, 95))
-    return finished(
+    return page.finished(
         figure,
         name="vectors",
         title="Errors as arrows",
@@ -112,15 +97,16 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
         f"percentile is {typical:.3f} px",
         caption=f"From each detected corner towards where the camera puts it, {zoom:g} times as "
         "long. Noise points every way; neighbours that point one way are an error of the camera, "
-        "of the target or of the corner finder." + thinned(len(length), _MOST_STROKES, "errors"),
+        "of the target or of the corner finder."
+        + page.thinned(len(length), _MOST_STROKES, "errors"),
         keys=(
-            Key(kind="dot", colour=INK, text="detected corner"),
-            Key(kind="line", colour=BLUE, text=f"its error, {zoom:g} ×"),
+            page.Key(kind="dot", colour=page.INK, text="detected corner"),
+            page.Key(kind="line", colour=page.BLUE, text=f"its error, {zoom:g} ×"),
         ),
     )
 
 
-def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
+def places_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the RMS error in cells over the photo."""
     width, height = facts.camera.image_size
     cell = min(width, height) / _FINE_CELLS
@@ -134,7 +120,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top, rasterized=True)
     beyond = "max" if np.nanmax(value) > top else "neither"
     figure.colorbar(cells, location="bottom", label="px RMS", aspect=40, extend=beyond)
-    return finished(
+    return page.finished(
         figure,
         name="places",
         title="Errors over the picture",
@@ -145,7 +131,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> Drawn:
     )
 
 
-def angle_figure(errors: ErrorFacts) -> Drawn | None:
+def angle_figure(errors: ErrorFacts) -> page.Drawn | None:
     """Draw the error by angle from the axis."""
     angle, length = errors.angle_deg, errors.length
     if angle is None:
@@ -155,16 +141,16 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
     rms = np.array([rms_px(errors.residual[bins == index]) for index in used])
     few = min(int((bins == index).sum()) for index in used)
     top = 1.15 * max(float(np.percentile(length, 99)), float(rms.max()), 1e-9)
-    figure = new_figure()
+    figure = page.new_figure()
     axes = figure.add_subplot()
     axes.grid(True)
-    shown = some(len(length), MOST_DOTS // 2)
-    dots(axes, np.stack([angle, length], axis=-1)[shown], BLUE, 2.0, 0.6)
-    axes.hlines(rms, used * _STEP_DEG, (used + 1) * _STEP_DEG, colors=ORANGE, linewidth=2.4)
+    shown = page.some(len(length), page.MOST_DOTS // 2)
+    page.dots(axes, np.stack([angle, length], axis=-1)[shown], page.BLUE, 2.0, 0.6)
+    axes.hlines(rms, used * _STEP_DEG, (used + 1) * _STEP_DEG, colors=page.ORANGE, linewidth=2.4)
     axes.set(xlim=(0, _STEP_DEG * (used.max() + 1)), ylim=(0, top))
     axes.set(xlabel="angle from the axis, degrees", ylabel="error, px")
     beyond = int((length > top).sum())
-    return finished(
+    return page.finished(
         figure,
         name="angle",
         title="Errors by angle from the axis",
@@ -172,15 +158,15 @@ def angle_figure(errors: ErrorFacts) -> Drawn | None:
         f"steps of {_STEP_DEG:g} degrees",
         caption=f"The least filled step holds {few:,} corner{'s' * (few != 1)}."
         + (f" Larger errors, above the figure: {beyond:,}." if beyond else "")
-        + thinned(len(length), MOST_DOTS // 2, "corners"),
+        + page.thinned(len(length), page.MOST_DOTS // 2, "corners"),
         keys=(
-            Key(kind="dot", colour=BLUE, text="a corner"),
-            Key(kind="line", colour=ORANGE, text=f"RMS of {_STEP_DEG:g}° each"),
+            page.Key(kind="dot", colour=page.BLUE, text="a corner"),
+            page.Key(kind="line", colour=page.ORANGE, text=f"RMS of {_STEP_DEG:g}° each"),
         ),
     )
 
 
-def profile_figure(camera: CubicCamera) -> Drawn:
+def profile_figure(camera: CubicCamera) -> page.Drawn:
     """Draw the radius by angle, beside the reference and ideal lenses."""
     theta = np.deg2rad(np.linspace(0, camera.max_angle_deg, 61))[1:]
     rays = ray_at(*np.meshgrid(theta, np.linspace(0, 2 * np.pi, 48), indexing="ij"))
@@ -195,27 +181,27 @@ def profile_figure(camera: CubicCamera) -> Drawn:
     degrees = np.rad2deg(theta)
     focal = (radial.fx + radial.fy) / 2
     ideals = (
-        ("equidistant, f θ", GREEN, focal * theta),
-        ("stereographic, 2 f tan(θ/2)", PURPLE, 2 * focal * np.tan(theta / 2)),
-        ("equisolid, 2 f sin(θ/2)", RED, 2 * focal * np.sin(theta / 2)),
+        ("equidistant, f θ", page.GREEN, focal * theta),
+        ("stereographic, 2 f tan(θ/2)", page.PURPLE, 2 * focal * np.tan(theta / 2)),
+        ("equisolid, 2 f sin(θ/2)", page.RED, 2 * focal * np.sin(theta / 2)),
     )
-    figure = new_figure(4.6)
+    figure = page.new_figure(4.6)
     axes, below = figure.subplots(2, sharex=True, height_ratios=(2, 1))
     for part in (axes, below):
         part.grid(True)
         part.set_xlim(0, float(degrees[-1]))
     for _, colour, radius in ideals:
         axes.plot(degrees, radius, color=colour, linewidth=0.9, linestyle="--")
-    axes.plot(degrees[known], other.mean(axis=1)[known], color=ORANGE, linewidth=3.2)
-    axes.plot(degrees, own.mean(axis=1), color=BLUE, linewidth=1.4)
+    axes.plot(degrees[known], other.mean(axis=1)[known], color=page.ORANGE, linewidth=3.2)
+    axes.plot(degrees, own.mean(axis=1), color=page.BLUE, linewidth=1.4)
     axes.set(ylim=(0, 1.12 * float(own.mean(axis=1).max())), ylabel="radius, px")
     low, high = difference[known].min(axis=1), difference[known].max(axis=1)
-    below.fill_between(degrees[known], low, high, color=BLUE, alpha=0.25, linewidth=0)
-    below.plot(degrees[known], difference[known].mean(axis=1), color=BLUE, linewidth=1.4)
-    below.axhline(0, color=ORANGE, linewidth=1.2)
+    below.fill_between(degrees[known], low, high, color=page.BLUE, alpha=0.25, linewidth=0)
+    below.plot(degrees[known], difference[known].mean(axis=1), color=page.BLUE, linewidth=1.4)
+    below.axhline(0, color=page.ORANGE, linewidth=1.2)
     below.set(ylabel="difference, px", xlabel="angle from the axis θ, degrees")
     largest = float(np.abs(difference[known]).max()) if known.any() else 0.0
-    return finished(
+    return page.finished(
         figure,
         name="profile",
         title="The lens: radius by angle",
@@ -227,14 +213,14 @@ def profile_figure(camera: CubicCamera) -> Drawn:
         "least to the most, and no radial lens follows it. Ideal lenses with the reference's focal "
         f"length, f = {focal:.0f} px.",
         keys=(
-            Key(kind="line", colour=BLUE, text="this camera, mean over all directions"),
-            Key(kind="line", colour=ORANGE, text="radial reference (Kannala–Brandt)"),
-            *(Key(kind="dash", colour=colour, text=text) for text, colour, _ in ideals),
+            page.Key(kind="line", colour=page.BLUE, text="this camera, mean over all directions"),
+            page.Key(kind="line", colour=page.ORANGE, text="radial reference (Kannala–Brandt)"),
+            *(page.Key(kind="dash", colour=colour, text=text) for text, colour, _ in ideals),
         ),
     )
 
 
-def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
+def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     """Draw the uncertainty of the camera's pixels over the photo."""
     width, height = camera.image_size
     x, y = np.linspace(0, width - 1, 97), np.linspace(0, height - 1, 73)
@@ -254,7 +240,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
     bands = axes.contourf(x, y, shown.reshape(len(y), len(x)), 7, cmap="cividis")
     figure.colorbar(bands, location="bottom", label="px", aspect=40)
     figures = facts.fit.uncertainty.field
-    return finished(
+    return page.finished(
         figure,
         name="uncertainty",
         title="How certain the camera is",
@@ -269,12 +255,12 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> Drawn | None:
 
 def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
     """Make axes of a photo's shape, y down, with the trusted field's outline."""
-    figure = new_figure(3.9)
+    figure = page.new_figure(3.9)
     axes = figure.add_subplot()
     width, height = facts.camera.image_size
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
     axes.spines[:].set_visible(True)
     axes.locator_params(nbins=5)
     if len(facts.outline) > 2:
-        axes.fill(*facts.outline.T, facecolor="none", edgecolor=INK, linewidth=0.9, zorder=3)
+        axes.fill(*facts.outline.T, facecolor="none", edgecolor=page.INK, linewidth=0.9, zorder=3)
     return figure, axes

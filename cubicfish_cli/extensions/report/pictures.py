@@ -10,13 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cubicfish_cli.app.calibration_facts import Facts, PhotoRecord
-from cubicfish_cli.app.photos import (
-    Picture,
-    data_uri,
-    decode_picture,
-    read_file,
-    thumbnail,
-)
+from cubicfish_cli.app.photos import Picture, data_uri, decode_picture, read_file, thumbnail
 from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.errors import PhotoError, ViewError

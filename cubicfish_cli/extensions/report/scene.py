@@ -5,21 +5,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from cubicfish_cli.app.calibration_facts import Facts
 from cubicfish_cli.app.drawing import drawing
-from cubicfish_cli.app.pages.figures import (
-    BLUE,
-    BOARD_COLOURS,
-    INK,
-    MOST_DOTS,
-    STYLE,
-    Drawn,
-    Key,
-    draw_cameras,
-    finished,
-    new_figure,
-    show_evenly,
-    some,
-    upright,
-)
+from cubicfish_cli.app.pages import figures as page
 from cubicfish_cli.core.fit.poses import rotation_from_vector
 
 # Size of a drawn camera, as a share of all that is drawn.
@@ -27,7 +13,7 @@ _CAMERA = 0.06
 _VIEWS = (("Where the photos were taken from", 25, -50), ("The same from above", 89.9, -90))
 
 
-def scene_figures(facts: Facts) -> dict[str, Drawn]:
+def scene_figures(facts: Facts) -> dict[str, page.Drawn]:
     """Draw the target with the photos' places from two sides, by name; none if no pose is known."""
     if not facts.fit.poses:
         return {}
@@ -41,15 +27,15 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
     if not boards and facts.errors is not None:
         loose = [facts.errors.pairs.world]
     middle = np.concatenate([*plates, *loose, centre]).mean(axis=0)
-    turn = upright((middle - centre).mean(axis=0), -rotation[:, 1].mean(axis=0))
+    turn = page.upright((middle - centre).mean(axis=0), -rotation[:, 1].mean(axis=0))
     everything = np.concatenate([*plates, *loose, centre]) @ turn.T
-    several = len(boards) <= len(BOARD_COLOURS)
-    colours = BOARD_COLOURS if several else (BLUE,) * len(boards)
+    several = len(boards) <= len(page.BOARD_COLOURS)
+    colours = page.BOARD_COLOURS if several else (page.BLUE,) * len(boards)
     size = _CAMERA * float(np.ptp(everything, axis=0).max() or 1.0)
     drawn = {}
     for name, (title, elevation, azimuth) in zip(("scene-side", "scene-top"), _VIEWS, strict=True):
-        with drawing(STYLE):
-            figure = new_figure(4.2)
+        with drawing(page.STYLE):
+            figure = page.new_figure(4.2)
             axes = figure.add_subplot(projection="3d")
             for board, plate, colour in zip(boards, plates, colours, strict=False):
                 if board.points is None:
@@ -57,11 +43,13 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
                         Poly3DCollection([plate @ turn.T], alpha=0.3, facecolor=colour)
                     )
             for points in loose:
-                shown = points[some(len(points), MOST_DOTS // 4)] @ turn.T
-                axes.scatter(*shown.T, s=4, color=BLUE)
-            draw_cameras(axes, centre @ turn.T, rotation @ turn.T, size, [INK] * len(centre))
-            show_evenly(axes, everything, elevation, azimuth)
-            drawn[name] = finished(
+                shown = points[page.some(len(points), page.MOST_DOTS // 4)] @ turn.T
+                axes.scatter(*shown.T, s=4, color=page.BLUE)
+            page.draw_cameras(
+                axes, centre @ turn.T, rotation @ turn.T, size, [page.INK] * len(centre)
+            )
+            page.show_evenly(axes, everything, elevation, azimuth)
+            drawn[name] = page.finished(
                 figure,
                 name=name,
                 title=title,
@@ -70,10 +58,14 @@ def scene_figures(facts: Facts) -> dict[str, Drawn]:
                 f"{facts.units or 'the units of the target'}.",
                 keys=(
                     *(
-                        Key(kind="area", colour=colour, text=board.name)
+                        page.Key(kind="area", colour=colour, text=board.name)
                         for board, colour in zip(boards * several, colours, strict=False)
                     ),
-                    Key(kind="line", colour=INK, text="a photo: the open side looks at the target"),
+                    page.Key(
+                        kind="line",
+                        colour=page.INK,
+                        text="a photo: the open side looks at the target",
+                    ),
                 ),
             )
     return drawn

@@ -14,13 +14,7 @@ import click
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import target_in
 from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.parameters import (
-    FloatRange,
-    as_command,
-    bundle,
-    option,
-    record,
-)
+from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, bundle, option, record
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_next, print_wrote, result
 from cubicfish_cli.app.words.phrases import plural

@@ -16,19 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.viewpoints.truth import (
-    Pose,
-    load_poses,
-    nearest,
-    plates,
-    rotation_matrix,
-)
-from cubicfish_cli.app.viewpoints.views import (
-    WanderingPupil,
-    WholeLens,
-    choose_views,
-    sample_views,
-)
+from cubicfish_cli.app.viewpoints.truth import Pose, load_poses, nearest, plates, rotation_matrix
+from cubicfish_cli.app.viewpoints.views import WanderingPupil, WholeLens, choose_views, sample_views
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CorrespondenceError, TargetError
 from cubicfish_cli.core.target import Target
