@@ -63,17 +63,19 @@ class UndistortedFiles:
             "images": len(self.written),
             "files": self.files,
             "skipped": self.skipped,
-            "failed": [_failure_record(name, why) for name, why in self.failed.items()],
+            "failed": [_failure_record(name, why) for name, why in self.failures.items()],
             "view": self.view and self.view.as_record(),
             "extra_files": self.extras,
         }
 
 
-def _failure_record(name: str, problem: str) -> dict[str, Any]:
+def _failure_record(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
+    from cubicfish_cli.app.words.catalogue import say_error
     from cubicfish_cli.core.codes import Code, Severity
     from cubicfish_cli.core.finding import Finding
 
+    problem = say_error(error)
     told = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )

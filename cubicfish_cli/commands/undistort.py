@@ -295,9 +295,12 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     """
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
-        if number > 1:
+        if failures and number > 1:
+            from cubicfish_cli.app.words.catalogue import say_error
+
             for name, error in failures[:_FEW]:
-                tell(f"failed: {f'shot {name}: ' * (made.kind == 'shot')}{error}")
+                shot = f"shot {name}: " if made.kind == "shot" else ""
+                tell(f"failed: {shot}{say_error(error)}")
         if len(failures) > _FEW:
             tell(f"and {len(failures) - _FEW:,} more, which --json lists")
         if made.skipped:

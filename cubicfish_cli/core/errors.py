@@ -5,6 +5,9 @@ says what, where and what to do next. The command line turns it into ``Error: ..
 exit code 1; a library caller can also catch the built-in class it derives from.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 MISSING = "does not exist: check the name and the current folder"
 """What a message says about a missing file, after its name."""
 
@@ -14,18 +17,32 @@ class CubicfishError(Exception):
 
     Attributes:
         what: what is wrong; the whole text where nothing more is known.
-        do: what to do about it; empty where ``what`` says so.
+        do: what to do about it; empty where ``what`` says so. Names in braces stand for
+            ``arguments``.
         about: the file that it is about, which the text begins with; empty where ``what`` names it.
         apart: whether ``what`` is a sentence of its own, after a colon.
+        arguments: name -> an argument that helps, as a program writes it.
 
     """
 
     def __init__(
-        self, what: str = "", *, do: str = "", about: str = "", apart: bool = False
+        self,
+        what: str = "",
+        *,
+        do: str = "",
+        about: str = "",
+        apart: bool = False,
+        arguments: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        text = f"{what}: {do}" if do else what
-        super().__init__(f"{about}{':' * apart} {text}" if about else text)
         self.what, self.do, self.about, self.apart = what, do, about, apart
+        self.arguments = dict(arguments)
+        super().__init__(self.text(self.arguments))
+
+    def text(self, arguments: Mapping[str, str]) -> str:
+        """The text with other words for arguments, such as options of a command line."""
+        do = self.do.format_map(arguments) if self.arguments else self.do
+        text = f"{self.what}: {do}" if do else self.what
+        return f"{self.about}{':' * self.apart} {text}" if self.about else text
 
 
 class TargetError(CubicfishError, ValueError):

@@ -71,8 +71,12 @@ def _refuse_existing(path: Path, *, overwrite: bool, can_skip: bool) -> None:
     if os.path.isdir(path):
         raise OutputError("is a folder: give the name of a file", about=str(path))
     if not overwrite and os.path.lexists(path):
-        ways = "--overwrite or --skip-existing" if can_skip else "--overwrite"
-        raise OutputError(f"exists already: choose another name or add {ways}", about=str(path))
+        raise OutputError(
+            "exists already",
+            do="choose another name or add {overwrite}" + " or {skip_existing}" * can_skip,
+            about=str(path),
+            arguments={"overwrite": "overwrite=True", "skip_existing": "skip_existing=True"},
+        )
     if os.path.exists(path) and not os.path.isfile(path):
         raise OutputError(
             "is no plain file, and is not replaced: choose another name", about=str(path)

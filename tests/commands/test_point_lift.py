@@ -54,8 +54,10 @@ def test_one_photo_gives_a_camera_of_its_boards(run: Run, one_photo: Path, tmp_p
         in run("project", "-m", model, input=text + "60,61,62\n", code=1).stderr
     )
     said = run("unproject", "-m", model, input="1,2\n", code=1).stderr
-    assert "is of lift 'point', which has no rays" in said
-    assert "'undistort --view plane:BOARD' alone" in said
+    assert (
+        "is of lift 'point', which has no rays: it serves 'project' and 'undistort --view "
+        "plane:BOARD' alone; calibrate with --lift ray for this"
+    ) in said
 
 
 @pytest.mark.slow

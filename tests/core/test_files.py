@@ -26,7 +26,7 @@ def test_a_written_file_is_all_that_is_left(tmp_path: Path) -> None:
 def test_an_existing_file_is_kept_unless_overwriting(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(OutputError, match=r"a\.txt exists already: .*--overwrite"):
+    with pytest.raises(OutputError, match=r"a\.txt exists already: .*overwrite=True"):
         files.write_text(path, "new", overwrite=False)
     assert path.read_text() == "old"
     files.write_text(path, "new", overwrite=True)

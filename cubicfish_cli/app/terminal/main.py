@@ -120,7 +120,9 @@ def _end_by_signal() -> NoReturn:
 def _why(error: Exception) -> str | None:
     """Why the work could not be done, in one line; None where it is no user's doing."""
     if isinstance(error, CubicfishError):
-        return str(error)
+        from cubicfish_cli.app.words.catalogue import say_error
+
+        return say_error(error)
     if isinstance(error, MemoryError):
         return "not enough memory: use smaller photos or views, or fewer --jobs"
     if isinstance(error, OSError):

@@ -11,6 +11,7 @@ from cubicfish_cli.app.extensions import extensions
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.words.phrases import Sentences
 from cubicfish_cli.core.codes import Code, Remedy
+from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.finding import Saying
 from cubicfish_cli.core.wording import listed
 
@@ -28,6 +29,7 @@ class Catalogue(NamedTuple):
         phrases: parts of sentences, by the name of a figure and its value.
         events: sentences for events while work is done, by event.
         checks: sentences about a target before any photo.
+        options: what the command line calls the arguments that errors name.
 
     """
 
@@ -36,6 +38,7 @@ class Catalogue(NamedTuple):
     phrases: Mapping[str, Mapping[str, str]]
     events: Mapping[str, str]
     checks: Mapping[str, str]
+    options: Mapping[str, str]
 
 
 @cache
@@ -73,7 +76,7 @@ def catalogue() -> Catalogue:
         for table, own in data["phrases"].items()
     }
     checks = {key: whole(text) for key, text in data["checks"].items()}
-    return Catalogue(sayings, data["because"], phrases, data["events"], checks)
+    return Catalogue(sayings, data["because"], phrases, data["events"], checks, data["options"])
 
 
 def has(code: Code, case: str) -> bool:
@@ -98,6 +101,11 @@ def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Sayi
 def say_event(event: Event, figures: Mapping[str, Any]) -> str:
     """Return the sentence for an event while work is done."""
     return _SENTENCES.vformat(catalogue().events[event], (), figures)
+
+
+def say_error(error: CubicfishError) -> str:
+    """Say an error at a command line, with its options in the place of arguments."""
+    return error.text(catalogue().options) if error.arguments else str(error)
 
 
 def _say_part(name: str, value: Any, values: Mapping[str, Any]) -> str:

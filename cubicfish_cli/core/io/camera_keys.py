@@ -85,8 +85,10 @@ def refuse_point(path: Path) -> NoReturn:
 
     """
     raise CameraFileError(
-        f"{path} is of lift 'point', which has no rays: it serves 'project' and 'undistort "
-        "--view plane:BOARD' alone; calibrate with --lift ray for this"
+        "is of lift 'point', which has no rays",
+        do="it serves 'project' and {plane} alone; calibrate with {lift} for this",
+        about=str(path),
+        arguments={"plane": "PlaneOptions", "lift": "lift='ray'"},
     )
 
 

@@ -152,8 +152,12 @@ def _find_image_size(table: Table, kind: str, given: tuple[int, int] | None) -> 
     if not table.comment.startswith("cubicfish"):
         if given is None:
             raise CorrespondenceError(
-                f"{table.name}: the image size is not known: add --size WxH, or start the file "
-                f"with the line '# cubicfish {kind} 1, image_size WxH'"
+                "the image size is not known",
+                do="add {image_size}, or start the file with the line "
+                f"'# cubicfish {kind} 1, image_size WxH'",
+                about=table.name,
+                apart=True,
+                arguments={"image_size": "image_size=(W, H)"},
             )
         return given
     version = f"[1-{_VERSIONS[kind]}]"

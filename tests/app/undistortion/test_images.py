@@ -77,7 +77,7 @@ def test_nothing_is_overwritten_unasked(tmp_path):
     source, out = tmp_path / "in.png", tmp_path / "out.png"
     cv2.imwrite(str(source), picture())
     out.write_text("kept")
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="overwrite=True"):
         undistort_picture_file(source, out, MAP, overwrite=False)
     assert out.read_text() == "kept"
     undistort_picture_file(source, out, MAP, overwrite=True)

@@ -60,7 +60,7 @@ def test_a_saved_map_is_what_numpy_reads(tmp_path):
     assert read.format == "cubicfish undistort_map 1"
     assert read.central_view == VIEW
     assert read.image_size == (960, 720)
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="overwrite=True"):
         save_map(path, MAP)
     assert path.read_bytes() == before
     other = CentralView(kind="perspective", size=(5, 4), focal=3.0)

@@ -87,6 +87,8 @@ def all_wording() -> str:
     for name, text in catalogue().checks.items():
         values = {**sample((text,), 2), "boards": ", ".join(BOARDS)}
         lines.append(f"  {name}: {sentences.vformat(text, (), values)}")
+    lines.append("\noptions")
+    lines += [f"  {name}: {option}" for name, option in catalogue().options.items()]
     lines.append("\nevents")
     for name, text in catalogue().events.items():
         figures = sample((text,), 2)
@@ -346,6 +348,20 @@ def test_what_reads_none_is_not(code: str) -> None:
 )
 def test_a_share_has_two_digits_or_more(share: float, said: str) -> None:
     assert percent(share) == said
+
+
+def test_options_are_named_above_the_core_alone() -> None:
+    """The core names arguments, and the catalogue knows the option of each."""
+    named = set()
+    for path in [*PACKAGE.glob("core/**/*.py"), *PACKAGE.glob("corners/**/*.py")]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.keyword) and node.arg == "arguments":
+                assert isinstance(node.value, ast.Dict)
+                named |= {key.value for key in node.value.keys if isinstance(key, ast.Constant)}
+            text = node.value if isinstance(node, ast.Constant) else ""
+            # A docstring there names an option of Kalibr's.
+            assert path.name == "types.py" or " --" not in f" {text!s}", (path, text)
+    assert named == {*catalogue().options}
 
 
 if __name__ == "__main__":

@@ -107,7 +107,7 @@ def test_windows_files_with_blank_lines_and_other_column_orders_are_read(tmp_pat
 def test_a_file_without_the_first_line_needs_the_size(tmp_path: Path) -> None:
     path = written(tmp_path, "image,board,column,row,x,y\na,floor,0,0,1,2\n")
     assert load_corners(path, TARGET, image_size=(64, 48)).image_size == (64, 48)
-    with pytest.raises(CorrespondenceError, match=r"the image size is not known: add --size WxH"):
+    with pytest.raises(CorrespondenceError, match=r"the image size is not known: add image_size="):
         load_corners(path, TARGET)
 
 
@@ -208,7 +208,7 @@ def test_malformed_corners_are_refused_with_file_and_line(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("image,X,Y,Z,x,y\na,0,0,0,1,2\n", "the image size is not known: add --size WxH"),
+        ("image,X,Y,Z,x,y\na,0,0,0,1,2\n", "the image size is not known: add image_size="),
         (PAIRS_HEADER + "a,0,0,zero,1,2\n", "line 3: Z must be a finite number, not 'zero'"),
         (PAIRS_HEADER + "a,0,0,1e300,1,2\n", "line 3: X, Y, Z must lie within"),
         (PAIRS_HEADER + "a,0,0,0,1,2000\n", "line 3: x 1, y 2000 is outside the 1280x800"),
@@ -251,7 +251,7 @@ def test_any_text_below_the_header_is_read_or_refused_in_one_line(
 def test_files_are_not_replaced_unasked(tmp_path: Path) -> None:
     path = written(tmp_path, HEADER + ROW)
     found = load_corners(path, TARGET)
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="overwrite=True"):
         save_corners(path, found, overwrite=False)
     save_corners(path, found, overwrite=True)
 
