@@ -103,7 +103,8 @@ def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -
     detection = first_pass(photos, targets, work, run.cache)
     target = detection.corners.target
     if target is not None:
-        detection = second_pass(photos, detection, target, run.work("Looking again"))
+        work = run.work("Looking again")
+        detection = second_pass(photos, detection, predicted_corners(detection, target), work)
     added = sum(photo.added for photo in detection.photos)
     if added:
         run.listener.tell(Event.LOOKED_AGAIN, corners=added)
@@ -130,21 +131,20 @@ class _Expected:
 
 
 def second_pass(
-    photos: Sequence[Photo], detection: Detection, target: Target, work: Work
+    photos: Sequence[Photo], detection: Detection, expected: Mapping[str, Prediction], work: Work
 ) -> Detection:
     """Add the corners that a camera fitted to the first pass predicts and the photos show.
 
     Args:
         photos: the photos that ``detection`` is of, in its order.
         detection: the first pass.
-        target: the calibration target.
+        expected: what it predicts of photos, by their names.
         work: who searches the photos.
 
     Returns:
-        The detection with the added corners; the same one where no camera can be fitted.
+        The detection with the added corners; the same one where nothing is expected.
 
     """
-    expected = predicted_corners(detection, target)
     seen = {photo.name: photo for photo in _reachable(photos, work)}
     again = [_Expected(photo=seen[name], expected=one) for name, one in expected.items()]
     return with_added(detection, work.done(_search_again, again)) if again else detection

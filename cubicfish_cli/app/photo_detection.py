@@ -9,7 +9,7 @@ import hashlib
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -37,18 +37,22 @@ class GridCache:
     """A folder with one file per photo.
 
     Attributes:
-        folder: where the entries are; made when the first is written.
+        folder: where the entries are; made when the first is written. None keeps nothing.
 
     """
 
-    folder: Path
+    folder: Path | None = None
 
     def key(self, data: bytes) -> str:
         """Name of the entry of a photo with these bytes."""
+        if self.folder is None:
+            return ""
         return hashlib.sha256(data).hexdigest()[:32] + "-" + _hash_sources()
 
     def load(self, key: str) -> FoundGrids | None:
         """The entry, or None where there is none or it is damaged."""
+        if self.folder is None:
+            return None
         try:
             path = self.folder / f"{key}.npz"
             if not path.is_file():  # a pipe would be waited for
@@ -71,8 +75,17 @@ class GridCache:
         except Exception:  # whatever an entry raises that is missing, cut short or overwritten
             return None
 
+    def keep(self, key: str, found: FoundGrids) -> FoundGrids:
+        """Save what was found, without the digits that differ from one process to another."""
+        grids = tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
+        found = replace(found, grids=grids)
+        self.save(key, found)
+        return found
+
     def save(self, key: str, found: FoundGrids) -> None:
         """Write an entry; a cache that cannot be written is no cache, and no error."""
+        if self.folder is None:
+            return
         parts = {
             f"{name}_{index}": getattr(grid, name)
             for index, grid in enumerate(found.grids)
@@ -140,46 +153,21 @@ def detect_in_photo(
     """
     try:
         data = read_file(photo.path) if photo.picture is None else b""
-        return _detect_cached(photo, data, target, cache)
+        picture = lru_cache(maxsize=1)(partial(_read_picture, photo, data))
+        # What is in memory has no bytes to know it by.
+        cache = cache if cache and data else GridCache()
+        key = cache.key(data)
+        grids = cache.load(key) or cache.keep(key, find_grids(picture()))
     except PhotoError as error:
         why = make_refusal(photo.name, Code.CANNOT_BE_READ, problem=str(error))
         return PhotoDetection(grids=None, refusal=why)
-
-
-def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
-    """Why a photo is of no use."""
-    return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
-
-
-def _detect_cached(
-    photo: Photo, data: bytes, target: Target | None, cache: GridCache | None
-) -> PhotoDetection:
-    @lru_cache(maxsize=1)
-    def picture() -> Picture:
-        return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
-
-    if not data:  # in memory there are no bytes to know it by
-        cache = None
-    key = cache.key(data) if cache else ""
-
-    def remembered(search: Callable[[], FoundGrids], name: str = "") -> FoundGrids:
-        known = cache.load(key + name) if cache else None
-        if known is not None:
-            return known
-        found = search()
-        grids = tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
-        found = replace(found, grids=grids)
-        if cache:
-            cache.save(key + name, found)
-        return found
-
-    grids = remembered(lambda: find_grids(picture()))
     if target is None:
         return PhotoDetection(grids=grids)
     detected = _detect_markers(picture, target, grids)
     width, height = grids.image_size
     if detected.is_empty and 4 * width * height <= MOST_PIXELS:
-        found = remembered(lambda: find_grids(picture(), closely=True), "-close")
+        name = f"{key}-close"
+        found = cache.load(name) or cache.keep(name, find_grids(picture(), closely=True))
         closer = _detect_markers(picture, target, found, closely=True)
         detected = detected if closer.is_empty else closer
     if detected.is_empty and target.has_markers and grids.grids:
@@ -192,8 +180,18 @@ def _detect_cached(
     sizes = sorted({(board.columns, board.rows) for board in target.boards})
     if not any(is_part(grid, sizes) for grid in grids.grids):
         return detected
-    name = "-" + "-".join(f"{columns}x{rows}" for columns, rows in sizes)
-    return PhotoDetection(grids=remembered(lambda: complete_grids(picture(), grids, sizes), name))
+    name = "-".join([key, *(f"{columns}x{rows}" for columns, rows in sizes)])
+    found = cache.load(name) or cache.keep(name, complete_grids(picture(), grids, sizes))
+    return PhotoDetection(grids=found)
+
+
+def _read_picture(photo: Photo, data: bytes) -> Picture:
+    return grey(decode_picture(photo.path, data)) if data else photo.read_grey()
+
+
+def make_refusal(name: str, code: Code, case: str = "", **figures: int | str) -> Finding:
+    """Why a photo is of no use."""
+    return Finding(code=code, case=case, severity=Severity.CARE, images=(name,), figures=figures)
 
 
 def _detect_markers(

@@ -252,7 +252,10 @@ def _fit_first(pairs: Observations, thorough: bool) -> tuple[RadialAdjustment, I
     for centre in islice(_rank_centres(pairs), None if thorough else 1):
         tried = _fit_from_centre(pairs, centre)
         if tried is not None:
-            found.append((noise_px(tried[0].residual), *tried))
+            fit, used = tried
+            if noise_px(fit.residual) <= _HOPELESS * poor:
+                fit = _follow_residuals(_refit_terms(fit, _ALL_TERMS))
+            found.append((noise_px(fit.residual), fit, used))
         if found and found[-1][0] <= poor:
             break
     if not found:
@@ -279,6 +282,7 @@ def _rank_centres(pairs: Observations) -> Iterator[FloatArray]:
 def _fit_from_centre(
     pairs: Observations, centre: FloatArray
 ) -> tuple[RadialAdjustment, IntArray] | None:
+    """Fit two coefficients: while poses are rough, four would bend to their errors."""
     start = start_at_centre(pairs, centre)
     placed = np.isfinite(start.error)
     if not placed.any():
@@ -290,7 +294,6 @@ def _fit_from_centre(
     camera = RadialCamera.from_parameters(
         [start.focal, start.focal, *centre, 0, 0, 0, 0], pairs.image_size
     )
-    # Two coefficients first: while poses are rough, four would bend to their errors.
     fit = adjust(
         _free_terms(camera, 2),
         start.poses[used],
@@ -299,9 +302,7 @@ def _fit_from_centre(
         max_iterations=1 if typical > _HOPELESS_SHARE * size else _FIRST_ITERATIONS,
         relative_decrease=_ROUGH_DECREASE,
     )
-    if noise_px(fit.residual) > _HOPELESS * _POOR_SHARE * size:
-        return fit, used
-    return _follow_residuals(_refit_terms(fit, _ALL_TERMS)), used
+    return fit, used
 
 
 def _free_terms(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:

@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cubicfish_cli.core.errors import FitError
+from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial
 from cubicfish_cli.core.geometry import mean_rotation
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
@@ -29,9 +31,9 @@ from cubicfish_cli.corners.identification.reach import reach_of
 from cubicfish_cli.corners.identification.scene import (
     Decisions,
     Scene,
+    anonymous_pairs,
     grid_poses,
     named_lens,
-    nameless_lens,
     rigid,
     spread,
 )
@@ -66,7 +68,11 @@ def name_grids(
 
     """
     scene = Scene.of(grids, target, image_size)
-    decisions = _decided(scene)
+    try:
+        reference = fit_radial(anonymous_pairs(scene.grids, image_size)) if scene.grids else None
+    except FitError:  # planes without names need not determine a lens
+        reference = None
+    decisions = _decide_as_drawn(scene, reference)
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
         _cut_unnamed(scene, scene.camera, sides, decisions)
@@ -94,9 +100,11 @@ def name_again(
     return name_grids(own, target, corners.image_size, [corners.images[i] for i in photos])
 
 
-def _decided(scene: Scene) -> Decisions:
-    """The names as the boards are drawn, under the best lens that they give."""
-    reference = nameless_lens(scene)
+def _decide_as_drawn(scene: Scene, reference: RadialReference | None) -> Decisions:
+    """The names as the boards are drawn, under the best lens that they give.
+
+    ``reference`` is the lens that they give without names.
+    """
     decisions: Decisions = []
     before: Sequence[object] = []
     for _ in range(_ROUNDS):

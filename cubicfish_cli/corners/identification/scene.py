@@ -14,11 +14,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.adjustment import adjust
 from cubicfish_cli.core.fit.fit_lens import FixedLens
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.radial_reference import RadialReference, fit_radial, refit_radial
+from cubicfish_cli.core.fit.radial_reference import RadialReference, refit_radial
 from cubicfish_cli.core.fit.start import fit_poses
 from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -239,16 +238,6 @@ def _has_other_colours(grids: Sequence[Sequence[Grid]], sides: Placement) -> boo
             votes += reach_of(largest.cells, largest.parity, exchanged).possible
             votes -= reach_of(largest.cells, largest.parity, sides).possible
     return votes > 0
-
-
-def nameless_lens(scene: Scene) -> RadialReference | None:
-    """A lens from all grids as planes without names; None when they do not determine one."""
-    if not scene.grids:
-        return None
-    try:
-        return fit_radial(anonymous_pairs(scene.grids, scene.image_size))
-    except FitError:
-        return None
 
 
 def named_lens(

@@ -14,6 +14,7 @@ from cubicfish_cli.app.viewpoints.truth import project_corners
 from cubicfish_cli.core.boards.markers import Markers
 from cubicfish_cli.core.errors import DetectionError
 from cubicfish_cli.core.fit.calibrate import calibrate
+from cubicfish_cli.corners.identification.second_pass import predicted_corners
 from cubicfish_cli.extensions.simulation.simulate import render
 
 LENS = synthetic.lens_of_size(0.75)
@@ -75,7 +76,8 @@ def test_every_kind_of_board_is_named_and_calibrates(photos):
     assert all(report.problem is None for report in first.photos)
     assert sum(report.corners for report in first.photos) == len(first.corners.pixel)
     # The plain board follows once the marked ones have told the lens and the poses.
-    corners = second_pass(files, first, target, Work(jobs=1)).corners
+    expected = predicted_corners(first, target)
+    corners = second_pass(files, first, expected, Work(jobs=1)).corners
     assert set(np.unique(corners.board)) == {0, 1, 2}
     assert (corners.board == 2).sum() > 4 * 20
     miss = distances(corners, truth)

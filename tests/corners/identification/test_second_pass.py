@@ -14,6 +14,7 @@ from cubicfish_cli.core.io.observations_csv import load_corners
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import load_target
 from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
+from cubicfish_cli.corners.identification.second_pass import predicted_corners
 
 SAMPLE = Path(__file__).parents[3] / "sample_data"
 TARGET = load_target(SAMPLE / "target.yaml")
@@ -63,10 +64,14 @@ def thinned():
     return subset(corners, np.random.default_rng(0).random(len(corners.pixel)) < 0.67)
 
 
+def look_again(first, target, jobs=1):
+    return second_pass(PHOTOS, first, predicted_corners(first, target), Work(jobs=jobs))
+
+
 @pytest.mark.slow
 def test_missed_corners_are_added_where_they_are(thinned):
     true = keys(truth())
-    detection = second_pass(PHOTOS, first_pass(thinned), TARGET, Work(jobs=1))
+    detection = look_again(first_pass(thinned), TARGET)
     found, had = keys(detection.corners), keys(thinned)
     assert {name: found[name] for name in had} == had
     added = {name: pixel for name, pixel in found.items() if name not in had}
@@ -82,7 +87,7 @@ def test_missed_corners_are_added_where_they_are(thinned):
 @pytest.mark.slow
 def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
     without = subset(thinned, (thinned.image != 0) | (thinned.board != 2))
-    detection = second_pass(PHOTOS, first_pass(without), TARGET, Work(jobs=1))
+    detection = look_again(first_pass(without), TARGET)
     report = next(one for one in detection.photos if one.name == without.images[0])
     assert report.boards == TARGET.board_names
 
@@ -90,32 +95,32 @@ def test_a_board_that_only_the_second_pass_saw_is_reported(thinned):
 @pytest.mark.slow
 def test_nothing_is_added_that_no_photo_shows(thinned):
     """What is added beyond the list of true corners lies at the rim of what can be seen."""
-    detection = second_pass(PHOTOS, first_pass(truth()), TARGET, Work(jobs=1))
+    detection = look_again(first_pass(truth()), TARGET)
     assert sum(photo.added for photo in detection.photos) < 0.1 * len(truth().pixel)
 
 
 @pytest.mark.slow
 def test_photos_placed_by_convention_are_left_alone(thinned):
-    detection = second_pass(PHOTOS, first_pass(thinned, exact=False), TARGET, Work(jobs=1))
+    detection = look_again(first_pass(thinned, exact=False), TARGET)
     assert sum(photo.added for photo in detection.photos) == 0
 
 
 def test_without_a_camera_the_first_pass_stands(thinned):
     few = first_pass(subset(thinned, np.arange(len(thinned.pixel)) < 12))
-    assert second_pass(PHOTOS, few, TARGET, Work(jobs=1)) is few
+    assert look_again(few, TARGET) is few
 
 
 @pytest.mark.slow
 def test_processes_do_not_change_the_result(thinned):
-    one = second_pass(PHOTOS, first_pass(thinned), TARGET, Work(jobs=1))
-    two = second_pass(PHOTOS, first_pass(thinned), TARGET, Work(jobs=2))
+    one = look_again(first_pass(thinned), TARGET)
+    two = look_again(first_pass(thinned), TARGET, jobs=2)
     np.testing.assert_array_equal(one.corners.pixel, two.corners.pixel)
 
 
 def test_boards_of_tags_alone_have_no_second_pass():
     detection = first_pass(truth())
     tags = replace(TARGET, boards=tuple(as_type(b, "aprilgrid") for b in TARGET.boards))
-    assert second_pass(PHOTOS, detection, tags, Work()) is detection
+    assert look_again(detection, tags) is detection
 
 
 @pytest.mark.slow
@@ -127,7 +132,7 @@ def test_boards_of_the_other_colours_are_looked_at_as_they_are(thinned):
         boards=tuple(replace(b, first_square=others[b.first_square]) for b in TARGET.boards),
     )
     first = first_pass(thinned)
-    right = second_pass(PHOTOS, first, TARGET, Work(jobs=1))
-    seen = second_pass(PHOTOS, replace(first, other_colours=True), wrong, Work(jobs=1))
+    right = look_again(first, TARGET)
+    seen = look_again(replace(first, other_colours=True), wrong)
     np.testing.assert_array_equal(seen.corners.pixel, right.corners.pixel)
     assert len(seen.corners.pixel) > len(thinned.pixel)
