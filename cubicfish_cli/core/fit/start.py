@@ -16,6 +16,7 @@ from cubicfish_cli.core.fit.radial_pose import (
     poses_of_rays,
     radial_poses,
 )
+from cubicfish_cli.core.fit.statistics import wide_px
 from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.observations import Observations
@@ -164,7 +165,7 @@ def fit_poses(
     kept, _ = select(pairs, np.isin(pairs.image, placed))
     lens = FixedLens(camera=camera)
     fit = adjust(lens, poses[placed], kept, _WIDE_HUBER_PX, max_iterations=30)
-    return fit.again(), kept, placed
+    return adjust(fit.lens, fit.poses, kept, wide_px(fit.errors)), kept, placed
 
 
 def _find_known_poses(
