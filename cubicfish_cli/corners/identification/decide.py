@@ -9,9 +9,12 @@ from cubicfish_cli.core.geometry import similarity
 from cubicfish_cli.core.placement import SAME, Placement
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
+from cubicfish_cli.corners.identification.allowed_offsets import (
+    AllowedOffsets,
+    find_allowed_offsets,
+)
 from cubicfish_cli.corners.identification.ends import Ends, clearly_more, doubtful_rims
 from cubicfish_cli.corners.identification.identified import Decided
-from cubicfish_cli.corners.identification.reach import Reach, reach_of
 from cubicfish_cli.corners.identification.search import Labelings
 
 # Below this ratio of the runner-up's RMS to the winner's a name is not settled.
@@ -79,7 +82,7 @@ class _Photo:
         return ends.min(axis=0), ends.max(axis=0)
 
     def covered(self, side: IntArray, offset: IntArray) -> tuple[tuple[int, ...], ...]:
-        """For each grid with a place, its board and what it reaches there."""
+        """For each grid with a place, its board and the cells that it covers there."""
         parts = []
         for g in _named(side):
             first, last = self.span(g, int(side[g]), offset[g])
@@ -253,7 +256,9 @@ def _up_to_symmetry(
     return (same if settled else left), settled
 
 
-def decide_alone(grid: Grid, sides: Placement, reach: Reach, ends: Ends | None) -> Decision:
+def decide_alone(
+    grid: Grid, sides: Placement, allowed: AllowedOffsets, ends: Ends | None
+) -> Decision:
     """Name a grid that nothing else in the photo helps to place.
 
     All places of one plane look alike, from another camera position. So only its size, its
@@ -261,7 +266,7 @@ def decide_alone(grid: Grid, sides: Placement, reach: Reach, ends: Ends | None) 
     only one left, up to the target's symmetries, is taken.
     """
     photo = _Photo(grids=[grid], sides=sides)
-    side, offset = reach.places()
+    side, offset = allowed.places()
     places = _without_pose(side, offset)
     # Which of several boards it is cannot rest on what is not seen; nor can anything when most
     # of the board is hidden, since what hides a board looks like its end.
@@ -281,10 +286,10 @@ def rim_in_doubt(grid: Grid, sides: Placement, board: int, ends: Ends | None) ->
 
     Few corners speak for that line, and the board may go on at the other side: there it is cut.
     """
-    reach = reach_of(grid.cells, grid.parity, sides)
+    allowed = find_allowed_offsets(grid.cells, grid.parity, sides)
     for rim in doubtful_rims(grid):
-        side, offset = reach_of(grid.cells[~rim], grid.parity, sides).places()
-        rival = (sides.board[side] == board) & ~reach.allows(side, offset)
+        side, offset = find_allowed_offsets(grid.cells[~rim], grid.parity, sides).places()
+        rival = (sides.board[side] == board) & ~allowed.allows(side, offset)
         if ends is not None:
             gaps = int(ends.table[0, 0, 0, 0])  # within the grid, wherever it lies
             rival &= ~clearly_more(ends.missing(sides, side, offset) - gaps, 0)

@@ -224,8 +224,8 @@ def _near(found: BoolArray) -> BoolArray:
     """Cells within :data:`_LINES` of a found one."""
     near = np.pad(found, _LINES)
     width, height = found.shape
-    reach = range(2 * _LINES + 1)
-    return np.any([near[i : i + width, j : j + height] for i in reach for j in reach], axis=0)
+    lines = range(2 * _LINES + 1)
+    return np.any([near[i : i + width, j : j + height] for i in lines for j in lines], axis=0)
 
 
 def _visible(

@@ -24,10 +24,10 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.threads import one_blas_thread
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
+from cubicfish_cli.corners.identification.allowed_offsets import find_allowed_offsets
 from cubicfish_cli.corners.identification.decide import Decision, rim_in_doubt
 from cubicfish_cli.corners.identification.ends import solid
 from cubicfish_cli.corners.identification.identified import Decided, GridReport, Identified, Place
-from cubicfish_cli.corners.identification.reach import reach_of
 from cubicfish_cli.corners.identification.scene import (
     Decisions,
     Scene,
@@ -142,11 +142,11 @@ def _cut_unnamed(
         if not cut:
             continue
         kept = {
-            index: (scene.grids[index], scene.reach[index], scene.poses[index]) for index in cut
+            index: (scene.grids[index], scene.allowed[index], scene.poses[index]) for index in cut
         }
         poses = grid_poses(camera, list(cut.values()), scene.image_size)
         for (index, part), pose in zip(cut.items(), poses, strict=True):
-            scene.put(index, part, reach_of(part.cells, part.parity, scene.sides), pose)
+            scene.put(index, part, find_allowed_offsets(part.cells, part.parity, scene.sides), pose)
         after = scene.decide(sides, own)
         if scene.named_corners(own, after) > scene.named_corners(own, before):
             decisions[photo] = after

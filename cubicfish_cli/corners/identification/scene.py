@@ -26,10 +26,13 @@ from cubicfish_cli.core.placement import Placement, placement_of
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid
+from cubicfish_cli.corners.identification.allowed_offsets import (
+    AllowedOffsets,
+    find_allowed_offsets,
+)
 from cubicfish_cli.corners.identification.decide import Decision, decide, decide_alone, unnamed
 from cubicfish_cli.corners.identification.ends import Ends, ends_of, farthest_radius, without_strays
 from cubicfish_cli.corners.identification.identified import Decided
-from cubicfish_cli.corners.identification.reach import Reach, reach_of
 from cubicfish_cli.corners.identification.search import GridView, grid_moments, search
 
 Decisions = list[Decision]
@@ -45,7 +48,7 @@ class Scene:
         sides: its boards as they are drawn, or with the colours that the photos show.
         image_size: (width, height) of all photos, pixels.
         grids: the grids.
-        reach: where on the target each of them can lie.
+        allowed: where on the target each of them can lie.
         photos: for each photo, indices into the list, largest grid first.
         other_colours: whether the photos show the only board's colours exchanged.
         camera: the lens so far; None where there is none.
@@ -57,7 +60,7 @@ class Scene:
     sides: Placement
     image_size: tuple[int, int]
     grids: list[Grid]
-    reach: list[Reach]
+    allowed: list[AllowedOffsets]
     photos: list[list[int]]
     other_colours: bool
     camera: RadialCamera | None = None
@@ -78,20 +81,20 @@ class Scene:
             sides=sides,
             image_size=image_size,
             grids=[],
-            reach=[],
+            allowed=[],
             photos=[],
             other_colours=other_colours,
         )
         for own in grids:
             first = len(scene.grids)
             for found in own:
-                grid, room = found, reach_of(found.cells, found.parity, sides)
+                grid, room = found, find_allowed_offsets(found.cells, found.parity, sides)
                 if not room.wide_enough:
                     cut = without_strays(grid, sides.sizes_seen)
                     if cut is not None:
-                        grid, room = cut, reach_of(cut.cells, cut.parity, sides)
+                        grid, room = cut, find_allowed_offsets(cut.cells, cut.parity, sides)
                 scene.grids.append(grid)
-                scene.reach.append(room)
+                scene.allowed.append(room)
             order = sorted(range(first, len(scene.grids)), key=lambda k: -len(scene.grids[k]))
             scene.photos.append(order)
         return scene
@@ -106,9 +109,9 @@ class Scene:
         if self.camera is not None:
             self.poses = grid_poses(self.camera, self.grids, self.image_size)
 
-    def put(self, index: int, grid: Grid, reach: Reach, pose: GridPose | None) -> None:
+    def put(self, index: int, grid: Grid, allowed: AllowedOffsets, pose: GridPose | None) -> None:
         """Another grid in the place of one."""
-        self.grids[index], self.reach[index], self.poses[index] = grid, reach, pose
+        self.grids[index], self.allowed[index], self.poses[index] = grid, allowed, pose
         self._farthest = None
 
     def decide(self, sides: Placement, own: Sequence[int]) -> Decision:
@@ -119,12 +122,12 @@ class Scene:
         camera = self.camera
         usable = [
             n for n, index in enumerate(own)
-            if self.reach[index].possible and (camera is None or self.poses[index] is not None)
+            if self.allowed[index].possible and (camera is None or self.poses[index] is not None)
         ]  # fmt: skip
         found = None
         if camera is not None and len(usable) > 1:
             views = [
-                view_of(camera, self.grids[index], self._pose(index), self.reach[index])
+                view_of(camera, self.grids[index], self._pose(index), self.allowed[index])
                 for index in (own[n] for n in usable)
             ]
             labelings = search(views, sides)
@@ -135,7 +138,7 @@ class Scene:
             part = usable[:1]
             index = own[part[0]]
             grid, pose = self.grids[index], self.poses[index]
-            found = decide_alone(grid, self.sides, self.reach[index], self.ends(own, index))
+            found = decide_alone(grid, self.sides, self.allowed[index], self.ends(own, index))
             if pose is not None:
                 found = replace(found, rms_px=np.array([pose.rms_px]))
             # Another may be nearly as large as the largest: which one is the board then?
@@ -145,8 +148,8 @@ class Scene:
         decision = spread(found, part, len(own))
         verdict = list(decision.verdict)
         for n, index in enumerate(own):
-            if not self.reach[index].possible:
-                wide = self.reach[index].wide_enough
+            if not self.allowed[index].possible:
+                wide = self.allowed[index].wide_enough
                 verdict[n] = Decided.COLOURS if wide else Decided.TOO_LARGE
             elif n not in usable:
                 verdict[n] = Decided.NOT_PLANE
@@ -235,8 +238,8 @@ def _has_other_colours(grids: Sequence[Sequence[Grid]], sides: Placement) -> boo
         ]  # fmt: skip
         if whole:
             largest = max(whole, key=len)
-            votes += reach_of(largest.cells, largest.parity, exchanged).possible
-            votes -= reach_of(largest.cells, largest.parity, sides).possible
+            votes += find_allowed_offsets(largest.cells, largest.parity, exchanged).possible
+            votes -= find_allowed_offsets(largest.cells, largest.parity, sides).possible
     return votes > 0
 
 
@@ -386,12 +389,12 @@ def grid_poses(
     return found
 
 
-def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, reach: Reach) -> GridView:
+def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, allowed: AllowedOffsets) -> GridView:
     """What the search for names needs of a grid."""
     middle = np.array([*grid.cells.mean(axis=0), 1.0])
     camera_from_grid = np.column_stack([pose.rotation[0][:, :2], pose.translation[0]])
     return GridView(
-        reach=reach,
+        allowed=allowed,
         middle=middle,
         rotation=pose.rotation,
         camera_middle=pose.rotation[:, :, :2] @ middle[:2] + pose.translation,

@@ -27,7 +27,7 @@ from cubicfish_cli.core.placement import Placement
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Rows
 from cubicfish_cli.corners.detection.lattice import window
-from cubicfish_cli.corners.identification.reach import Reach
+from cubicfish_cli.corners.identification.allowed_offsets import AllowedOffsets
 
 # How far a grid's own orientation may be off: a few corners with noise give no better.
 _MAX_TILT_DEG = 25.0
@@ -121,7 +121,7 @@ class GridView:
     """One grid of a photo as the known lens sees it.
 
     Attributes:
-        reach: its places on the target.
+        allowed: its places on the target.
         middle: (3,) mean cell as (i, j, 1).
         rotation: (C, 3, 3) camera_from_grid, best first; two where the lens cannot tell.
         camera_middle: (C, 3) the mean cell in the camera frame, squares.
@@ -131,7 +131,7 @@ class GridView:
 
     """
 
-    reach: Reach
+    allowed: AllowedOffsets
     middle: FloatArray
     rotation: FloatArray
     camera_middle: FloatArray
@@ -275,7 +275,7 @@ def _promised(beam: Labelings, views: Sequence[GridView], sides: Placement, keep
 def _alone(views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
     """Labelings of one grid by all its places, under each of its own poses; the rest left out."""
     view = views[grid]
-    place_side, place_offset = view.reach.places()
+    place_side, place_offset = view.allowed.places()
     pose = np.repeat(np.arange(len(view.rotation)), len(place_side))
     side = np.full((len(pose), len(views)), -1, np.intp)
     offset = np.zeros((len(pose), len(views), 2), np.intp)
@@ -306,7 +306,7 @@ def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placeme
     for number in range(len(view.rotation)):
         own = view.rotation[number] @ np.swapaxes(sides.frame, 1, 2)
         agree = _within(beam.rotation, own, _MAX_TILT_DEG)
-        agree &= (view.reach.high >= view.reach.low).all(axis=1)
+        agree &= (view.allowed.high >= view.allowed.low).all(axis=1)
         row, side = np.nonzero(agree)
         more, middle = beam[row], sides.square[side][:, None] * view.camera_middle[number]
         if alone:  # neither grid knows better than the other how the camera is turned
@@ -350,13 +350,13 @@ def _offsets_near(
     shift = window(farthest)
     near = np.flatnonzero(
         (np.abs(above) < _MAX_OFF_PLANE)
-        & (wanted > view.reach.low[side] - farthest - 1).all(axis=1)
-        & (wanted < view.reach.high[side] + farthest + 1).all(axis=1)
+        & (wanted > view.allowed.low[side] - farthest - 1).all(axis=1)
+        & (wanted < view.allowed.high[side] + farthest + 1).all(axis=1)
     )
     offset = (np.rint(wanted[near]).astype(np.intp)[:, None] + shift).reshape(-1, 2)
     pick = np.repeat(near, len(shift))
-    allowed = view.reach.allows(side[pick], offset)
-    pick, offset = pick[allowed], offset[allowed]
+    fits = view.allowed.allows(side[pick], offset)
+    pick, offset = pick[fits], offset[fits]
     misfit = np.square(offset - wanted[pick]).sum(axis=1) + np.square(above[pick])
     return pick, offset, misfit
 

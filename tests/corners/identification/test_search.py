@@ -18,10 +18,10 @@ from cubicfish_cli.core.lenses.radial import RadialCamera
 from cubicfish_cli.core.placement import placement_of
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import Grid
+from cubicfish_cli.corners.identification.allowed_offsets import find_allowed_offsets
 from cubicfish_cli.corners.identification.decide import CLEAR_RATIO, decide, decide_alone
 from cubicfish_cli.corners.identification.ends import Ends, ends_of
 from cubicfish_cli.corners.identification.identified import Decided, Place
-from cubicfish_cli.corners.identification.reach import reach_of
 from cubicfish_cli.corners.identification.scene import grid_poses, view_of
 from cubicfish_cli.corners.identification.search import (
     form_cost,
@@ -94,7 +94,7 @@ def one_photo(seed=0, *, noise=0.1, target=None, farthest=2.0):
     sides = placement_of(target)
     poses = grid_poses(LENS, grids, IMAGE_SIZE)
     views = [
-        view_of(LENS, grid, pose, reach_of(grid.cells, grid.parity, sides))
+        view_of(LENS, grid, pose, find_allowed_offsets(grid.cells, grid.parity, sides))
         for grid, pose in zip(grids, poses, strict=True)
     ]
     ends = [
@@ -169,7 +169,7 @@ def test_places_are_charged_for_the_room_that_they_leave():
     pixel = LENS.project(np.column_stack([cells, np.ones(len(cells))]) @ form.T)
     grid = Grid(cells=cells, pixel=pixel, parity=-1, step=40.0, contrast=np.full(20, 9.0))
     ends = ends_of(LENS, grid, form, NO_PIXEL, farthest=2.0)
-    side, offset = reach_of(grid.cells, grid.parity, sides).places()
+    side, offset = find_allowed_offsets(grid.cells, grid.parity, sides).places()
     missing = ends.missing(sides, side, offset)
     corner = (side == 0) & (offset == [0, 0]).all(axis=1)
     middle = (side == 0) & (offset == [3, 1]).all(axis=1)
@@ -228,7 +228,7 @@ def test_a_slide_along_a_common_edge_is_told_by_an_end_or_not_at_all():
     grids, truth = [grid for grid, _ in both], [place for _, place in both]
     poses = grid_poses(LENS, grids, IMAGE_SIZE)
     views = [
-        view_of(LENS, grid, pose, reach_of(grid.cells, grid.parity, sides))
+        view_of(LENS, grid, pose, find_allowed_offsets(grid.cells, grid.parity, sides))
         for grid, pose in zip(grids, poses, strict=True)
     ]
     found = search(views, sides)
@@ -271,7 +271,9 @@ def test_a_grid_that_fills_a_board_is_that_board():
         grid = Grid(
             cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
         )
-        alone = decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None)
+        alone = decide_alone(
+            grid, sides, find_allowed_offsets(grid.cells, grid.parity, sides), None
+        )
         assert alone.verdict == (verdict,)
         if verdict is Decided.NAMED:
             assert sides.board[alone.side[0]] == 1
@@ -287,9 +289,9 @@ def test_one_of_two_boards_alike_is_not_guessed(size, verdict):
     grid = Grid(
         cells=cells, pixel=10.0 * cells, parity=-1, step=10.0, contrast=np.full(len(cells), 9.0)
     )
-    assert decide_alone(grid, sides, reach_of(grid.cells, grid.parity, sides), None).verdict == (
-        verdict,
-    )
+    assert decide_alone(
+        grid, sides, find_allowed_offsets(grid.cells, grid.parity, sides), None
+    ).verdict == (verdict,)
 
 
 def test_a_narrow_lens_leaves_two_poses_of_a_plane_and_a_wide_one_does_not():

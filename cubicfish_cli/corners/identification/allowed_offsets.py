@@ -9,7 +9,7 @@ from cubicfish_cli.core.types import BoolArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reach:
+class AllowedOffsets:
     """The offsets that keep a grid on its board, for every side.
 
     Attributes:
@@ -49,7 +49,7 @@ class Reach:
         return len(self.places()[0]) > 0
 
 
-def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
+def find_allowed_offsets(cells: IntArray, parity: int, sides: Placement) -> AllowedOffsets:
     """Where on the target a grid fits, by its extent and the colour of its squares.
 
     Args:
@@ -60,7 +60,7 @@ def reach_of(cells: IntArray, parity: int, sides: Placement) -> Reach:
     """
     box = np.stack([cells.min(axis=0), cells.max(axis=0)])
     ends = box @ np.swapaxes(sides.matrix, -1, -2)
-    return Reach(
+    return AllowedOffsets(
         low=-ends.min(axis=1),
         high=sides.size - 1 - ends.max(axis=1),
         parity=sides.flips(parity).astype(np.intp),

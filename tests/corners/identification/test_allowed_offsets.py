@@ -7,7 +7,7 @@ from synthetic import checkerboard, corner_of_three
 from cubicfish_cli.core.placement import TURNS, placement_of
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import Grid
-from cubicfish_cli.corners.identification.reach import reach_of
+from cubicfish_cli.corners.identification.allowed_offsets import find_allowed_offsets
 
 
 def grid(columns: int, rows: int, parity: int) -> Grid:
@@ -36,7 +36,7 @@ def one_board(columns: int, rows: int) -> Target:
 def test_places_are_all_those_where_extent_and_colours_agree(columns, rows, width, height, parity):
     # The squares' colours are painted, not computed from a rule: turn the painting and compare.
     sides = placement_of(one_board(columns, rows))
-    side, offset = reach_of(grid(width, height, parity).cells, parity, sides).places()
+    side, offset = find_allowed_offsets(grid(width, height, parity).cells, parity, sides).places()
     found = {(int(s), *map(int, o)) for s, o in zip(side, offset, strict=True)}
     squares = np.where(np.add(*np.indices((columns + 1, rows + 1))) % 2 == 0, -1, 1)
     expected = set()
@@ -60,7 +60,7 @@ def test_world_points_of_a_place_are_those_of_the_board():
     target = corner_of_three()
     sides = placement_of(target)
     one = grid(3, 4, 1)
-    side, offset = reach_of(one.cells, one.parity, sides).places()
+    side, offset = find_allowed_offsets(one.cells, one.parity, sides).places()
     assert {int(sides.board[s]) for s in side} == {0, 1, 2}
     forms = sides.world_from_grid(side, offset)
     for k in range(len(side)):
@@ -71,6 +71,6 @@ def test_world_points_of_a_place_are_those_of_the_board():
 
 
 def test_a_grid_larger_than_the_board_has_no_place():
-    reach = reach_of(grid(5, 4, 1).cells, 1, placement_of(one_board(4, 4)))
-    assert not reach.possible
-    assert len(reach.places()[0]) == 0
+    allowed = find_allowed_offsets(grid(5, 4, 1).cells, 1, placement_of(one_board(4, 4)))
+    assert not allowed.possible
+    assert len(allowed.places()[0]) == 0
