@@ -86,8 +86,8 @@ def motion(length: float) -> Effect:
 
 def defocus(radius: float) -> Effect:
     def soften(photo, *_):
-        reach = np.arange(-8, 9)
-        apart = np.hypot(reach[:, None], reach)
+        offset = np.arange(-8, 9)
+        apart = np.hypot(offset[:, None], offset)
         disk = np.clip(radius + 0.5 - apart, 0, 1)
         return cv2.filter2D(photo, -1, disk / disk.sum()), np.zeros(photo.shape, bool)
 
@@ -102,8 +102,8 @@ def glare(photo, seen, rng):
     """A lamp's reflection over part of the board: bright beyond white in its middle."""
     x, y = _places(photo)
     middle = seen.pixel[seen.visible][rng.integers(seen.visible.sum())]
-    reach = 0.22 * np.ptp(seen.pixel[seen.visible], axis=0).max()
-    bell = np.exp(-0.5 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / reach**2)
+    width = 0.22 * np.ptp(seen.pixel[seen.visible], axis=0).max()
+    bell = np.exp(-0.5 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2) / width**2)
     return photo + 330 * bell, np.zeros(photo.shape, bool)
 
 

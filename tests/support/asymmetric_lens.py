@@ -99,9 +99,9 @@ class AsymmetricLens(FocalLens):
         tilted = 1.0 - flat @ np.array(self.tilt)
         radius_max = float(kannala_brandt(np.array(self.max_angle), self.k))
         # Decentring moves a point by at most 3·|p|·r², so farther ones need not be tried.
-        reach = radius_max * (1.0 + 3.0 * hypot(*self.p) * radius_max) * 1.01
+        max_radius = radius_max * (1.0 + 3.0 * hypot(*self.p) * radius_max) * 1.01
         with np.errstate(invalid="ignore"):
-            near = (tilted > 0) & (np.hypot(flat[:, 0], flat[:, 1]) <= reach * tilted)
+            near = (tilted > 0) & (np.hypot(flat[:, 0], flat[:, 1]) <= max_radius * tilted)
         index = np.flatnonzero(near)
         bent = flat[index] / tilted[index, None]
         central = self._undo_decentring(bent)

@@ -42,7 +42,7 @@ class CornerErrors:
     Attributes:
         noise: standard deviation along x and y of each corner's own error, pixels.
         shared: the same of the error that neighbouring corners of one photo share, pixels.
-        reach: over what share of the photo's shorter side the shared error changes.
+        width: over what share of the photo's shorter side the shared error changes.
         spread: standard deviation of the logarithm of each photo's factor on both errors; 0.5 is
             a sharp photo and one three times as bad.
 
@@ -50,7 +50,7 @@ class CornerErrors:
 
     noise: float = 0.05
     shared: float = 0.05
-    reach: float = 0.15
+    width: float = 0.15
     spread: float = 0.5
 
 
@@ -107,7 +107,7 @@ def simulated_corners(
     for one, scale in zip(seen, factor, strict=True):
         true = one.pixel[one.visible]
         own = errors.noise * rng.standard_normal(true.shape)
-        both = errors.shared * _smooth(true, errors.reach * min(size), rng)
+        both = errors.shared * _smooth(true, errors.width * min(size), rng)
         pixel.append(true)
         found.append(true + scale * (own + both))
     corners = Observations.from_corners(
@@ -125,14 +125,14 @@ def simulated_corners(
     )
 
 
-def _smooth(pixel: FloatArray, reach: float, rng: np.random.Generator) -> FloatArray:
+def _smooth(pixel: FloatArray, width: float, rng: np.random.Generator) -> FloatArray:
     """A random smooth field at pixels (N, 2) -> (N, 2), of variance 1 along x and along y.
 
-    Random waves (Rahimi and Recht 2007), correlated as a Gaussian of standard deviation ``reach``.
+    Random waves (Rahimi and Recht 2007), correlated as a Gaussian of standard deviation ``width``.
     """
     field = []
     for _ in range(2):
-        wave = rng.standard_normal((2, _WAVES)) / reach
+        wave = rng.standard_normal((2, _WAVES)) / width
         phase = rng.uniform(0, 2 * np.pi, _WAVES)
         field.append(np.cos(pixel @ wave + phase).sum(axis=1) * np.sqrt(2 / _WAVES))
     return np.stack(field, axis=-1)

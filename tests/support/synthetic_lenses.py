@@ -94,14 +94,14 @@ class MirrorProfile:
     Attributes:
         a_mm, c_mm: of the hyperbola.
         off_mm: how far above the focus the pinhole is.
-        reach: the largest angle at the pinhole, radians.
+        pinhole_angle: the largest angle at the pinhole, radians.
 
     """
 
     a_mm: float
     c_mm: float
     off_mm: float
-    reach: float
+    pinhole_angle: float
 
     def radius(self, angle: FloatArray) -> FloatArray:
         """See :class:`Profile`."""
@@ -111,7 +111,11 @@ class MirrorProfile:
     def angle(self, radius: FloatArray) -> FloatArray:
         """See :class:`Profile`."""
         inner = np.arctan(radius * self._start_slope)
-        return np.where(inner <= self.reach, self._traced(np.minimum(inner, self.reach))[0], np.nan)
+        return np.where(
+            inner <= self.pinhole_angle,
+            self._traced(np.minimum(inner, self.pinhole_angle))[0],
+            np.nan,
+        )
 
     def pupil(self, angle: FloatArray) -> FloatArray:
         """See :class:`Profile`."""
@@ -119,7 +123,7 @@ class MirrorProfile:
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        inner = np.linspace(0.0, self.reach, _TABLE_STEPS)
+        inner = np.linspace(0.0, self.pinhole_angle, _TABLE_STEPS)
         return self._traced(inner)[0], inner
 
     @cached_property
@@ -133,7 +137,9 @@ class MirrorProfile:
         for _ in range(_NEWTON_ROUNDS):
             ahead, behind = (self._traced(inner + step)[0] for step in (_SLOPE_STEP, -_SLOPE_STEP))
             slope = (ahead - behind) / (2 * _SLOPE_STEP)
-            inner = np.clip(inner + (angle - self._traced(inner)[0]) / slope, 0.0, self.reach)
+            inner = np.clip(
+                inner + (angle - self._traced(inner)[0]) / slope, 0.0, self.pinhole_angle
+            )
         return inner
 
     def _traced(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -189,19 +195,19 @@ class Trefoil:
 
     Attributes:
         centre: (x, y), pixels.
-        reach_px: where the shift is ``amount_px``; it grows with the square of the distance.
+        radius_px: where the shift is ``amount_px``; it grows with the square of the distance.
         amount_px: see there.
 
     """
 
     centre: tuple[float, float]
-    reach_px: float
+    radius_px: float
     amount_px: float
 
     def at(self, pixel: FloatArray) -> FloatArray:
         """The shift of pixels (N, 2) -> (N, 2)."""
         # Far outside every picture it need not grow on.
-        x, y = np.clip((pixel - self.centre) / self.reach_px, -9, 9).T
+        x, y = np.clip((pixel - self.centre) / self.radius_px, -9, 9).T
         return self.amount_px * np.stack([x * x - y * y, -2 * x * y], axis=-1)
 
 
@@ -387,7 +393,7 @@ class _Made:
 
 _PUPIL, _MIRROR = (
     SineProfile(share=0.31, pupil_mm=1.0),
-    MirrorProfile(a_mm=15.0, c_mm=25.0, off_mm=1.0, reach=0.62),
+    MirrorProfile(a_mm=15.0, c_mm=25.0, off_mm=1.0, pinhole_angle=0.62),
 )
 _MADE = {
     "moving-pupil": _Made(
@@ -421,7 +427,7 @@ def synthetic_lens(
     """
     made, short = _MADE[name], min(image_size)
     focal, middle = 0.52 * short / made.rim, _off_middle(image_size, 0.0, 0.0)
-    flaw: Flaw = Trefoil(centre=middle, reach_px=0.5 * short, amount_px=0.15)
+    flaw: Flaw = Trefoil(centre=middle, radius_px=0.5 * short, amount_px=0.15)
     if made.bump is not None:
         across, down = made.bump
         place = (across * image_size[0], down * image_size[1])

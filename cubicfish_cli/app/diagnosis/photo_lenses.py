@@ -60,7 +60,7 @@ def noticed_px(pairs: Observations, of_2000: float = _NOTICED_PX) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoLenses:
-    """The lens that each photo would have of its own, in pixels at ``reach`` from the centre.
+    """The lens that each photo would have of its own, in pixels at ``half_side`` from the centre.
 
     Attributes:
         photos: (K,) the photos with enough corners.
@@ -68,7 +68,7 @@ class PhotoLenses:
         information: (K, 5, 5) what other values cost: a squared error in pixels.
         squares: (K,) sum of squared errors of the photo with its own lens.
         numbers: (K,) how many degrees of freedom are left in each photo.
-        reach: half the shorter side, pixels.
+        half_side: half the shorter side, pixels.
 
     """
 
@@ -77,7 +77,7 @@ class PhotoLenses:
     information: FloatArray
     squares: FloatArray
     numbers: FloatArray
-    reach: float
+    half_side: float
 
     def lens_information(self) -> FloatArray:
         """(K, 3, 3) information on scale and shift, with the shear free: a Schur complement."""
@@ -138,7 +138,7 @@ def photo_lenses(lens: FitLens, poses: Poses, pairs: Observations) -> PhotoLense
         information=free.transpose(0, 2, 1) @ free,
         squares=np.sum(off[:, :, 0] ** 2, axis=1),
         numbers=np.asarray(2.0 * counts[photos] - 6 - TERMS, float),
-        reach=min(pairs.image_size) / 2,
+        half_side=min(pairs.image_size) / 2,
     )
 
 

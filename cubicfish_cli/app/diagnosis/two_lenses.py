@@ -136,7 +136,7 @@ class _Apart:
     @property
     def given(self) -> FloatArray:
         """(3,) scale and shift as ``photos`` has them, pixels."""
-        return np.array([(self.scale - 1) * self.photos.reach, *self.shift])
+        return np.array([(self.scale - 1) * self.photos.half_side, *self.shift])
 
     @property
     def px(self) -> float:
@@ -147,7 +147,7 @@ class _Apart:
         """Move to the scale and shift of the split, as far as is safe; and whether all the way."""
         split = self.split
         off = split.own[1] - split.own[0] - self.given
-        wanted = float(np.log1p(max(off[0] / self.photos.reach, _LEAST_SCALE - 1)))
+        wanted = float(np.log1p(max(off[0] / self.photos.half_side, _LEAST_SCALE - 1)))
         step = float(np.clip(wanted, -longest, longest))
         part = step / wanted if wanted else 1.0
         moved = replace(
@@ -387,8 +387,8 @@ def lens_change(
 
     """
     size = np.array(pairs.image_size, float)
-    reach, near = size.min() / 2, _SAME_CENTRE * size.max()
-    by_scale = abs(ratio - 1) * reach
+    half_side, near = size.min() / 2, _SAME_CENTRE * size.max()
+    by_scale = abs(ratio - 1) * half_side
     by_shift = float(np.hypot(*shift))
     scaled_centre = (ratio - 1) * (centre + 0.5)
     turned = size - 1 - 2 * centre

@@ -182,9 +182,11 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
         stack.enter_context(warnings.catch_warnings())
         # It compares versions too, of more than what matters here.
         warnings.filterwarnings("ignore", message="Mismatched versions found")
-        reach = partial(Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish")
+        connect = partial(
+            Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish"
+        )
         try:
-            client = _within(_CONNECT_S + _SLACK_S, reach)
+            client = _within(_CONNECT_S + _SLACK_S, connect)
         except Exception as problem:  # whatever the other side does not understand
             said = " ".join(str(problem).split()) or "it is silent"
             raise ClusterError(

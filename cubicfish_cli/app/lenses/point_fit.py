@@ -41,7 +41,7 @@ _PULLS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 _MAX_STEPS = 300
 _DROP_ROUNDS = 3
 # Corners at the very edge of the volume must stay inside when they are read back from text.
-_REACH_SLACK = 1.001
+_EXTENT_SLACK = 1.001
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,7 +180,7 @@ def _fit(
         offset=offset,
         scale=scale,
         null=fit.null,
-        reach=float(_REACH_SLACK * np.linalg.norm(local, axis=1).max()),
+        extent=float(_EXTENT_SLACK * np.linalg.norm(local, axis=1).max()),
         valid=pairs.pixel[ConvexHull(pairs.pixel).vertices],
     )
     values = lift(local)

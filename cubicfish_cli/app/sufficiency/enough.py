@@ -49,13 +49,13 @@ class Part:
     @property
     def words(self) -> str:
         """``upper left, 60–80° from the axis``."""
-        reach = f"{self.from_deg:.0f}–{self.to_deg:.0f}° from the axis"
+        angles = f"{self.from_deg:.0f}–{self.to_deg:.0f}° from the axis"
         if not self.sides:
             return f"the middle, up to {self.to_deg:.0f}° from the axis"
         if len(self.sides) == 8:
-            return f"all around, {reach}"
+            return f"all around, {angles}"
         *others, last = (SIDES[side] for side in self.sides)
-        return f"{' and '.join(filter(None, [', '.join(others), last]))}, {reach}"
+        return f"{' and '.join(filter(None, [', '.join(others), last]))}, {angles}"
 
     def as_record(self) -> dict[str, Any]:
         """Return plain data for JSON."""

@@ -153,10 +153,10 @@ def nearest(
     distance = np.full(len(rays), np.inf)
     position = np.zeros((len(rays), 2))
     for i, plate in enumerate(plates):
-        reached, plane = plate.hit(rays, starts)
-        nearer = reached < distance
+        hit_distance, plane = plate.hit(rays, starts)
+        nearer = hit_distance < distance
         index[nearer] = i
-        distance[nearer] = reached[nearer]
+        distance[nearer] = hit_distance[nearer]
         position[nearer] = plane[nearer]
     return index, distance, position
 
@@ -214,9 +214,9 @@ def project_corners(
     camera = camera_points(camera_from_world, world)
     x_axis = np.stack([b.x_axis for b in target.boards])[board]
     y_axis = np.stack([b.y_axis for b in target.boards])[board]
-    reach = neighbourhood * np.array([b.square for b in target.boards])[board]
+    to_side = neighbourhood * np.array([b.square for b in target.boards])[board]
     step = np.array([(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)], float)
-    around = world[:, None] + reach[:, None, None] * (
+    around = world[:, None] + to_side[:, None, None] * (
         step[:, :1] * x_axis[:, None] + step[:, 1:] * y_axis[:, None]
     )
     around = camera_points(camera_from_world, around)

@@ -202,7 +202,7 @@ def _apply_rules(
     The first rules say how wrong the camera is and why it cannot be right, the later ones where it
     is less so.
     """
-    reach, known = of.reach, of.uncertainty
+    extent, known = of.reach, of.uncertainty
     held_out, rms, photos = of.held_out_rms_px, of.rms_px, of.images
     radial = of.companion_held_out_rms_px
     error = float(np.fmax(held_out, rms))
@@ -239,10 +239,10 @@ def _apply_rules(
     lift, full = ("point", 20) if of.lift == "point" else ("", 16)
     yield from _report(_care_if(0 < of.rank < full), Code.LOW_RANK, lift, rank=of.rank, full=full)
     # The field: at the rim, and beyond the corners.
-    rim, middle, start = reach.rim_rms_px, reach.middle_rms_px, reach.rim_from_deg
+    rim, middle, start = extent.rim_rms_px, extent.middle_rms_px, extent.rim_from_deg
     level = None if math.isnan(start) else ratio_above(rim, middle, _RIM_ERROR, scale)
     yield from _report(level, Code.WORSE_AT_THE_RIM, middle_px=middle, rim_px=rim, from_deg=start)
-    covered, around, edge = of.covered_deg, reach.all_around_deg, reach.edge_uncertainty_px
+    covered, around, edge = of.covered_deg, extent.all_around_deg, extent.edge_uncertainty_px
     level = _care_if(covered - around > _EXTRAPOLATED_DEG and edge / scale > CERTAIN_PX)
     yield from _report(
         level, Code.EXTRAPOLATED, covered_deg=covered, around_deg=around, edge_px=edge

@@ -130,15 +130,15 @@ def coverage_extent(
     edge = np.rad2deg(angle_from_axis(at_edge))
     own = np.rad2deg(azimuth(points[:, :2]))
     around = np.arange(_DIRECTIONS) * 360 / _DIRECTIONS
-    reached = np.array([_find_farthest_beside(direction, own, angle) for direction in around])
-    short = np.minimum(edge, covered) - reached
+    farthest = np.array([_find_farthest_beside(direction, own, angle) for direction in around])
+    short = np.minimum(edge, covered) - farthest
     uncertain = sigma(at_edge)
     uncertain = uncertain[np.isfinite(uncertain)]
     rim, middle, rim_from = _measure_rim(angle, residual)
     return CoverageExtent(
-        all_around_deg=_measure_all_around(reached, edge, covered),
+        all_around_deg=_measure_all_around(farthest, edge, covered),
         rim_coverage=float(np.mean(short <= _NEAR * covered)),
-        extrapolated_deg=float(np.median(np.maximum(edge - reached, 0))),
+        extrapolated_deg=float(np.median(np.maximum(edge - farthest, 0))),
         edge_uncertainty_px=float(np.median(uncertain)) if uncertain.size else np.nan,
         rim_from_deg=rim_from,
         rim_rms_px=rim,
@@ -175,11 +175,11 @@ def trusted_angle_deg(camera: CubicCamera, covered_deg: float, sigma: Sigma) -> 
     return float(tried[max(last - 1, 0)])
 
 
-def _measure_all_around(reached: FloatArray, edge: FloatArray, covered: float) -> float:
+def _measure_all_around(farthest: FloatArray, edge: FloatArray, covered: float) -> float:
     """The largest angle up to which corners are nearly all around, as far as the photo shows it."""
     angles = np.arange(1.0, covered, 1.0)
     shown = edge >= angles[:, None]
-    near = reached + _BEYOND * covered >= angles[:, None]
+    near = farthest + _BEYOND * covered >= angles[:, None]
     share = (shown & near).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
     short = np.flatnonzero((share < _NEARLY_ALL) & shown.any(axis=1))
     return float(angles[short[0]] - 1) if short.size else covered

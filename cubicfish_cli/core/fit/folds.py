@@ -118,8 +118,8 @@ def _project_target(poses: Poses, world: FloatArray, focal: float) -> FloatArray
     """(photos, 3 K) directions to the target's middle and to the ends of its axes, in pixels."""
     middle = world.mean(axis=0)
     _, extent, axes = np.linalg.svd(world - middle, full_matrices=False)
-    reach = (extent / np.sqrt(len(world)))[:, None] * axes
-    points = middle + np.vstack([np.zeros((1, 3)), reach, -reach])
+    axis_points = (extent / np.sqrt(len(world)))[:, None] * axes
+    points = middle + np.vstack([np.zeros((1, 3)), axis_points, -axis_points])
     camera = points @ poses.rotation.transpose(0, 2, 1) + poses.translation[:, None, :]
     distance = np.linalg.norm(camera, axis=2, keepdims=True)
     return (focal * camera / distance).reshape(len(poses), -1)

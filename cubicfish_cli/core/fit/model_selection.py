@@ -67,22 +67,22 @@ def select_model(
         fit = _judge(fit, partial(begin, progress, "held out"))
     if refine_target == "off" or (auto and fit.held_out is None):
         return fit
-    groups, reached, judged = folds_of(fit.reference), fit, [fit]
+    groups, current, judged = folds_of(fit.reference), fit, [fit]
     for level in LEVELS[1:]:
         begin(progress, level)
-        starts = oriented(reached) if level == "points" else [reached]
+        starts = oriented(current) if level == "points" else [current]
         # The prior of P matters where the selection may end.
         may_end = auto or level == refine_target
         if hold_out and may_end:
             report = partial(begin, progress, f"{level} held out")
             refined = [refine_object(start, level, groups) for start in starts]
-            reached = better_named([_judge(one, report) for one in refined])
+            current = better_named([_judge(one, report) for one in refined])
         else:
-            reached = refine_object(starts[-1], level, groups if may_end else ())
-        judged.append(reached)
+            current = refine_object(starts[-1], level, groups if may_end else ())
+        judged.append(current)
         # A flat board with true outlines may still have corners off their places.
-        if not auto or _gains(reached, fit):
-            fit = reached
+        if not auto or _gains(current, fit):
+            fit = current
         if level == refine_target:
             break
     return replace(fit, rivals=tuple(one for one in judged if one is not fit))

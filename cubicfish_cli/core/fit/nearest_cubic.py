@@ -144,7 +144,7 @@ def cone_angle(camera: RadialCamera, covered: float, margin_deg: float) -> float
     )
 
 
-def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> NearestCubic:
+def nearest_cubic(camera: RadialCamera, covered_angles: tuple[float, float]) -> NearestCubic:
     """Find the cubic nearest to a radial lens.
 
     The least squares of its pixels, all numbers of P free: the linear solution (Eq. 8–9), whose
@@ -152,10 +152,10 @@ def nearest_cubic(camera: RadialCamera, reached: tuple[float, float]) -> Nearest
 
     Args:
         camera: the radial lens.
-        reached: angles from the axis of the nearest and of the farthest corner, radians.
+        covered_angles: angles from the axis of the nearest and of the farthest corner, radians.
 
     """
-    first, last = reached
+    first, last = covered_angles
     rays = cone_rays(cone_angle(camera, last, _PRIOR_MARGIN_DEG), _PRIOR_RAYS)
     within = (rays[:, 2] >= np.cos(last)) & (rays[:, 2] <= np.cos(first))
     pixel = camera.project(rays)

@@ -157,7 +157,7 @@ def photo_spread(
         influence=leave_one_out.influence()[:, :count],
         runner_up=np.array(others),
         prior_lens=prior.nearest(fit.lens.far(prior.near.rays))[0],
-        empty=max(reference.reached[0] - np.deg2rad(MARGIN_DEG), 0.0),
+        empty=max(reference.covered_angles[0] - np.deg2rad(MARGIN_DEG), 0.0),
     )
 
 

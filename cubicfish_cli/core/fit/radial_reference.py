@@ -103,7 +103,7 @@ class RadialReference(RadialAdjustment):
     def cubic(self) -> NearestCubic:
         """The cubic that comes nearest to the lens."""
         if not self._cubic:
-            self._cubic.append(nearest_cubic(self.camera, self.reached))
+            self._cubic.append(nearest_cubic(self.camera, self.covered_angles))
         return self._cubic[0]
 
     def bent(self, spread: float) -> tuple[BentFit, Poses]:
@@ -134,10 +134,10 @@ class RadialReference(RadialAdjustment):
     @property
     def covered(self) -> float:
         """Angle from the axis of the farthest corner that is no outlier, radians."""
-        return self.reached[1]
+        return self.covered_angles[1]
 
     @cached_property
-    def reached(self) -> tuple[float, float]:
+    def covered_angles(self) -> tuple[float, float]:
         """Angles from the axis of the nearest and the farthest corner that is no outlier, radians.
 
         In the middle of a mirror camera's picture is the camera itself.

@@ -168,7 +168,7 @@ def camera_text(
             "P": P,
             "point_offset": camera.offset.tolist(),
             "point_scale": float(camera.scale),
-            "point_reach": float(camera.reach),
+            "point_reach": float(camera.extent),
             "point_null": camera.null.tolist(),
             "valid": np.round(camera.valid, 3).tolist(),
         }
@@ -247,7 +247,7 @@ def _make_point_camera(file: Keys) -> PointCamera:
         offset=file.numbers("point_offset", 3),
         scale=file.above_zero("point_scale"),
         null=file.rows("point_null", SIZE),
-        reach=file.above_zero("point_reach"),
+        extent=file.above_zero("point_reach"),
         valid=file.rows("valid", 2),
     )
 

@@ -36,7 +36,7 @@ class PointCamera(Brief):
         offset: (3,) and ``scale``: Φ is applied to (X − offset) / scale.
         null: (K, 20) orthonormal cubics that vanish on every corner of the fit; K = 0 when the
             corners determined all of P.
-        reach: the corners lay within this distance of ``offset``, in units of ``scale``.
+        extent: the corners lay within this distance of ``offset``, in units of ``scale``.
         valid: (M, 2) outline of the corners, pixels.
 
     """
@@ -47,7 +47,7 @@ class PointCamera(Brief):
     offset: FloatArray
     scale: float
     null: FloatArray
-    reach: float
+    extent: float
     valid: FloatArray
 
     @property
@@ -70,7 +70,7 @@ class PointCamera(Brief):
         homogeneous = values @ self.P.T
         with np.errstate(divide="ignore", invalid="ignore"):
             pixel = homogeneous[..., :2] / homogeneous[..., 2:]
-            inside = np.linalg.norm(local, axis=-1) <= self.reach
+            inside = np.linalg.norm(local, axis=-1) <= self.extent
         inside &= (homogeneous[..., 2] > 0) & self._are_on_boards(values)
         return np.where(inside[..., None], pixel, np.nan)
 

@@ -224,7 +224,8 @@ def find_saddles(image: Float32Array, scale: float, noise: float) -> tuple[Float
 
     """
     height, width = image.shape
-    # Every filter's reach together: smoothing, second derivatives or variance, local maximum.
+    # The half widths of all filters together: smoothing, second derivatives or variance, local
+    # maximum.
     halo = int(np.ceil(3 * scale)) + 1 + round(1.2 * scale)
     rows = max(_BAND_PIXELS // width, 4 * halo)
     parts = []
@@ -303,8 +304,8 @@ def _at_scale(
     rings, response = rings.select(best), response[chosen][ok[best]]
     found, near = fit_saddles(image, rings.pixel, np.full(len(best), max(2.0, 1.6 * scale)))
     rings, response = replace(rings, pixel=found).select(near), response[near]
-    reach = np.clip(0.6 * rings.radius, 2, 5)
-    return rings.select(_strongest(rings.pixel, response * np.sqrt(rings.radius), reach))
+    separation = np.clip(0.6 * rings.radius, 2, 5)
+    return rings.select(_strongest(rings.pixel, response * np.sqrt(rings.radius), separation))
 
 
 def _first(score: FloatArray, most: int) -> npt.NDArray[np.intp]:

@@ -154,11 +154,11 @@ def fit_crossings(
     )
     noise = max(noise, 0.3)
     height, width = image.shape
-    centre, reach = np.rint(out.pixel).astype(int), np.ceil(half).astype(int)
-    inside = (centre >= reach[:, None]).all(1) & fit.sound
-    inside &= (centre < (width, height) - reach[:, None]).all(1)
-    for radius in np.unique(reach[inside]):
-        some = np.flatnonzero(inside & (reach == radius))
+    centre, half_width = np.rint(out.pixel).astype(int), np.ceil(half).astype(int)
+    inside = (centre >= half_width[:, None]).all(1) & fit.sound
+    inside &= (centre < (width, height) - half_width[:, None]).all(1)
+    for radius in np.unique(half_width[inside]):
+        some = np.flatnonzero(inside & (half_width == radius))
         local, within = fit.select(some), None if quiet is None else quiet.select(some)
         start, middle = out.pixel[some], centre[some]
         frame = _frame(image, start, middle, local, half[some], int(radius), within)

@@ -46,9 +46,9 @@ _PASSES = 2
 # A grid that has grown to so many times the corners it had, and these at least, goes on growing
 # only if it would be a board and keep this share of its corners: nearly all stay of a board's.
 _GROWN, _GROWN_LEAST, _HELD = 2, 64, 0.25
-# A crossing looks like a grid's when its pattern reaches this share of a side, or as far as rings
-# surely do, and it has this share of the contrast.
-_LIKE_REACH, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
+# A crossing looks like a grid's when its radius is this share of a side, or as large as rings
+# surely are, and it has this share of the contrast.
+_LIKE_SHARE, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
 
 
 def find_grids(image: npt.NDArray[np.generic], *, closely: bool = False) -> FoundGrids:
@@ -109,11 +109,11 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
 def _is_beyond_chance(lattice: Lattice, corners: XCorners, free: BoolArray) -> bool:
     """Judge a grid by what crossings like its own there are that no grid explains."""
     cells = lattice.cells()
-    reach = min(_LIKE_REACH * float(np.median(lattice.fit(cells).side)), _FAR_PX)
+    least_radius = min(_LIKE_SHARE * float(np.median(lattice.fit(cells).side)), _FAR_PX)
     # A large square holds many candidates besides its corner, weak ones of noise.
     _, own = nearest(lattice.at(cells), corners.pixel, 1)
     contrast = _LIKE_CONTRAST * float(np.median(corners.contrast[own[:, 0]]))
-    like = free & (corners.radius >= reach) & (corners.contrast >= contrast)
+    like = free & (corners.radius >= least_radius) & (corners.contrast >= contrast)
     return is_beyond_chance(len(cells), int(like.sum()))
 
 

@@ -12,9 +12,9 @@ from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.corners.detection.grids import Grid, Rows
 
 
-def window(reach: int) -> IntArray:
+def window(half_width: int) -> IntArray:
     """(K, 2) the offsets of all cells within so many columns and rows of a cell, its own too."""
-    return np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
+    return np.mgrid[-half_width : half_width + 1, -half_width : half_width + 1].reshape(2, -1).T
 
 
 def taylor_terms(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -27,15 +27,15 @@ def taylor_terms(u: FloatArray, v: FloatArray) -> FloatArray:
 
 # The local fit looks at the 7x7 cells around: three in a row are needed to see how the steps
 # change along it, which matters most where a grid is extended.
-_REACH = 3
-_WINDOW = window(_REACH)
+_HALF_WIDTH = 3
+_WINDOW = window(_HALF_WIDTH)
 _WEIGHT = 1.0 / (0.3 + (_WINDOW**2).sum(1)) ** 2
 _TERMS = taylor_terms(*_WINDOW.T.astype(float))[:, :6].copy()
 _PRODUCTS = (_TERMS[:, :, None] * _TERMS[:, None, :]).reshape(len(_WINDOW), 36)
 # Second-order terms are damped until enough neighbours determine them.
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, 0.005, 0.005, 0.005])
 _CENTRE = len(_WINDOW) // 2
-_MARGIN = _REACH + 1
+_MARGIN = _HALF_WIDTH + 1
 _MOST_CLEANINGS = 10
 
 
@@ -133,7 +133,7 @@ class CornerMap(ABC):
 
     pixel: FloatArray
     tried: IntArray
-    reach: ClassVar[int]
+    half_width: ClassVar[int]
     """A cell is tried again when so many cells to each side have changed."""
 
     @property
@@ -158,10 +158,10 @@ class CornerMap(ABC):
         """Position as a function of the cell around (N, 2) cells."""
 
     def neighbour_sum(self, values: FloatArray) -> FloatArray:
-        """Sum of a map over the cells within :attr:`reach` of each cell."""
-        reach = self.reach
-        around = 2 * reach + 1
-        total = np.cumsum(np.cumsum(np.pad(values, ((reach + 1, reach),) * 2), 0), 1)
+        """Sum of a map over the cells within :attr:`half_width` of each cell."""
+        half_width = self.half_width
+        around = 2 * half_width + 1
+        total = np.cumsum(np.cumsum(np.pad(values, ((half_width + 1, half_width),) * 2), 0), 1)
         return (
             total[around:, around:]
             - total[:-around, around:]
@@ -218,7 +218,7 @@ class Lattice(CornerMap):
 
     """
 
-    reach: ClassVar[int] = 2
+    half_width: ClassVar[int] = 2
     pixel: FloatArray
     contrast: FloatArray
     tried: IntArray = field(init=False)

@@ -15,8 +15,8 @@ from cubicfish_cli.corners.detection.pyramid import Pyramid
 # The four nearest corners along the arms are among this many even when markers inside the
 # squares add some corners of their own.
 _NEIGHBOURS = 28
-# Half octaves of pixels. A corner that reaches this far (8 px) also looks among those that reach
-# no less far: where squares are large, each marker adds corners by the dozen, of small reach.
+# Half octaves of pixels. A corner of this radius (8 px) is also compared with those of no smaller
+# radius: where squares are large, each marker adds corners by the dozen, of small radius.
 _FAR = 6
 _POINTING = np.radians(28)  # an arm may point that far past the neighbour: edges are bent
 # How much dearer a link is for each radian by which its edge is no arc, as an edge of a square is
@@ -90,13 +90,13 @@ def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     true neighbours.
     """
     octave = np.floor(np.log2(np.maximum(corners.contrast, 1e-3))).astype(int)
-    reach = np.rint(2 * np.log2(np.maximum(corners.radius, 1.0))).astype(int)
+    size = np.rint(2 * np.log2(np.maximum(corners.radius, 1.0))).astype(int)
     pairs = []
     for level in np.unique(octave):
         here, there = octave == level, octave >= level
         pairs.append(_nearest(corners, here, there))
-        for far in np.unique(reach[here & (reach >= _FAR)]):
-            pairs.append(_nearest(corners, here & (reach == far), there & (reach >= far)))
+        for far in np.unique(size[here & (size >= _FAR)]):
+            pairs.append(_nearest(corners, here & (size == far), there & (size >= far)))
     p, q, length = (np.concatenate(part) for part in zip(*pairs, strict=True))
     ratio = corners.contrast[q] / corners.contrast[p]
     near = (p != q) & (length > 2.0) & (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)

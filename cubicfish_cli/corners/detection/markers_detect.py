@@ -199,18 +199,18 @@ def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:
     side = following - outline
     length = np.maximum(np.linalg.norm(side, axis=2), 1e-6)
     outward = np.stack([side[..., 1], -side[..., 0]], axis=-1) / length[..., None]
-    reach = np.clip(0.12 * length.mean(axis=1), 2.0, 12.0)
+    search_px = np.clip(0.12 * length.mean(axis=1), 2.0, 12.0)
     across = np.linspace(-1, 1, 25)
     start = outline[:, :, None] + along[:, None] * side[:, :, None]
     points = start[:, :, :, None] + (
-        (reach[:, None, None, None] * across)[..., None] * outward[:, :, None, None]
+        (search_px[:, None, None, None] * across)[..., None] * outward[:, :, None, None]
     )
     level = pyramid.sample(points.reshape(len(outline), -1, 2), np.ones(len(outline)))
     level = level.reshape(points.shape[:-1]).astype(float)
     rise = level[..., 4:] - level[..., :-4]
     best = rise.argmax(axis=-1)
     # The edge's distance at both ends of each side, from a line that most of its points agree on.
-    distance = across[best + 2] * reach[:, None, None]
+    distance = across[best + 2] * search_px[:, None, None]
     middle = np.median(distance, axis=2)
     slopes = (distance[..., 4:] - distance[..., :3]) / (along[4:] - along[:3])
     slope = np.median(slopes, axis=2)
@@ -218,7 +218,7 @@ def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:
     second = following + (middle + 0.5 * slope)[..., None] * outward
     corner = _crossing(np.roll(first, 1, axis=1), np.roll(second, 1, axis=1), first, second)
     moved = np.linalg.norm(corner - outline, axis=2)
-    usable = np.isfinite(corner).all(axis=2) & (moved < 2.5 * reach[:, None])
+    usable = np.isfinite(corner).all(axis=2) & (moved < 2.5 * search_px[:, None])
     return np.where(usable[..., None], corner, outline)
 
 

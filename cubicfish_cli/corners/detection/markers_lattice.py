@@ -19,8 +19,8 @@ from cubicfish_cli.corners.detection.pyramid import Pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 
 # A local fit looks this many corners to each side: three squares, or two tags.
-_REACH = 4
-_WINDOW = window(_REACH)
+_HALF_WIDTH = 4
+_WINDOW = window(_HALF_WIDTH)
 _CENTRE = len(_WINDOW) // 2
 # Terms of second and third order are damped until enough neighbours determine them.
 _RIDGE = np.diag([1e-9, 1e-6, 1e-6, *[1e-4] * 3, *[1e-3] * 4])
@@ -55,7 +55,7 @@ class BoardLattice(CornerMap):
 
     """
 
-    reach: ClassVar[int] = 3
+    half_width: ClassVar[int] = 3
     board: Board
     pixel: FloatArray = field(init=False)
     x: FloatArray = field(init=False)

@@ -48,9 +48,9 @@ def complete_grids(
         missing = _missing(part, sizes)
         if missing is None or not any(part is one for one in grids):
             continue
-        reach = part.step * (missing + _MARGIN)
-        first = np.maximum(np.floor(part.pixel.min(axis=0) - reach), 0).astype(int)
-        x, y = np.ceil(part.pixel.max(axis=0) + reach).astype(int)
+        margin = part.step * (missing + _MARGIN)
+        first = np.maximum(np.floor(part.pixel.min(axis=0) - margin), 0).astype(int)
+        x, y = np.ceil(part.pixel.max(axis=0) + margin).astype(int)
         closer = find_grids(image[first[1] : y + 1, first[0] : x + 1], closely=True)
         for grid in closer.grids:
             whole = replace(grid, pixel=grid.pixel + first)

@@ -35,9 +35,9 @@ def fit_saddles(
     ok = np.zeros(count, bool)
     half = np.broadcast_to(np.asarray(half, float), (count,))
     limit = np.maximum(1.5, half) if travel is None else np.broadcast_to(travel, (count,))
-    reach = np.ceil(half + 0.5).astype(int)
-    for radius in np.unique(reach):
-        rows = np.nonzero(reach == radius)[0]
+    half_width = np.ceil(half + 0.5).astype(int)
+    for radius in np.unique(half_width):
+        rows = np.nonzero(half_width == radius)[0]
         result[rows], ok[rows] = _fit(image, result[rows], half[rows], limit[rows], int(radius))
     return result, ok
 

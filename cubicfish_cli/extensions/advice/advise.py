@@ -22,7 +22,7 @@ from cubicfish_cli.extensions.advice.knowledge import (
     Knowledge,
     field_rays,
     know,
-    reach_of,
+    limited_lens,
     recorded_poses,
 )
 from cubicfish_cli.extensions.advice.proposals import Proposal, proposed
@@ -141,7 +141,7 @@ def advise(
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, within, notes, reach_of(own, blind=blind))
+        views = _views(knowledge, target, within, notes, limited_lens(own, blind=blind))
         if knowledge is not None and views:
             found, needed = proposed(knowledge, views, gaps.cells, rays, goal, proposals)
         short = (FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS) - len(pairs.images)

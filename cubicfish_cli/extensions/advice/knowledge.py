@@ -154,7 +154,7 @@ def field_rays(camera: CubicCamera, blind: float) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Reach:
+class _LimitedLens:
     """The radial reference, as far as it may predict where a target would be seen."""
 
     camera: RadialCamera
@@ -173,10 +173,12 @@ class _Reach:
         return np.where(inside[..., None], rays, np.nan)
 
 
-def reach_of(camera: CubicCamera, more_deg: float = 0.0, blind: float = 0.0) -> WholeLens:
+def limited_lens(camera: CubicCamera, more_deg: float = 0.0, blind: float = 0.0) -> WholeLens:
     """Return a lens that predicts where a target would be seen, also a little beyond the field.
 
     It sees nothing within ``blind`` radians of the axis.
     """
     limit = float(np.deg2rad(camera.max_angle_deg + _BEYOND_DEG + more_deg))
-    return _Reach(camera=camera.radial, limit=min(limit, camera.radial.max_angle), blind=blind)
+    return _LimitedLens(
+        camera=camera.radial, limit=min(limit, camera.radial.max_angle), blind=blind
+    )

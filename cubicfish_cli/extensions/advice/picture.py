@@ -15,7 +15,7 @@ from cubicfish_cli.app.viewpoints.truth import camera_points
 from cubicfish_cli.core.boards.board import AROUND_SQUARE
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.extensions.advice.advise import Advice
-from cubicfish_cli.extensions.advice.knowledge import reach_of
+from cubicfish_cli.extensions.advice.knowledge import limited_lens
 from cubicfish_cli.extensions.advice.proposals import Proposal
 
 _STYLE: dict[Any, Any] = {
@@ -97,7 +97,7 @@ def _draw_photo(axes: Axes, advice: Advice, proposal: Proposal, title: str) -> N
     seen = proposal.view.seen
     away = np.linalg.norm(seen.camera, axis=1)
     shown = np.unique(seen.board[seen.visible]).tolist()
-    lens = reach_of(advice.camera, _BEYOND_DEG)
+    lens = limited_lens(advice.camera, _BEYOND_DEG)
     boards = advice.target.with_flat_boards().boards
 
     def project(world: FloatArray) -> FloatArray:

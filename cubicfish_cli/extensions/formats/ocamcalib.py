@@ -50,9 +50,9 @@ _INVERSE_MARGIN_RAD = np.deg2rad(5)
 _TABLE = 4096
 _NEWTON_ITERATIONS = 6
 # Radii are sought up to the photo's farthest corner and a little more.
-_REACH = 1.15
+_MARGIN = 1.15
 # A comparison of lenses takes in rays outside the photo too: up to so many focal lengths.
-_COMPARED_REACH = 6.0
+_COMPARED_MARGIN = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +66,7 @@ class ScaramuzzaLens(ForeignLens):
         a: (N + 1,) a0, a1, ..., lowest order first, a0 > 0 (z is forward).
         inverse: (M + 1,) r = i0 + i1 t + i2 t² + ..., lowest order first, t = angle from the axis
             - π/2; empty where a file has none.
-        reach: the largest radius; by default a little more than the photo's farthest corner.
+        max_radius: the largest radius; by default a little more than the photo's farthest corner.
 
     """
 
@@ -79,13 +79,13 @@ class ScaramuzzaLens(ForeignLens):
     stretch: FloatArray
     a: FloatArray
     inverse: FloatArray = field(default_factory=lambda: np.zeros(0), metadata=HELD)
-    reach: float | None = field(default=None, metadata=HELD)
+    max_radius: float | None = field(default=None, metadata=HELD)
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
         """Fit f to the radial lens's profile, by linear least squares."""
         start = cls._near(radial, np.linspace(0.02, covered, 200), _DEGREES[0])
-        return (replace(start, reach=_COMPARED_REACH * radial.fy),)
+        return (replace(start, max_radius=_COMPARED_MARGIN * radial.fy),)
 
     @property
     def units(self) -> FloatArray:
@@ -97,12 +97,12 @@ class ScaramuzzaLens(ForeignLens):
     @cached_property
     def max_angle(self) -> float:
         """See :class:`Lens`: as far as the angle grows with the radius."""
-        return float(_angles(self.a, self._reach)[1][-1])
+        return float(_angles(self.a, self._max_radius)[1][-1])
 
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`: by f itself; NaN where f has no such angle."""
         rho = np.hypot(points[:, 0], points[:, 1])
-        return self._pixel(points, rho, _radius(self.a, rho, points[:, 2], self._reach))
+        return self._pixel(points, rho, _radius(self.a, rho, points[:, 2], self._max_radius))
 
     def project_by_inverse(self, points: FloatArray) -> FloatArray:
         """Project by the inverse polynomial, as most programs do; NaN without one."""
@@ -125,7 +125,7 @@ class ScaramuzzaLens(ForeignLens):
         radius = np.hypot(plane[:, 0], plane[:, 1])
         rays = np.column_stack([plane, polynomial.polyval(radius, self.a)])
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        inside = radius <= _angles(self.a, self._reach)[0][-1]
+        inside = radius <= _angles(self.a, self._max_radius)[0][-1]
         return np.where(inside[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
 
     @classmethod
@@ -151,7 +151,7 @@ class ScaramuzzaLens(ForeignLens):
         # Chebyshev's points keep the error even up to both ends.
         x = np.cos(np.pi * (np.arange(1500) + 0.5) / 1500)
         angle = middle + half * x + np.pi / 2
-        radius = _radius(self.a, np.sin(angle), np.cos(angle), self._reach)
+        radius = _radius(self.a, np.sin(angle), np.cos(angle), self._max_radius)
         inside = angle <= farthest
         series: FloatArray = np.zeros(1)
         for degree in _INVERSE_DEGREES:
@@ -169,8 +169,10 @@ class ScaramuzzaLens(ForeignLens):
     ) -> ScaramuzzaLens:
         """Return the nearest lens of a degree, without its inverse; the linear term stays 0."""
         start = cls._near(camera.radial, angle_from_axis(rays), degree)
-        reach = 2 * float(np.hypot(*camera.image_size))
-        return replace(nearest_lens([replace(start, reach=reach)], rays, pixel), reach=None)
+        max_radius = 2 * float(np.hypot(*camera.image_size))
+        return replace(
+            nearest_lens([replace(start, max_radius=max_radius)], rays, pixel), max_radius=None
+        )
 
     @classmethod
     def _near(cls, radial: RadialCamera, theta: FloatArray, degree: int) -> Self:
@@ -191,13 +193,13 @@ class ScaramuzzaLens(ForeignLens):
         )
 
     @property
-    def _reach(self) -> float:
-        if self.reach is not None:
-            return self.reach
+    def _max_radius(self) -> float:
+        if self.max_radius is not None:
+            return self.max_radius
         width, height = self.image_size
         corners = np.array([[-0.5, -0.5], [width, -0.5], [-0.5, height], [width, height]])
         plane = np.linalg.solve(self.stretch, (corners - [self.cx, self.cy]).T)
-        return _REACH * float(np.hypot(*plane).max())
+        return _MARGIN * float(np.hypot(*plane).max())
 
     def _pixel(self, points: FloatArray, rho: FloatArray, radius: FloatArray) -> FloatArray:
         # On the axis the direction is 0/0, and the radius 0.
@@ -216,18 +218,18 @@ def _rms_and_largest(
     return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max()))
 
 
-def _angles(a: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+def _angles(a: FloatArray, max_radius: float) -> tuple[FloatArray, FloatArray]:
     """Return radii from 0 on and their angles from the axis, as far as the angle grows."""
-    radius = np.linspace(0, reach, _TABLE)
+    radius = np.linspace(0, max_radius, _TABLE)
     angle = np.arctan2(radius, polynomial.polyval(radius, a))
     falls = np.flatnonzero(np.diff(angle) <= 0)
     end = falls[0] + 1 if falls.size else _TABLE
     return radius[:end], angle[:end]
 
 
-def _radius(a: FloatArray, rho: FloatArray, z: FloatArray, reach: float) -> FloatArray:
-    """Find the smallest r up to ``reach`` at which (r, f(r)) has direction (ρ, Z), else NaN."""
-    table, angle = _angles(a, reach)
+def _radius(a: FloatArray, rho: FloatArray, z: FloatArray, max_radius: float) -> FloatArray:
+    """Find the smallest r, at most ``max_radius``, where (r, f(r)) points along (ρ, Z), or NaN."""
+    table, angle = _angles(a, max_radius)
     slope = polynomial.polyder(a)
     # Along unit vectors Newton's step means the same near and far.
     norm = np.hypot(rho, z)

@@ -46,9 +46,9 @@ def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     empty = int(cells.empty.sum())
     if empty:
         height, width = cells.empty.shape
-        reach = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
+        extent = (-0.5, width * cells.cell - 0.5, height * cells.cell - 0.5, -0.5)
         shade = np.where(cells.empty[..., None], [0.78, 0.31, 0, 0.22], 0.0)
-        axes.imshow(shade, extent=reach, interpolation="nearest", zorder=0.5)
+        axes.imshow(shade, extent=extent, interpolation="nearest", zorder=0.5)
         keys.append(page.Key(kind="area", colour=page.RED, text="no corner here"))
     shown = page.some(len(pixel), page.MOST_DOTS)
     boards = pairs.boards if 1 < len(pairs.boards) <= len(page.BOARD_COLOURS) else ("corner",)

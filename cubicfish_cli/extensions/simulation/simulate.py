@@ -181,7 +181,7 @@ _DARK_LEVEL = 6.0  # what a sensor reads where no light comes
 _FULL = 255.0
 # Over how many pixels the light that a full pixel cannot hold falls by a factor of e, and how far
 # it is followed.
-_SPILL_PX, _SPILL_REACH_PX = 0.8, 9
+_SPILL_PX, _SPILL_RADIUS_PX = 0.8, 9
 Unproject = Callable[[FloatArray], FloatArray]
 Background = Callable[[FloatArray], FloatArray]
 Starts = Callable[[FloatArray], FloatArray]
@@ -229,8 +229,8 @@ def bloomed(level: FloatArray) -> FloatArray:
     over = level - _FULL
     if not (over > 0).any():
         return level
-    reach = np.arange(-_SPILL_REACH_PX, _SPILL_REACH_PX + 1.0)
-    spill = np.exp(-np.hypot(reach[:, None], reach) / _SPILL_PX)
+    offset = np.arange(-_SPILL_RADIUS_PX, _SPILL_RADIUS_PX + 1.0)
+    spill = np.exp(-np.hypot(offset[:, None], offset) / _SPILL_PX)
     spill /= spill.sum()
     received = cv2.filter2D(np.maximum(over, 0), -1, spill, borderType=cv2.BORDER_REFLECT)
     return np.asarray(np.minimum(level, _FULL) + received, float)

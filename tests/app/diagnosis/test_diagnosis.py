@@ -337,7 +337,7 @@ def own_lenses(rng, count=14, wild=1.0):
     numbers = np.full(count, 200.0)
     return PhotoLenses(
         photos=np.arange(count), own=wild * own, information=information,
-        squares=rng.chisquare(numbers), numbers=numbers, reach=480.0,
+        squares=rng.chisquare(numbers), numbers=numbers, half_side=480.0,
     )  # fmt: skip
 
 
@@ -473,8 +473,8 @@ def test_what_a_photo_has_of_its_own_is_measured_beside_its_pose(pairs):
         FixedLens(camera=LENS), as_poses(POSES), replace(pairs, pixel=pixel)
     )
     np.testing.assert_array_equal(found.photos, np.arange(8))
-    assert found.own[2, 0] == pytest.approx(0.01 * found.reach, rel=0.15)
-    assert found.own[5, 3] == pytest.approx(0.008 * found.reach, rel=0.15)
+    assert found.own[2, 0] == pytest.approx(0.01 * found.half_side, rel=0.15)
+    assert found.own[5, 3] == pytest.approx(0.008 * found.half_side, rel=0.15)
     assert [one.photo for one in unlike(found) if one.chance < BY_CHANCE] == [2, 5]
     # What a wrong pose leaves is no noise.
     poses = as_poses(POSES)
@@ -787,7 +787,7 @@ def test_photos_that_all_differ_accuse_none_of_them():
             information=np.tile(1e3 * np.eye(5), (count, 1, 1)),
             squares=np.full(count, 200.0),
             numbers=np.full(count, 200.0),
-            reach=300.0,
+            half_side=300.0,
         )
         least = min(least, *(one.chance for one in unlike(photos)))
     assert photo_lenses.BY_CHANCE < least < 0.05

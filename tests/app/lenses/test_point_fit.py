@@ -111,7 +111,7 @@ def test_beyond_the_corners_there_is_no_answer():
         offset=np.array([1.0, 0, 0]),
         scale=2.0,
         null=np.zeros((0, 20)),
-        reach=1.5,
+        extent=1.5,
         valid=np.zeros((0, 2)),
     )
     found = camera.project([[3.9, 0, 0], [4.1, 0, 0], [1, 0, 2.9], [1, 0, -3.1], [np.nan, 0, 0]])

@@ -331,7 +331,7 @@ def test_p_is_held_firmly_only_as_far_from_the_axis_as_corners_are():
     )
     pairs, _ = select(pairs, lens.unproject(pairs.pixel)[:, 2] < np.cos(np.radians(55)))
     reference = fit_radial(replace(pairs, world=pairs.world / world_scale(pairs)))
-    nearest, farthest = np.rad2deg(reference.reached)
+    nearest, farthest = np.rad2deg(reference.covered_angles)
     assert 54 < nearest < 56
     assert 102 < farthest < 103
     prior = PriorChoice(spread=0.0, weight=3.0)

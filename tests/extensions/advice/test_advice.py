@@ -29,7 +29,7 @@ from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.fit.uncertainty import field_grid
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.advice.advise import advise, distances_within
-from cubicfish_cli.extensions.advice.knowledge import know, reach_of, recorded_poses
+from cubicfish_cli.extensions.advice.knowledge import know, limited_lens, recorded_poses
 from cubicfish_cli.extensions.advice.proposals import place_words, tilt_words
 
 TARGET = corner_of_three()
@@ -170,7 +170,7 @@ def test_photos_are_proposed_from_where_they_can_be_taken():
     within = distances_within(fit.pairs, fit.poses)
     assert (within.near, within.far) == pytest.approx((near, far))
     # Without that there would be nearer ones.
-    free = sample_views(TARGET, reach_of(fit.camera), IMAGE_SIZE, 90)
+    free = sample_views(TARGET, limited_lens(fit.camera), IMAGE_SIZE, 90)
     assert min(np.median(view.away) for view in free) < 0.8 * near
     assert len(said.proposals) == 3
     for proposal in said.proposals:
@@ -178,7 +178,7 @@ def test_photos_are_proposed_from_where_they_can_be_taken():
         assert near <= np.median(own) <= far
         assert own.min() >= 0.5 * away.min()
     assert not sample_views(
-        TARGET, reach_of(fit.camera), IMAGE_SIZE, 9,
+        TARGET, limited_lens(fit.camera), IMAGE_SIZE, 9,
         within=Distances(near=1e5, far=2e5, nearest=0.0),
     )  # fmt: skip
     inside = distances_within(

@@ -205,14 +205,14 @@ def test_round_trip_of_the_point_lift(tmp_path, frame, vanishing):
         offset=rng.standard_normal(3),
         scale=123.4,
         null=np.eye(20)[:vanishing],
-        reach=2.5,
+        extent=2.5,
         valid=np.array([[1.0, 2], [30, 4], [5, 60.5]]),
     )
     path = tmp_path / "camera.yaml"
     path.write_text(camera_text(camera, fit=fit_record(FIT), made_by=MADE_BY))
     loaded = load_any_camera(path)
     assert isinstance(loaded, PointCameraFile)
-    for name in ("P", "offset", "scale", "null", "reach", "valid", "frame", "image_size"):
+    for name in ("P", "offset", "scale", "null", "extent", "valid", "frame", "image_size"):
         np.testing.assert_array_equal(getattr(loaded.camera, name), getattr(camera, name))
     assert loaded.camera.rank == 20 - vanishing
     assert (loaded.fit, loaded.made_by) == (fit_record(FIT), MADE_BY)
@@ -244,7 +244,7 @@ def test_a_broken_point_file_is_refused(tmp_path, change, said):
         offset=np.zeros(3),
         scale=1.0,
         null=np.zeros((0, 20)),
-        reach=1.0,
+        extent=1.0,
         valid=np.zeros((3, 2)),
     )
     record = yaml.safe_load(camera_text(camera, fit=FitRecord(), made_by={}))

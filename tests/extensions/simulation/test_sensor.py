@@ -50,10 +50,10 @@ def test_a_straight_edge_moves_as_the_overflow_says():
     over = 300.0
     level = np.zeros((41, 60))
     level[:, :30] = 255 + over
-    reach = np.arange(-9, 10)
-    kernel = np.exp(-np.hypot(reach[:, None], reach) / 0.8)
+    offset = np.arange(-9, 10)
+    kernel = np.exp(-np.hypot(offset[:, None], offset) / 0.8)
     across = kernel.sum(axis=0) / kernel.sum()
-    tail = [over * across[reach >= 1 + step].sum() for step in range(6)]
+    tail = [over * across[offset >= 1 + step].sum() for step in range(6)]
     np.testing.assert_allclose(bloomed(level)[20, 30:36], tail, rtol=1e-9)
     assert (bloomed(level)[20, :30] >= 255).all()
 

@@ -80,7 +80,7 @@ def test_none_is_of_the_family_that_p_is_held_to(name):
 def test_a_mirror_with_the_pinhole_in_its_focus_is_central():
     """The unified model (Geyer and Daniilidis 2000) in closed form."""
     a, c = 15.0, 25.0
-    mirror = MirrorProfile(a_mm=a, c_mm=c, off_mm=0.0, reach=0.6)
+    mirror = MirrorProfile(a_mm=a, c_mm=c, off_mm=0.0, pinhole_angle=0.6)
     angle = np.linspace(0.05, 1.7, 50)
     np.testing.assert_allclose(mirror.pupil(angle), 0, atol=1e-6)
     eccentricity = c / a
