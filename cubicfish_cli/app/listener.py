@@ -30,6 +30,7 @@ class Event(StrEnum):
     CHOSEN_ASKED = "chosen_asked"
     CHOSEN_ENOUGH = "chosen_enough"
     CLOCK = "clock"
+    CLOCK_UNSURE = "clock_unsure"
     LOOKING = "looking"
     LOOKED_AGAIN = "looked_again"
     NOT_CERTAIN = "not_certain"

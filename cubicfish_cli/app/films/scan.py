@@ -41,6 +41,7 @@ class Measured:
         time: seconds from its beginning, of each frame.
         sharpness: see :mod:`cubicfish_cli.app.films.measure`.
         motion: to the nearer of both neighbours, pixels.
+        step: from the frame before, pixels; 0 of the first.
         missing: how many more frames the film announces; 0 for a few, which is common.
         kept: frames (by index) that were kept -> their pictures.
         turned_deg: the turn that the film asks of players.
@@ -52,6 +53,7 @@ class Measured:
     time: array[float] = field(default_factory=lambda: array("d"))
     sharpness: array[float] = field(default_factory=lambda: array("f"))
     motion: array[float] = field(default_factory=lambda: array("f"))
+    step: array[float] = field(default_factory=lambda: array("f"))
     missing: int = 0
     kept: dict[int, Path] = field(default_factory=dict)
     turned_deg: int = 0
@@ -138,6 +140,7 @@ def _measured_frames(
             measured.time.append(float((frame.pts - begin) * time_base))
             measured.sharpness.append(sharpness(grey))
             measured.motion.append(moved or 0.0)
+            measured.step.append(moved or 0.0)
             last = frame
             progress(len(measured), max(film.frames, len(measured)) if film.frames else 0)
     except PhotoError as problem:

@@ -1,73 +1,96 @@
 """Clock offsets between the films of a rig's cameras, from their motion.
 
 A body moves with all of its cameras, so films are still and lively at the same moments. That tells
-their clocks apart to about a frame; the fit does the rest (``fit/times.py``).
+their clocks apart to about a frame, where they are alike in one way alone: what moves in a steady
+rhythm is alike again one beat later. The fit does the rest (``fit/times.py``).
 """
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from cubicfish_cli.core.types import FloatArray, IntArray
+from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 
 # Two films must share so long a time, in frames and as a share of the shorter one.
 _LEAST_COMMON, _LEAST_SHARE = 40, 0.4
+# Less motion, beside that of a frame that counts as still, is what noise and compression leave.
+_NO_MOTION = 0.1
 # The likeness of two films' motion is accepted where it stands out of what chance gives by so many
-# standard deviations, and beats that of the clocks as they are by so many.
+# standard deviations, and beats that at any other offset, the clocks' own too, by so many.
 _SURE, _BETTER = 5.0, 3.0
 _LEAST_LIKENESS = 0.5
+# Offsets next to the best one are of the same match while their likeness is such a share of its.
+_SAME_MATCH = 0.5
 
 
-def film_offset(
-    times: tuple[Sequence[float], Sequence[float]], motions: tuple[Sequence[float], Sequence[float]]
-) -> float:
-    """How far the second film's clock is ahead of the first's, seconds; 0 where that is not sure.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilmMotion:
+    """How what a film shows moves from each frame to the next.
 
-    Args:
-        times: seconds of each frame, of both films.
-        motions: how far each frame moved, in any measure, of both films.
+    Attributes:
+        time: (N,) seconds, half-way between both frames.
+        moved: (N,) how far, where a frame that counts as still moved by less than 1.
 
     """
-    first, second = (np.asarray(one, float) for one in times)
-    if min(len(first), len(second)) < _LEAST_COMMON:
-        return 0.0
-    step = min(float(np.median(np.diff(one))) for one in (first, second))
+
+    time: FloatArray
+    moved: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmMatch:
+    """By how much the second of two films' clocks is ahead of the first's, seconds.
+
+    Attributes:
+        ahead: by so much; 0 where the clocks agree, or that is not sure.
+        alike: two offsets at which the films are about as much alike; empty where there is but one,
+            or none.
+
+    """
+
+    ahead: float = 0.0
+    alike: tuple[float, ...] = ()
+
+
+def match_films(first: FilmMotion, second: FilmMotion) -> FilmMatch:
+    """By how much the second film's clock is ahead of the first's, by when they move."""
+    if min(len(first.time), len(second.time)) < _LEAST_COMMON:
+        return FilmMatch()
+    step = min(float(np.median(np.diff(film.time))) for film in (first, second))
     if not step > 0:
-        return 0.0
-    one, other = (
-        _lively(*pair, step)
-        for pair in zip((first, second), (np.asarray(m, float) for m in motions), strict=True)
-    )
+        return FilmMatch()
+    one, other = _lively(first, step), _lively(second, step)
     least = max(_LEAST_COMMON, int(_LEAST_SHARE * min(len(one), len(other))))
     lags = np.arange(-(len(other) - least), len(one) - least + 1)
     if not len(lags):
-        return 0.0
+        return FilmMatch()
     likeness, free = _likeness(one, other, lags)
     # In these, chance has a standard deviation of one (Fisher 1921).
     score = np.arctanh(np.clip(likeness, -0.999999, 0.999999)) * np.sqrt(np.maximum(free - 3, 0))
     best = int(np.argmax(score))
+    if likeness[best] < _LEAST_LIKENESS or score[best] < _SURE:
+        return FilmMatch()
     # A lag is by how many steps the second begins later than the first, by what they show.
-    begun = float(first[0] - second[0])
-    shift = np.array([lag * step + begun for lag in lags])
+    shift = np.asarray(lags * step + (first.time[0] - second.time[0]), float)
+    elsewhere = np.where(_same_match(likeness, best), -np.inf, score)
+    runner_up = int(np.argmax(elsewhere))
+    if score[best] - elsewhere[runner_up] < _BETTER:
+        return FilmMatch(alike=(-float(shift[best]), -float(shift[runner_up])))
     as_told = int(np.argmin(np.abs(shift)))
     told = score[as_told] if abs(shift[as_told]) <= step else 0.0
-    if likeness[best] < _LEAST_LIKENESS or score[best] < _SURE or score[best] - told < _BETTER:
-        return 0.0
-    return -_peak(score, best, shift)
+    return FilmMatch(ahead=-_peak(score, best, shift) if score[best] - told >= _BETTER else 0.0)
 
 
-def _lively(time: FloatArray, motion: FloatArray, step: float) -> FloatArray:
+def _lively(film: FilmMotion, step: float) -> FloatArray:
     """Logarithms of the motion at even steps of time."""
-    even = np.arange(time[0], time[-1] + step / 2, step)
-    positive = motion[motion > 0]
-    floor = 0.1 * float(np.median(positive)) if len(positive) else 1.0
-    return np.asarray(np.interp(even, time, np.log(np.maximum(motion, floor))))
+    even = np.arange(film.time[0], film.time[-1] + step / 2, step)
+    return np.asarray(np.interp(even, film.time, np.log(np.maximum(film.moved, _NO_MOTION))))
 
 
 def _likeness(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Correlation at each lag, and how many of the common steps are free of their neighbours."""
+    """Correlation at each lag, and how many of the common steps are free of the others."""
     found, free = np.zeros(len(lags)), np.zeros(len(lags))
-    memory = sum(_memory(signal) for signal in (one, other)) / 2
+    memory = _memory(one, other)
     for number, lag in enumerate(lags.tolist()):
         first = one[max(0, lag) : len(other) + lag]
         second = other[max(0, -lag) :][: len(first)]
@@ -79,19 +102,32 @@ def _likeness(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[Float
     return found, free
 
 
-def _memory(signal: FloatArray) -> float:
-    """Over how many steps a signal keeps its value: the sum of its correlations with itself."""
+def _memory(one: FloatArray, other: FloatArray) -> float:
+    """How many times fewer steps are free than there are, where two signals are unlike.
+
+    By what both have in common with themselves some steps later (Bartlett 1935), which a steady
+    rhythm has again and again.
+    """
+    later = np.arange(1, min(len(one), len(other)) // 4)
+    both = _with_itself(one, later) * _with_itself(other, later)
+    return 1 + 2 * max(float(both.sum()), 0.0)
+
+
+def _with_itself(signal: FloatArray, later: IntArray) -> FloatArray:
+    """(L,) correlation of a signal with itself so many steps later."""
     centred = signal - signal.mean()
     power = float(centred @ centred)
     if not power > 0:
-        return float(len(signal))
-    total = 1.0
-    for lag in range(1, len(signal) // 4):
-        own = float(centred[lag:] @ centred[:-lag]) / power
-        if own < 0:
-            break
-        total += 2 * own * own
-    return total
+        return np.ones(len(later))
+    return np.array([centred[lag:] @ centred[:-lag] for lag in later.tolist()]) / power
+
+
+def _same_match(likeness: FloatArray, best: int) -> BoolArray:
+    """(L,) the best lag and those about it, as far as they are alike because it is."""
+    less = np.flatnonzero(likeness < _SAME_MATCH * likeness[best])
+    lag = np.arange(len(likeness))
+    before, after = less[less < best].max(initial=-1), less[less > best].min(initial=len(lag))
+    return (lag > before) & (lag < after)
 
 
 def _peak(score: FloatArray, best: int, shift: FloatArray) -> float:

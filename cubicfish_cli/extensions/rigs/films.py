@@ -20,7 +20,7 @@ from cubicfish_cli.core.frame_names import frame_name
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.tables import csv_text
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.extensions.rigs.film_clocks import film_offset
+from cubicfish_cli.extensions.rigs.film_clocks import FilmMotion, match_films
 from cubicfish_cli.extensions.rigs.fit.times import Moving
 from cubicfish_cli.extensions.rigs.moments import Moments, begins_at, flow, moments, take_out
 
@@ -97,7 +97,7 @@ def rig_frames(
         (film,) = open_films([path])
         measured[name] = scan(film, run.listener.counting(f"Reading {film.path.name}"))
         tell_of_film(measured[name], run.listener)
-    apart = _ahead(measured, run.listener)
+    apart = find_ahead(measured, run.listener)
     found = moments(list(measured.values()), apart, _LOOKED_AT * most, tolerance)
     if not len(found.time):
         raise PhotoError(
@@ -117,19 +117,28 @@ def rig_frames(
     return _write(measured, found, taken, chosen, folder, overwrite=run.overwrite)
 
 
-def _ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
+def find_ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
     """By how much each film's own time is ahead of the first's, seconds, told and found."""
     (first_name, first), *others = measured.items()
     begin, found = begins_at(first.film), [0.0]
     for name, one in others:
         told = begin - begins_at(one.film)  # what clocks say themselves, where they say it
-        times = ([time + told for time in first.time], one.time)
-        differs = film_offset(times, (first.motion, one.motion))
-        if differs:
-            figures = {"by_ms": 1e3 * abs(differs), "ahead": differs > 0}
+        match = match_films(_motion_of(first, told), _motion_of(one))
+        if match.ahead:
+            figures = {"by_ms": 1e3 * abs(match.ahead), "ahead": match.ahead > 0}
             listener.tell(Event.CLOCK, name=name, first=first_name, **figures)
-        found.append(told + differs)
+        elif match.alike:
+            apart = {"apart_s": abs(match.alike[1] - match.alike[0])}
+            listener.tell(Event.CLOCK_UNSURE, name=name, first=first_name, **apart)
+        found.append(told + match.ahead)
     return found
+
+
+def _motion_of(measured: Measured, ahead: float = 0.0) -> FilmMotion:
+    """How a film moves from frame to frame, by a clock that is so far ahead of its own."""
+    time = np.asarray(measured.time) + ahead
+    moved = np.asarray(measured.step[1:]) / still_px(measured.film.size)
+    return FilmMotion(time=(time[1:] + time[:-1]) / 2, moved=moved)
 
 
 def _choose(

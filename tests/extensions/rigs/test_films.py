@@ -3,24 +3,30 @@
 import json
 import re
 from array import array
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 pytest.importorskip("av")
 
 from filming import photos, write_film
+from listening import Heard
 from running import Run
 from simulated_rig import combined
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import save_target
 from cubicfish_cli.app.films.choose import choose, choose_shots
-from cubicfish_cli.app.films.scan import Measured
-from cubicfish_cli.app.films.source import Film
+from cubicfish_cli.app.films.scan import Measured, scan
+from cubicfish_cli.app.films.source import Film, open_films
+from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix
-from cubicfish_cli.extensions.rigs.film_clocks import film_offset
+from cubicfish_cli.extensions.rigs.film_clocks import FilmMatch, FilmMotion, match_films
+from cubicfish_cli.extensions.rigs.films import find_ahead
 from cubicfish_cli.extensions.rigs.fit.shots import time_of
 from cubicfish_cli.extensions.rigs.moments import flow, moments
 from cubicfish_cli.extensions.simulation.simulate import render
@@ -30,31 +36,74 @@ from tests.extensions.rigs.fit.test_rig import target
 SIZE = (480, 360)
 
 
-def lively(seconds: float, rate: float, begin: float, seed: int = 0) -> tuple[list, list]:
-    """Times by a film's own clock, and how much it moves, where all films move alike."""
+def lively(seconds: float, rate: float, begin: float, seed: int = 0) -> FilmMotion:
+    """By a film's own clock, how much it moves, where all films move alike."""
     rng = np.random.default_rng(9)
     knots = np.exp(rng.standard_normal(400))
     time = np.arange(begin, begin + seconds, 1 / rate)
     noise = np.random.default_rng(seed).standard_normal(len(time))
-    motion = np.interp(time, 0.25 * np.arange(400), knots) * np.exp(0.1 * noise)
-    return (time - begin).tolist(), motion.tolist()
+    moved = np.interp(time, 0.25 * np.arange(400), knots) * np.exp(0.1 * noise)
+    return FilmMotion(time=time - begin, moved=moved)
 
 
 @pytest.mark.parametrize("begin", [0.73, -0.31, 4.0])
 def test_films_are_matched_by_when_they_move(begin: float) -> None:
-    first, second = lively(20, 30, 5.0), lively(18, 25, 5.0 + begin, seed=1)
-    ahead = film_offset((first[0], second[0]), (first[1], second[1]))
-    assert ahead == pytest.approx(-begin, abs=0.04)
+    match = match_films(lively(20, 30, 5.0), lively(18, 25, 5.0 + begin, seed=1))
+    assert match.ahead == pytest.approx(-begin, abs=0.04)
 
 
 def test_clocks_that_agree_are_left_alone_and_what_is_not_sure_too() -> None:
     first, second = lively(20, 30, 5.0), lively(20, 30, 5.0, seed=1)
-    assert film_offset((first[0], second[0]), (first[1], second[1])) == 0
-    other = np.exp(np.random.default_rng(3).standard_normal(len(second[0]))).tolist()
-    assert film_offset((first[0], second[0]), (first[1], other)) == 0
-    still = [0.0] * len(second[0])
-    assert film_offset((first[0], second[0]), (first[1], still)) == 0
-    assert film_offset((first[0][:9], second[0][:9]), (first[1][:9], second[1][:9])) == 0
+    assert match_films(first, second) == FilmMatch()
+    other = np.exp(np.random.default_rng(3).standard_normal(len(second.time)))
+    assert match_films(first, replace(second, moved=other)) == FilmMatch()
+    assert match_films(first, replace(second, moved=0 * other)) == FilmMatch()
+    short = [FilmMotion(time=one.time[:9], moved=one.moved[:9]) for one in (first, second)]
+    assert match_films(*short) == FilmMatch()
+
+
+def test_waves_of_a_hand_in_one_rhythm_are_matched_to_none() -> None:
+    waves = []
+    for seed, begin in enumerate((0.0, 0.7)):
+        time = np.arange(begin, begin + 20, 0.04)
+        noise = np.random.default_rng(seed).standard_normal(len(time))
+        moved = np.abs(np.cos(2 * np.pi * time)) * np.exp(0.1 * noise)
+        waves.append(FilmMotion(time=time - begin, moved=moved))
+    match = match_films(*waves)
+    assert match.ahead == 0
+    rounds = (match.alike[1] - match.alike[0]) / 0.5
+    assert rounds == pytest.approx(round(rounds), abs=0.1)
+
+
+def slides(path: Path, stays: Sequence[int], skipped: int, seed: int) -> Measured:
+    """A film of ten frames a second that stands still at each of some pictures, and jumps."""
+    rng = np.random.default_rng(seed)
+    frames = []
+    for stay in stays:
+        picture = cv2.GaussianBlur(rng.uniform(0, 255, (90, 120)).astype(np.float32), (0, 0), 2)
+        grey = cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+        frames += [grey] * stay
+    write_film(path, frames[skipped:])
+    (film,) = open_films([path])
+    return scan(film)
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_slide_shows_are_matched_where_their_rhythm_is_uneven(steady: bool, tmp_path: Path) -> None:
+    uneven = np.random.default_rng(2).integers(2, 9, 16).tolist()
+    stays = [5] * 16 if steady else uneven
+    films = {
+        name: slides(tmp_path / f"{name}.mp4", stays, skipped, seed)
+        for seed, (name, skipped) in enumerate({"left": 0, "right": 7}.items())
+    }
+    heard = Heard()
+    ahead = find_ahead(films, heard)
+    if steady:
+        assert ahead == [0, 0]
+        assert [event for event, _ in heard.told] == [Event.CLOCK_UNSURE]
+    else:
+        assert ahead[1] == pytest.approx(-0.7, abs=1e-3)
+        assert [event for event, _ in heard.told] == [Event.CLOCK]
 
 
 def measured(times: list[float], motion: list[float]) -> Measured:
@@ -191,9 +240,8 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
     names = [one["shot"] for one in record["fit"]["per_shot"]]
     assert len(names) >= 8
     assert all(re.fullmatch(r"shot_\d{6}\.\d{3}s", name) for name in names)
-    # What motion tells to about a frame, the flow of corners tells to a few milliseconds; what is
-    # left moves no corner of a target that is held still, and is fitted no further.
-    assert float(behind[1]) + (right["fit"]["late_ms"] or 0) == pytest.approx(700, abs=4)
+    # What is left moves no corner of a target that is held still, and is fitted no further.
+    assert float(behind[1]) + (right["fit"]["late_ms"] or 0) == pytest.approx(700, abs=3)
     frames = tmp_path / "rig" / "frames"
     assert not (frames / ".unfinished").exists()
     assert len(list((frames / "cam1").glob("*.png"))) == right["fit"]["images"]
