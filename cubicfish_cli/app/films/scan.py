@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 from array import array
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,13 +66,20 @@ class Measured:
 
 @contextmanager
 def room_for_frames(folder: Path) -> Iterator[Path]:
-    """Make a hidden folder in ``folder`` for frames until some are chosen, and remove it."""
+    """Make a hidden folder in ``folder`` for frames until some are chosen, and remove it.
+
+    Folders that were made for it and hold nothing then are removed, too.
+    """
     room = folder / ".unfinished"
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
     shutil.rmtree(room, ignore_errors=True)  # of a run that was killed
     try:
         yield room
     finally:
         shutil.rmtree(room, ignore_errors=True)
+        with suppress(OSError):
+            for path in made:
+                path.rmdir()
 
 
 def scan(

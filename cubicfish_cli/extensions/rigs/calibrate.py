@@ -151,7 +151,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     from cubicfish_cli.app.inputs import films_among
     from cubicfish_cli.core.io.camera_yaml import Calibrated, load_camera
     from cubicfish_cli.core.io.observations_csv import save_corners
-    from cubicfish_cli.extensions.rigs.films import moving_corners, rig_frames
+    from cubicfish_cli.extensions.rigs.films import keeping_frames, moving_corners, rig_frames
     from cubicfish_cli.extensions.rigs.fit.calibrate import calibrate_rig
     from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, load_shots, load_times
     from cubicfish_cli.extensions.rigs.inputs import (
@@ -191,6 +191,8 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
         name: one if isinstance(one, Calibrated) else load_camera(in_folder(Path(one)))
         for name, one in lenses.items()
     }
+    by = "films" if films else str(options.shots or ("time" if options.tolerance else "name"))
+    refine_target = options.refine_target or "auto"
     frames: list[ShotFrame] = []
     loaded, moving = {}, {}
     with room_for_frames(place / "frames") as room:
@@ -204,40 +206,39 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
                 most=options.most or MOST,
                 tolerance=options.tolerance,
             )
-        for name, path in zip(called, inputs, strict=True):
-            listener.tell(Event.CAMERA, name=name, path=path)
-            shown = [frame for frame in frames if frame.camera == name]
-            photos = [frame.picture for frame in shown] or [path]
-            loaded[name], camera = load_camera_inputs(photos, source, run)
-            if camera is not None:
-                known.setdefault(name, camera)
-            if shown:
-                moving[name] = moving_corners(shown, loaded[name].pairs, listener)
-    first = loaded[called[0]]
-    by = "films" if frames else str(options.shots or ("time" if options.tolerance else "name"))
-    rows = [(one.shot, one.camera, one.picture.name) for one in frames]
-    refine_target = options.refine_target or "auto"
-    rig = calibrate_rig(
-        {name: own.given for name, own in loaded.items()},
-        first.pairs.target,
-        shots=rows or (load_shots(Path(options.shots)) if options.shots else by),
-        tolerance=options.tolerance or TOLERANCE,
-        times=None if options.times is None else load_times(Path(options.times), called),
-        moving=moving,
-        known=known,
-        hold_lenses=options.hold_lenses,
-        refine_target=refine_target,
-        listener=listener,
-    )
-    files = [file for own in loaded.values() for file in own.files]
-    held = {"hold_lenses": options.hold_lenses, "refine_target": refine_target, "shots": by}
-    made_by = made_by_record(run.command, held, first.target_file, files)
-    listener.progress("Writing")
-    written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
-    for path, own in zip(corners, loaded.values(), strict=True):
-        save_corners(path, own.pairs, overwrite=run.overwrite)
-    for page in pages:
-        write_rig_page(written[0], page, run)
+        with keeping_frames(frames, place / "frames"):
+            for name, path in zip(called, inputs, strict=True):
+                listener.tell(Event.CAMERA, name=name, path=path)
+                shown = [frame for frame in frames if frame.camera == name]
+                photos = [frame.picture for frame in shown] or [path]
+                loaded[name], camera = load_camera_inputs(photos, source, run)
+                if camera is not None:
+                    known.setdefault(name, camera)
+                if shown:
+                    moving[name] = moving_corners(shown, loaded[name].pairs, listener)
+            first = loaded[called[0]]
+            rows = [(one.shot, one.camera, one.picture.name) for one in frames]
+            rig = calibrate_rig(
+                {name: own.given for name, own in loaded.items()},
+                first.pairs.target,
+                shots=rows or (load_shots(Path(options.shots)) if options.shots else by),
+                tolerance=options.tolerance or TOLERANCE,
+                times=None if options.times is None else load_times(Path(options.times), called),
+                moving=moving,
+                known=known,
+                hold_lenses=options.hold_lenses,
+                refine_target=refine_target,
+                listener=listener,
+            )
+            files = [file for own in loaded.values() for file in own.files]
+            held = {"hold_lenses": options.hold_lenses, "refine_target": refine_target, "shots": by}
+            made_by = made_by_record(run.command, held, first.target_file, files)
+            listener.progress("Writing")
+            written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
+            for path, own in zip(corners, loaded.values(), strict=True):
+                save_corners(path, own.pairs, overwrite=run.overwrite)
+            for page in pages:
+                write_rig_page(written[0], page, run)
     return RigFiles(rig=rig, files=[*written, *corners, *pages])
 
 

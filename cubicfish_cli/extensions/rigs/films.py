@@ -1,7 +1,8 @@
 """Films of a rig's cameras: the moments to calibrate from, their frames, and how these move."""
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from cubicfish_cli.app.films.source import open_films
 from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import Photo, read_grey
 from cubicfish_cli.app.run import Run
-from cubicfish_cli.core.errors import DetectionError, PhotoError
+from cubicfish_cli.core.errors import CubicfishError, DetectionError, PhotoError
 from cubicfish_cli.core.files import refuse_existing, whole_files, write_text
 from cubicfish_cli.core.frame_names import frame_name
 from cubicfish_cli.core.observations import Observations
@@ -64,6 +65,20 @@ def moving_corners(frames: Sequence[ShotFrame], pairs: Observations, listener: L
         moving = Moving.between(ways[0], ways[1], frame.seconds)
         parts.append(replace(moving, late=np.full(len(pixel), frame.late)))
     return Moving.joined(parts)
+
+
+@contextmanager
+def keeping_frames(frames: Sequence[ShotFrame], folder: Path) -> Iterator[None]:
+    """Say with any error that chosen frames, which took long, stay in a folder, and their use."""
+    try:
+        yield
+    except CubicfishError as error:
+        if not frames:
+            raise
+        raise type(error)(
+            f"{error}; the chosen frames stay in {folder}: go on from its folders with '--shots "
+            f"{folder / 'shots.csv'}'"
+        ) from error
 
 
 def rig_frames(

@@ -3,9 +3,10 @@
 import json
 import re
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,8 +26,11 @@ from cubicfish_cli.app.films.scan import Measured, scan
 from cubicfish_cli.app.films.source import Film, open_films
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix
+from cubicfish_cli.core.errors import DetectionError
+from cubicfish_cli.extensions.rigs import films as rig_films
+from cubicfish_cli.extensions.rigs.calibrate import RigOptions, calibrate_rig_files
 from cubicfish_cli.extensions.rigs.film_clocks import FilmMatch, FilmMotion, match_films
-from cubicfish_cli.extensions.rigs.films import find_ahead
+from cubicfish_cli.extensions.rigs.films import ShotFrame, find_ahead
 from cubicfish_cli.extensions.rigs.fit.shots import time_of
 from cubicfish_cli.extensions.rigs.moments import flow, moments
 from cubicfish_cli.extensions.simulation.simulate import render
@@ -251,3 +255,47 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
         "-t", tmp_path / "target.yaml", "-o", tmp_path / "again", "--refine-target", "off",
         "--no-report", "-q",
     )  # fmt: skip
+
+
+def test_films_that_show_no_board_leave_no_folder(run: Run, tmp_path: Path) -> None:
+    save_target(tmp_path / "target.yaml", target())
+    films = [tmp_path / f"{name}.mp4" for name in ("left", "right")]
+    for number, path in enumerate(films):
+        slides(path, [5] * 3, 0, number)
+    said = run(
+        "rig", "calibrate", *films, "-t", tmp_path / "target.yaml", "-o", tmp_path / "in" / "rig",
+        code=1,
+    )  # fmt: skip
+    assert "no frame can be chosen" in said.stderr
+    assert not (tmp_path / "in").exists()
+
+
+def test_frames_that_stay_when_no_rig_is_found_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Reading films again would take as long as the first time."""
+    save_target(tmp_path / "target.yaml", target())
+    grey = np.full((90, 120), 99, np.uint8)
+    films = [write_film(tmp_path / f"{name}.mp4", [grey]) for name in ("left", "right")]
+
+    def chosen(of: Mapping[str, Path], folder: Path, *_: Any, **options: Any) -> list[ShotFrame]:
+        frames = []
+        for name in of:
+            picture = folder / name / "film_000000.000s.png"
+            picture.parent.mkdir(parents=True)
+            cv2.imwrite(str(picture), grey)
+            nothing: tuple[None, None] = (None, None)
+            frames.append(
+                ShotFrame(shot="shot", camera=name, picture=picture, late=0.0, beside=nothing,
+                          seconds=(-1.0, 1.0))
+            )  # fmt: skip
+        (folder / "shots.csv").write_text("shot,camera,image\n")
+        return frames
+
+    monkeypatch.setattr(rig_films, "rig_frames", chosen)
+    options = RigOptions(
+        cameras=films, target=tmp_path / "target.yaml", folder=tmp_path / "rig", report=False
+    )
+    with pytest.raises(DetectionError, match=r"frames stay in .*rig.frames.*--shots .*shots\.csv"):
+        calibrate_rig_files(options)
+    assert (tmp_path / "rig" / "frames" / "shots.csv").exists()
