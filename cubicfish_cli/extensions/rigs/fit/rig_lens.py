@@ -44,6 +44,11 @@ class PhotoTimes:
     path: FloatArray
     known: bool = False
 
+    def select(self, views: IntArray) -> PhotoTimes:
+        """The same of some views."""
+        names = ("late", "stated", "hold", "path")
+        return replace(self, **{name: getattr(self, name)[views] for name in names})
+
     def along(self) -> tuple[FloatArray, FloatArray]:
         """(V, 6) how far the target moved in each view, and (V, 6) its speed then."""
         power = np.arange(1, self.path.shape[1] + 1)

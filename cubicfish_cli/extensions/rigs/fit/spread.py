@@ -125,13 +125,17 @@ def _noise_covariance(fit: Adjustment[RigLens]) -> FloatArray:
 
 
 def _change(lens: RigLens, other: RigLens) -> FloatArray:
-    """(K,) the step of the parameters from a rig to another, of the same cameras."""
-    step = other.parameters - lens.parameters
-    for camera in range(1, len(lens.lenses)):
-        turn = other.places.rotation[camera] @ lens.places.rotation[camera].T
-        first = lens.place_columns(camera).start
-        step[first : first + 3] = Rotation.from_matrix(turn).as_rotvec()
-    return np.asarray(step)
+    """(K,) the step from a rig's lenses and places to those of another with the same cameras."""
+    step = np.zeros(len(lens.parameters))
+    for camera, (own, new) in enumerate(zip(lens.lenses, other.lenses, strict=True)):
+        first = lens.columns[camera].start
+        step[first : first + len(own.parameters)] = new.parameters - own.parameters
+        if camera:
+            turn = other.places.rotation[camera] @ lens.places.rotation[camera].T
+            shift = other.places.translation[camera] - lens.places.translation[camera]
+            vector = Rotation.from_matrix(turn).as_rotvec()
+            step[lens.place_columns(camera)] = np.concatenate([vector, shift])
+    return step
 
 
 def _of_shots(anew: FloatArray, left_out: FloatArray, influence: FloatArray) -> FloatArray:
