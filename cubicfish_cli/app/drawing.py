@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.core.errors import CubicfishError
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -23,6 +25,18 @@ REPORT = ("jinja2", "matplotlib")
 def missing(libraries: tuple[str, ...]) -> list[str]:
     """Those of the libraries that this Python lacks."""
     return [name for name in libraries if find_spec(name) is None]
+
+
+def require(libraries: tuple[str, ...], purpose: str) -> None:
+    """Refuse a purpose, such as ``a report``, if this Python lacks a library for it.
+
+    Raises:
+        CubicfishError: it lacks one; the line says how to install it.
+
+    """
+    lacking = missing(libraries)
+    if lacking:
+        raise CubicfishError(f"{purpose} needs {' and '.join(lacking)}: {INSTALL}")
 
 
 @contextmanager

@@ -25,7 +25,7 @@ from cubicfish_cli.app.terminal.parameters import (
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
+from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
@@ -210,8 +210,7 @@ def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
     if path is not None:
         if path.suffix.lower() != ".svg":
             raise OutputError(f"{path}: drawings are SVG: end the name in .svg")
-        if extra.missing(extra.PRINTING):
-            raise CubicfishError(f"a drawing needs matplotlib: {extra.INSTALL}")
+        extra.require(extra.PRINTING, "a drawing")
         refuse_existing(path, overwrite=run.overwrite)
     loaded = target_in(options.target).as_printed()
     run.listener.progress("Looking at the target from all sides")

@@ -176,6 +176,11 @@ class Fields:
         given = self.values.get(width), self.values.get(height)
         return size(self.path, *given, f"{self.at}{width} and {self.at}{height}")
 
+    def size_of(self, key: str) -> tuple[int, int]:
+        """Return (width, height) in pixels, by the key of both."""
+        width, height = self.numbers(key, 2)
+        return size(self.path, width, height, self.at + key)
+
 
 def numbers(path: Path, value: Any, key: str, counts: tuple[int, ...]) -> FloatArray:
     """Return a list of finite numbers, as many as one of ``counts``.

@@ -19,9 +19,11 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.app.terminal.parameters import verbosity
-from cubicfish_cli.app.terminal.terminal import columns_of, print_table, result, tell
+from cubicfish_cli.app.terminal.terminal import columns_of, print_table, result, say, tell
 
 if TYPE_CHECKING:
+    from cubicfish_cli.app.pages.report_files import ReportFiles
+    from cubicfish_cli.app.terminal.progress import How
     from cubicfish_cli.core.assess.fit_record import DroppedCorner, ErrorStatistics, PhotoRecord
     from cubicfish_cli.core.assess.verdict import Verdict
     from cubicfish_cli.core.finding import Finding, Level
@@ -65,6 +67,15 @@ def print_verdict(judged: Verdict) -> None:
     result(f"verdict: {judged.line}", mark=(judged.words, judged.level))
     for reason in judged.reasons[1:]:
         result(f"  also: {reason.why}; {reason.do}")
+
+
+def print_report(made: ReportFiles, how: How) -> None:
+    """Print the verdict, the page's file, and what is not on the page."""
+    for line in made.absent:
+        say(f"left out: {line}")
+    if not how.print(made):
+        print_verdict(made.verdict)
+        result(f"\nwrote {made.page}")
 
 
 def mark_of(finding: Finding) -> str:

@@ -127,16 +127,14 @@ def plates(target: Target, camera_from_world: Pose) -> list[Plate]:
     """
     rotation = rotation_matrix(camera_from_world[0])
     eye = -rotation.T @ np.asarray(camera_from_world[1], float)
-    seen = []
-    for board in target.boards:
-        seen.append(
-            Plate(
-                face=board_face(board, margin=MARGIN_SQUARES),
-                board_from_camera=board.axes @ rotation.T,
-                eye=board.axes @ (eye - board.origin),
-            )
+    return [
+        Plate(
+            face=board_face(board, margin=MARGIN_SQUARES),
+            board_from_camera=board.axes @ rotation.T,
+            eye=board.axes @ (eye - board.origin),
         )
-    return seen
+        for board in target.boards
+    ]
 
 
 def nearest(

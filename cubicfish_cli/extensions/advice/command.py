@@ -93,11 +93,10 @@ def advise_files(options: AdviseOptions, *, run: Run = RUN) -> AdviceFiles:
     drawing, given, drawn = map(path_or_none, (options.picture, options.corners, options.target))
     if drawing is not None and drawing.suffix.lower() not in _PICTURES:
         raise OutputError(f"{drawing}: end the name in {', '.join(_PICTURES)}")
-    if drawing is not None and extra.missing(extra.PRINTING):
-        raise CubicfishError(f"a picture needs matplotlib: {extra.INSTALL}")
     if run.overwrite and drawing is None:
         raise UsageError("--overwrite goes with -o, which writes a file: leave it out")
     if drawing is not None:
+        extra.require(extra.PRINTING, "a picture")
         refuse_existing(drawing, overwrite=run.overwrite)
     path = in_folder(Path(options.camera))
     facts = facts_of_files(path, target=drawn, photos=(), corners=given)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -126,34 +126,34 @@ _CAMERA = struct.Struct("<IiQQ")
 _LINE = re.compile(r"^[^\S\n]*[0-9]+\s+[A-Z][A-Z_]+\s+[0-9]+\s+[0-9]+\s+[-+.0-9]", re.MULTILINE)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColmapModel:
+class ColmapModel(NamedTuple):
     """One of COLMAP's camera models.
 
     Attributes:
-        number: what ``cameras.bin`` calls it.
-        parameters: in COLMAP's order; f stands for fx and fy.
-        lens: which lens it is.
+        number: of the model in ``cameras.bin``.
+        lens: the same lens here.
+        named: its parameters in COLMAP's order; f stands for fx and fy.
 
     """
 
     number: int
-    parameters: tuple[str, ...]
     lens: type[Lens]
+    named: str
 
-
-def _model(number: int, lens: type[Lens], parameters: str) -> ColmapModel:
-    return ColmapModel(number=number, lens=lens, parameters=tuple(parameters.split()))
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters."""
+        return self.named.split()
 
 
 MODELS = {
-    "SIMPLE_PINHOLE": _model(0, PinholeLens, "f cx cy"),
-    "PINHOLE": _model(1, PinholeLens, "fx fy cx cy"),
-    "SIMPLE_RADIAL": _model(2, PinholeLens, "f cx cy k1"),
-    "RADIAL": _model(3, PinholeLens, "f cx cy k1 k2"),
-    "OPENCV": _model(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
-    "OPENCV_FISHEYE": _model(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
-    "RAD_TAN_THIN_PRISM_FISHEYE": _model(
+    "SIMPLE_PINHOLE": ColmapModel(0, PinholeLens, "f cx cy"),
+    "PINHOLE": ColmapModel(1, PinholeLens, "fx fy cx cy"),
+    "SIMPLE_RADIAL": ColmapModel(2, PinholeLens, "f cx cy k1"),
+    "RADIAL": ColmapModel(3, PinholeLens, "f cx cy k1 k2"),
+    "OPENCV": ColmapModel(4, PinholeLens, "fx fy cx cy k1 k2 p1 p2"),
+    "OPENCV_FISHEYE": ColmapModel(5, RadialCamera, "fx fy cx cy k1 k2 k3 k4"),
+    "RAD_TAN_THIN_PRISM_FISHEYE": ColmapModel(
         11, RadTanThinPrismLens, "fx fy cx cy k1 k2 k3 k4 k5 k6 t1 t2 s1 s2 s3 s4"
     ),
 }

@@ -15,8 +15,6 @@ from cubicfish_cli.app.lenses.file_contents import (
     LensRig,
     PlacedLens,
     chosen_camera,
-    numbers,
-    size,
     transform_rows,
 )
 from cubicfish_cli.core.errors import CameraFileError
@@ -118,9 +116,7 @@ def read_kalibr(path: Path, *, camera: str | None = None) -> Lens:
     model, coefficients = _MODELS[kind, distortion]
     intrinsics = _INTRINSICS[kind]
     named = dict(zip(intrinsics, record.numbers("intrinsics", len(intrinsics)), strict=True))
-    d = record.values.get("distortion_coeffs", [])
-    d = numbers(path, d, f"{record.at}distortion_coeffs", (len(coefficients),))
-    named.update(zip(coefficients, d, strict=True))
-    width, height = record.numbers("resolution", 2)
-    image_size = size(path, width, height, f"{record.at}resolution")
-    return named_lens(path, model, image_size, named)
+    if coefficients or "distortion_coeffs" in record.values:
+        d = record.numbers("distortion_coeffs", len(coefficients))
+        named.update(zip(coefficients, d, strict=True))
+    return named_lens(path, model, record.size_of("resolution"), named)

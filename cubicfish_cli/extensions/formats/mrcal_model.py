@@ -12,13 +12,12 @@ zeros, LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 as OpenCV's lens.
 """
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cubicfish_cli.app.lenses.file_contents import Fields, LensRig, PlacedLens, numbers, size
+from cubicfish_cli.app.lenses.file_contents import Fields, LensRig, PlacedLens, numbers
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.plain_yaml import parse_plain_yaml
 from cubicfish_cli.core.reading import read_text
@@ -77,7 +76,8 @@ def mrcal_text(one: PlacedLens, *, metres: float = 1.0) -> str:
         f"_Ny={control.shape[0]}_fov_x_deg={lens.fov_x_deg}"
     )
     values = [lens.fx, lens.fy, lens.cx, lens.cy, *control.ravel().tolist()]
-    lines = [f"    {_listed(values[at : at + 8])}," for at in range(0, len(values), 8)]
+    rows = [values[at : at + 8] for at in range(0, len(values), 8)]
+    lines = [f"    {', '.join(map(repr, row))}," for row in rows]
     outline = [f"    {pixel}," for pixel in lens.region.tolist()]
     turn = Rotation.from_matrix(one.rotation).as_rotvec().tolist()
     extrinsics = [*turn, *(one.translation * metres).tolist()]
@@ -116,8 +116,7 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
         if key not in data.values:
             raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
     lens = str(data.values["lensmodel"])
-    width, height = data.numbers("imagersize", 2)
-    image_size = size(path, width, height, "imagersize")
+    image_size = data.size_of("imagersize")
     region = _region(data)
     if lens in _OPENCV_SIZES:
         values = data.numbers("intrinsics", 4 + _OPENCV_SIZES[lens])
@@ -134,10 +133,6 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
         control=control.reshape(ny, nx, 2),
         region=region,
     )
-
-
-def _listed(values: Sequence[float]) -> str:
-    return ", ".join(map(repr, values))
 
 
 def _core(path: Path, values: FloatArray) -> dict[str, float]:

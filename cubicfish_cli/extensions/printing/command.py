@@ -19,7 +19,7 @@ from cubicfish_cli.app.terminal.parameters import COUNTS, as_command, option, re
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.terminal.terminal import print_table, result, say
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.errors import CubicfishError, UsageError
+from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
@@ -160,9 +160,7 @@ def print_target_files(options: PrintOptions, *, run: Run = RUN) -> PrintedFiles
     from cubicfish_cli.extensions.printing.objects import design
     from cubicfish_cli.extensions.printing.paper import paper as paper_of
 
-    lacking = extra.missing(extra.PRINTING)
-    if lacking:
-        raise CubicfishError(f"printing needs {' and '.join(lacking)}: {extra.INSTALL}")
+    extra.require(extra.PRINTING, "printing")
     on, rim = paper_of(options.paper), length_mm(options.margin)
     contents: dict[str, Content] = {}
     if options.target is not None:

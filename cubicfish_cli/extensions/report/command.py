@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles, refuse_without_extra
+from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles
 from cubicfish_cli.app.paths import in_folder, path_or_none
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import print_verdict
+from cubicfish_cli.app.terminal.figures import print_report
 from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import result, say
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
 
 
@@ -51,7 +50,7 @@ def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
             exists and may not be replaced.
 
     """
-    refuse_without_extra()
+    extra.require(extra.REPORT, "a report")
     model, target = in_folder(Path(options.camera)), path_or_none(options.target)
     path = path_or_none(options.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
@@ -82,9 +81,4 @@ def command(made: ReportFiles, given: ReportOptions, how: How) -> None:
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.
     """
-    for line in made.absent:
-        say(f"left out: {line}")
-    if how.print(made):
-        return
-    print_verdict(made.verdict)
-    result(f"\nwrote {made.page}")
+    print_report(made, how)

@@ -5,19 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cubicfish_cli.app.pages.report_files import PAGE
+from cubicfish_cli.app import drawing as extra
+from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles
 from cubicfish_cli.app.paths import path_or_none
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
-from cubicfish_cli.app.terminal.figures import print_verdict
+from cubicfish_cli.app.terminal.figures import print_report
 from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import result
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
 from cubicfish_cli.extensions.rigs.options import rig_argument
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.pages.report_files import ReportFiles
     from cubicfish_cli.core.assess.verdict import Verdict
 
 
@@ -45,10 +44,9 @@ def report_rig_files(options: RigReportOptions, *, run: Run = RUN) -> ReportFile
             exists and may not be replaced.
 
     """
-    from cubicfish_cli.app.pages.report_files import ReportFiles, refuse_without_extra
     from cubicfish_cli.extensions.rigs.rig import rig_file
 
-    refuse_without_extra()
+    extra.require(extra.REPORT, "a report")
     model = rig_file(options.rig)
     path = path_or_none(options.page) or model.parent / PAGE
     refuse_existing(path, overwrite=run.overwrite)
@@ -63,7 +61,6 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
         OutputError: the page is there, or cannot be written.
 
     """
-    from cubicfish_cli.app import drawing as extra
     from cubicfish_cli.extensions.rigs.rig import load_rig
 
     with extra.quiet():
@@ -88,7 +85,4 @@ def command(made: ReportFiles, given: RigReportOptions, how: How) -> None:
 
     The page stands alone: no network, no program, every picture inside.
     """
-    if how.print(made):
-        return
-    print_verdict(made.verdict)
-    result(f"\nwrote {made.page}")
+    print_report(made, how)

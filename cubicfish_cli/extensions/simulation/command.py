@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.lenses.cubic import CubicCamera
     from cubicfish_cli.core.target import Target
 
-_SUFFIXES = {"true_corners": ".csv", "true_poses": ".csv", "true_camera": ".yaml"}
+
 _MOST_PHOTOS = 10_000
 _RENDERING = "Rendering"
 _FORMATS = ("jpg", "png")
@@ -199,12 +199,7 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
         simulated_photos,
     )
 
-    thing, form, look, listener = (
-        target_in(options.target),
-        options.form,
-        options.look,
-        run.listener,
-    )
+    thing, look, listener = target_in(options.target), options.look, run.listener
     listener.progress("Choosing where to take photos from")
     made_by, known = {"command": "simulate"}, options.camera
     if isinstance(known, str | os.PathLike):
@@ -218,16 +213,17 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
     if options.poses is None:
         chosen = chosen_poses(thing, lens, size, options.number or 12, seed=look.seed)
         digits = max(2, len(str(len(chosen))))
-        named = {f"photo_{i:0{digits}d}.{form}": pose for i, pose in enumerate(chosen, start=1)}
+        names = (f"photo_{i:0{digits}d}.{options.form}" for i in range(1, len(chosen) + 1))
+        named = dict(zip(names, chosen, strict=True))
     else:
-        named = poses_of_table(Path(options.poses), form)
+        named = poses_of_table(Path(options.poses), options.form)
     corners = true_corners_text(flat, lens, named, size)
     if corners.count("\n") <= 2:
         raise OutputError("no photo shows a corner: check the poses, the target and its units")
-    texts = {
-        "true_corners": corners,
-        "true_poses": pose_table_text(named),
-        "true_camera": camera_text(camera, fit=FitRecord(), made_by=made_by),
+    texts: dict[Path, Content] = {
+        folder / "true_corners.csv": corners,
+        folder / "true_poses.csv": pose_table_text(named),
+        folder / "true_camera.yaml": camera_text(camera, fit=FitRecord(), made_by=made_by),
     }
     pictures = plural(len(named), "photo")
     listener.tell(Event.RENDERING, pictures=pictures, width=size[0], height=size[1])
@@ -238,13 +234,11 @@ def simulate_files(options: SimulateOptions, *, run: Run = RUN) -> SimulatedFile
         path.write_bytes(photo_bytes(next(rendered)[1], path.suffix[1:]))
         listener.progress(_RENDERING, done, len(named))
 
-    truth = {name: folder / f"{name}{_SUFFIXES[name]}" for name in texts}
     photos = {folder / name: partial(write, done) for done, name in enumerate(named, start=1)}
-    files: dict[Path, Content] = {**photos, **{truth[name]: texts[name] for name in texts}}
-    write_files(files, overwrite=run.overwrite, folder=folder)
+    write_files({**photos, **texts}, overwrite=run.overwrite, folder=folder)
     return SimulatedFiles(
         photos=list(photos),
-        truth=truth,
+        truth={path.stem: path for path in texts},
         corners=corners.count("\n") - 2,
         image_size=size,
         seed=look.seed,
