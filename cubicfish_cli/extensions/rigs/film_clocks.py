@@ -93,8 +93,7 @@ def _likeness(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[Float
     memory = _memory(one, other)
     for number, lag in enumerate(lags.tolist()):
         first = one[max(0, lag) : len(other) + lag]
-        second = other[max(0, -lag) :][: len(first)]
-        first = first[: len(second)]
+        second = other[max(0, -lag) : len(one) - lag]
         spread = float(first.std() * second.std())
         if spread > 0:
             found[number] = np.mean((first - first.mean()) * (second - second.mean())) / spread

@@ -21,12 +21,7 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.types import FloatArray
 from cubicfish_cli.core.views.fields import sees
 from cubicfish_cli.core.views.maps import UndistortMap, build_map
-from cubicfish_cli.core.views.view import (
-    CentralView,
-    View,
-    matrix_of_rotation,
-    rotation_vector,
-)
+from cubicfish_cli.core.views.view import CentralView, View, matrix_of_rotation, rotation_vector
 from cubicfish_cli.extensions.rigs.rig import Rig, RigCamera
 
 Floats = npt.NDArray[np.float32]
@@ -170,14 +165,13 @@ class Mosaic:
             except ViewError as problem:
                 raise ViewError(f"camera {name}: {problem}") from problem
         wide = (slice(None), slice(None), *(None,) * (parts[0].ndim - 2))
-        weight: Floats = np.zeros(self.view.size[::-1], np.float32)
-        for number in there:
-            weight += self.weights[number]
+        weights = [self.weights[number] for number in there]
+        weight = sum(weights[1:], weights[0])
         shown = np.asarray(weight > 0)
         share = 1 / np.where(shown, weight, np.float32(1))
         mean = np.zeros(parts[0].shape, np.float32)
-        for number, part in zip(there, parts, strict=True):
-            mean += part * (self.weights[number] * share)[wide]
+        for own, part in zip(weights, parts, strict=True):
+            mean += part * (own * share)[wide]
         if np.issubdtype(parts[0].dtype, np.integer):
             mean = np.rint(mean)
         # Where none sees anything, all parts have the border's colour.

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cubicfish_cli import __version__
-from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, PoseRecord
+from cubicfish_cli.core.assess.fit_record import NAN, ErrorStatistics, FitRecord, PoseRecord
 from cubicfish_cli.core.assess.records import LEFT_OUT_IF_EMPTY, plain_record, read_record
 from cubicfish_cli.core.assess.verdict import Verdict
 from cubicfish_cli.core.errors import CameraFileError, CubicfishError
@@ -175,8 +175,7 @@ class RigCamera(Calibrated):
     @property
     def half_field_deg(self) -> float:
         """How far from the axis corners reach, or, where that is not known, it is trusted."""
-        covered = self.fit.covered_deg
-        return covered if 0 < covered < 180 else self.camera.max_angle_deg
+        return half_field_deg(self.fit, self.camera)
 
     def beside(self, other: RigCamera) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and translation (3,) from another camera's frame to this one's."""
@@ -198,6 +197,11 @@ class RigCamera(Calibrated):
             "shift_sigma": self.shift_sigma,
             "fit": self.in_rig.as_record(),
         }
+
+
+def half_field_deg(fit: FitRecord, camera: CubicCamera) -> float:
+    """How far from the axis a camera's corners reach, or, where not known, it is trusted."""
+    return fit.covered_deg if 0 < fit.covered_deg < 180 else camera.max_angle_deg
 
 
 def sigmas_of(covariance: FloatArray) -> tuple[float, float]:

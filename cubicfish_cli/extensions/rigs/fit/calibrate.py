@@ -23,10 +23,7 @@ from cubicfish_cli.core.fit.left_out import LeaveOneOut
 from cubicfish_cli.core.fit.lenses import CubicFit
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.fit.poses import Poses
-from cubicfish_cli.core.fit.refinement import (
-    FIRST_SPREAD,
-    estimate_spread,
-)
+from cubicfish_cli.core.fit.refinement import FIRST_SPREAD, estimate_spread
 from cubicfish_cli.core.fit.statistics import (
     error_statistics,
     huber_px,
@@ -56,17 +53,8 @@ from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import TOLERANCE, Matching, Times, match_shots
 from cubicfish_cli.extensions.rigs.fit.spread import place_covariances
 from cubicfish_cli.extensions.rigs.fit.start import connected, refuse_exchanged, start_rig
-from cubicfish_cli.extensions.rigs.fit.times import (
-    Motion,
-    Moving,
-    Timing,
-    on_time,
-)
-from cubicfish_cli.extensions.rigs.fit.views import (
-    Alone,
-    JoinedViews,
-    calibrate_alone,
-)
+from cubicfish_cli.extensions.rigs.fit.times import Motion, Moving, Timing, on_time
+from cubicfish_cli.extensions.rigs.fit.views import Alone, JoinedViews, calibrate_alone
 from cubicfish_cli.extensions.rigs.rig import ErrorsInRig, Rig, RigCamera, RigFit, refuse_name
 
 # While cameras and shots are far off, the loss must still feel every corner.

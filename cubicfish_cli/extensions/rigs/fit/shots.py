@@ -55,11 +55,8 @@ def match_shots(
     if shots == "name":
         return shots_by_name(photos)
     if shots == "time":
-        found = {
-            camera: (times or {}).get(camera)
-            or {name: time for name in names if (time := time_of(name)) is not None}
-            for camera, names in photos.items()
-        }
+        known = times or {}
+        found = {camera: times_of(names, known.get(camera)) for camera, names in photos.items()}
         return shots_by_time(photos, found, tolerance)
     if isinstance(shots, str):
         raise FitError(f"shots {quoted(shots)} is not known: use 'name', 'time', or rows")
@@ -165,12 +162,23 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
     )
 
 
-def shots_by_time(photos: Mapping[str, Sequence[str]], times: Times, tolerance: float) -> Shots:
+def times_of(photos: Iterable[str], times: Mapping[str, float] | None) -> dict[str, float | None]:
+    """When photos were taken, by a table (in which folders may be left out), or by their names."""
+    if times is None:
+        return {photo: time_of(photo) for photo in photos}
+    return {photo: times.get(photo, times.get(os.path.basename(photo))) for photo in photos}
+
+
+def shots_by_time(
+    photos: Mapping[str, Sequence[str]],
+    times: Mapping[str, Mapping[str, float | None]],
+    tolerance: float,
+) -> Shots:
     """Photos (by camera) that were taken at one time are one shot: each with the nearest of others.
 
     Args:
         photos: by camera, their names.
-        times: by camera and photo, seconds on one clock.
+        times: by camera and photo, seconds on one clock; None where not known.
         tolerance: how far from the first of a shot the others may be, seconds.
 
     Raises:
@@ -178,7 +186,7 @@ def shots_by_time(photos: Mapping[str, Sequence[str]], times: Times, tolerance: 
 
     """
     taken = sorted(
-        (_known_time(camera, name, times[camera]), number, name)
+        (_refuse_timeless(camera, name, times[camera].get(name)), number, name)
         for number, (camera, names) in enumerate(photos.items())
         for name in names
     )
@@ -198,14 +206,13 @@ def shots_by_time(photos: Mapping[str, Sequence[str]], times: Times, tolerance: 
     return _number({name: f"{key:020.6f}" for name, key in own.items()} for own in found)
 
 
-def _known_time(camera: str, name: str, times: Mapping[str, float]) -> float:
-    name = name if name in times else os.path.basename(name)
-    if name not in times:
+def _refuse_timeless(camera: str, name: str, time: float | None) -> float:
+    if time is None:
         raise FitError(
             f"camera {camera}: {quoted(name)} has no time in its name: list the shots with "
             "--shots, or leave --tolerance out"
         )
-    return times[name]
+    return time
 
 
 def shots_of_table(photos: Mapping[str, Sequence[str]], rows: Sequence[Row]) -> Shots:

@@ -23,7 +23,7 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.motion import paths_between
 from cubicfish_cli.extensions.rigs.fit.rig_lens import PhotoTimes, RigLens
-from cubicfish_cli.extensions.rigs.fit.shots import time_of
+from cubicfish_cli.extensions.rigs.fit.shots import times_of
 
 # Shots farther apart than so many usual steps say nothing of each other's motion.
 _NEAR = 2.5
@@ -152,15 +152,10 @@ class Motion:
             times: by camera and photo, when it was taken, seconds, as far as known.
 
         """
-        if times is None:
-            read = [{photo: time_of(photo) for photo in own} for own in photos]
-            known = [{p: t for p, t in own.items() if t is not None} for own in read]
-        else:
-            known = [dict(times.get(name, {})) for name in cameras]
-        given = [
-            {p: own[n] for p in listed if (n := known_as(p, own)) is not None}
-            for listed, own in zip(photos, known, strict=True)
-        ]
+        given = []
+        for camera, listed in zip(cameras, photos, strict=True):
+            known = times_of(listed, None if times is None else times.get(camera, {}))
+            given.append({photo: time for photo, time in known.items() if time is not None})
         of_shot: dict[int, list[float]] = {}
         for listed, own in zip(photos, given, strict=True):
             for photo, time in own.items():
@@ -213,11 +208,6 @@ class Motion:
         return path
 
 
-def known_as(photo: str, times: Mapping[str, float]) -> str | None:
-    """The name by which a photo stands in a table of times."""
-    return next((name for name in (photo, Path(photo).name) if name in times), None)
-
-
 def _paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
     """(S, 2, 6) the same by how corners move in the frames before and after."""
     found = np.zeros((len(fit.poses), 2, 6))
@@ -245,8 +235,7 @@ class Clocks:
         late: (C,) by how much it usually is, seconds; 0 where it is not sure that it is.
         sigma: (C,) standard deviations.
         effect_px: (C,) RMS of what that does to its corners.
-        scatter: (C,) standard deviation of its photos' times about that.
-        scatter_px: (C,) RMS of what that does to its corners.
+        scatter_px: (C,) RMS of what its photos' times about that do to its corners.
         in_seconds: whether these are seconds; else steps from shot to shot.
 
     """
@@ -254,7 +243,6 @@ class Clocks:
     late: FloatArray
     sigma: FloatArray
     effect_px: FloatArray
-    scatter: FloatArray
     scatter_px: FloatArray
     in_seconds: bool
 
@@ -398,7 +386,7 @@ def clocks_of(fit: Adjustment[RigLens], timing: Timing) -> Clocks:
     lens, times = fit.lens, fit.lens.times
     assert times is not None
     in_seconds = timing.motion.in_seconds
-    unit, count = noise_px(fit.residual), np.bincount(lens.camera)
+    unit = noise_px(fit.residual)
     own, before = lens.usual_columns, times.stated
     sigma = unit * np.sqrt(np.append(0.0, np.diagonal(_covariance(fit))[own]))
     effect = _effect_px(fit, times.usual[lens.camera])
@@ -408,7 +396,6 @@ def clocks_of(fit: Adjustment[RigLens], timing: Timing) -> Clocks:
         late=np.where(sure, times.usual, 0.0),
         sigma=sigma,
         effect_px=np.where(sure, effect, 0.0),
-        scatter=np.sqrt(np.bincount(lens.camera, np.square(left)) / count),
         scatter_px=_effect_px(fit, left),
         in_seconds=in_seconds,
     )

@@ -28,6 +28,7 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import FloatArray, IntArray
 from cubicfish_cli.extensions.rigs.fit.rig_lens import RigLens
 from cubicfish_cli.extensions.rigs.fit.shots import Shots
+from cubicfish_cli.extensions.rigs.rig import half_field_deg
 
 _ROUGH_DECREASE = 1e-5
 # P3 is held so much more firmly than in a fit of one camera, whose corners leave it nearly free.
@@ -70,10 +71,7 @@ class Alone:
     @property
     def covered(self) -> float:
         """How far from the axis corners reach, radians."""
-        covered = self.record.covered_deg
-        if not 0 < covered < 180:
-            covered = self.camera.max_angle_deg
-        return float(np.deg2rad(covered))
+        return float(np.deg2rad(half_field_deg(self.record, self.camera)))
 
 
 def calibrate_alone(
