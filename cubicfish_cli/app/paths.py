@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Sequence
 from glob import has_magic
 from pathlib import Path
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from cubicfish_cli.app.photos import Photo
     from cubicfish_cli.app.run import Run
     from cubicfish_cli.app.target_source import TargetSource
+
+_WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 
 
 def in_folder(path: Path) -> Path:
@@ -57,6 +60,14 @@ def path_or_none(given: StrPath | None) -> Path | None:
     return None if given is None else Path(given)
 
 
+def file_and_topic(path: Path) -> tuple[Path, str | None]:
+    """Split a recording's name into its file or folder and the topic, None where it names none."""
+    found = _WITH_TOPIC.fullmatch(str(path))
+    if found is None or path.exists():
+        return path, None
+    return Path(found["file"]), found["topic"]
+
+
 def check_inputs(
     inputs: Sequence[Path],
     target: TargetSource,
@@ -83,8 +94,9 @@ def check_inputs(
     if tables and len(inputs) > 1:
         raise UsageError(f"{quoted(str(tables[0]))} must be the only input, as all CSV files")
     for path in inputs if correspondences is None else [correspondences]:
-        if not os.path.lexists(path) and not has_magic(str(path)):
-            raise CubicfishError(f"{path} {MISSING}")
+        file, _ = file_and_topic(path)
+        if not os.path.lexists(file) and not has_magic(str(file)):
+            raise CubicfishError(f"{file} {MISSING}")
     pairs = correspondences is not None or any(map(holds_world_points, tables))
     if not pairs:
         target.check()

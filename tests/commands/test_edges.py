@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLE, Run
+from running import SAMPLE, Run, invoke_cli
 
 from cubicfish_cli.app.photo_detection import GridCache
 from cubicfish_cli.app.terminal.parameters import FOLDER
@@ -53,6 +53,28 @@ def test_a_folder_is_not_named_as_a_file_nor_a_file_as_a_folder(
     monkeypatch.chdir(tmp_path)
     assert said in " ".join(run(*command.split(), "-o", name, code=2).stderr.split())
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "whole"),
+    [
+        ("undistort my photos flat/", "my photos"),
+        ("detect my photos/*.jpg", "my photos/*.jpg"),
+        ("calibrate other.jpg my photos", "my photos"),
+        ("rig calibrate my photos other.jpg", "my photos"),
+    ],
+)
+def test_a_name_that_a_space_has_split_is_told(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, whole: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my photos").mkdir()
+    for name in ("my photos/1.jpg", "other.jpg"):
+        shutil.copy(PHOTO, tmp_path / name)
+    said = run(*line.split(), code=2).stderr
+    assert f"my does not exist, '{whole}' does: put quotes round" in said
+    (tmp_path / "my").mkdir()  # which may be meant
+    assert "quotes" not in invoke_cli(*line.split()).stderr
 
 
 def test_a_folder_that_is_there_may_be_called_as_it_is(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_another_size_keeps_the_default_field(run: Run, model: Path, tmp_path: P
         (["undistort", PHOTO, "o.png", "--skip-existing", "--overwrite"], 2, "exclude"),
         (["undistort", PHOTO, "o.png", "--fit=inner", "--rotate=180,0,0"], 1, "does not see"),
         (["undistort", PHOTO, "out.png", "--size", "99999x10"], 1, "size"),
-        (["undistort", PHOTO], 2, "\nError: Missing argument 'IN...'.\n"),
+        (["undistort", PHOTO], 2, "\nError: Missing argument 'OUT'.\n"),
         (["map"], 2, "\nError: Missing argument 'OUT'.\n"),
         (["map", "out.tif"], 2, "out.tif: maps are written as .npz, .exr, .png, .pgm"),
     ],

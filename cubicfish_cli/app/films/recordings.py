@@ -4,7 +4,6 @@ The library rosbags reads them, the extra ``ros``; neither ROS nor its messages 
 come as PyAV has them, so that what reads films reads these too.
 """
 
-import re
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -15,13 +14,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cubicfish_cli.app.paths import file_and_topic
 from cubicfish_cli.app.photos import MAX_PIXELS, shown
 from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
 Picture = npt.NDArray[Any]
 
 SUFFIXES = (".bag", ".mcap", ".db3")
-_WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 _PLAIN, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NANOSECOND = Fraction(1, 10**9)
 # Encoding -> bytes per number, numbers per pixel, and how OpenCV makes grey or BGR of it.
@@ -55,14 +54,6 @@ def is_recording(path: Path) -> bool:
             part.suffix.lower() in SUFFIXES for part in file.iterdir()
         )
     return file.suffix.lower() in SUFFIXES
-
-
-def file_and_topic(path: Path) -> tuple[Path, str | None]:
-    """Split a name into the file or folder and the topic, None where it names none."""
-    found = _WITH_TOPIC.fullmatch(str(path))
-    if found is None or path.exists():
-        return path, None
-    return Path(found["file"]), found["topic"]
 
 
 def label_of(path: Path) -> str:
@@ -190,7 +181,7 @@ class Recording:
         if topic not in topics:
             wrong = "has several topics of images" if topic is None else f"has no topic {topic}"
             raise PhotoError(
-                f"{shown(self._path)} {wrong}: give one as {self._path.name}:{topics[0]}"
+                f"{shown(self._path)} {wrong}: give one as {shown(self._path)}:{topics[0]}"
                 + (f" ({', '.join(topics)})" if len(topics) > 1 else "")
             )
         return [one for one in images if one.topic == topic]

@@ -10,6 +10,8 @@ import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from glob import glob
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
@@ -91,6 +93,28 @@ class Argument(click.Argument):
     def __init__(self, *args: Any, meaning: str, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.meaning = meaning
+
+    def process_value(self, ctx: click.Context, value: Any) -> Any:
+        """Click's, after a look for names that a space has split.
+
+        What click misses here of two arguments is the last: it gives the only word to that one.
+        """
+        words = value if isinstance(value, tuple) else ()
+        for first, second in pairwise(words):
+            whole = f"{first} {second}"
+            if not os.path.lexists(first) and (os.path.lexists(whole) or glob(whole)):
+                raise click.UsageError(
+                    f"{first} does not exist, {quoted(whole)} does: put quotes round a name that "
+                    "has spaces",
+                    ctx,
+                )
+        try:
+            return super().process_value(ctx, value)
+        except click.MissingParameter as problem:
+            if self.nargs == -1:
+                arguments = [one for one in ctx.command.params if isinstance(one, Argument)]
+                problem.param = arguments[-1]
+            raise
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,16 +11,18 @@ import pytest
 pytest.importorskip("av")
 pytest.importorskip("rosbags")
 
-from click.testing import CliRunner
 from filming import TARGET, photos
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
+from running import run_cli
 
-from cubicfish_cli.app.films.recordings import Recording, file_and_topic, is_recording
-from cubicfish_cli.app.terminal.main import cli
-from cubicfish_cli.core.errors import PhotoError
+from cubicfish_cli.app.films.recordings import Recording, is_recording
+from cubicfish_cli.app.paths import check_inputs, file_and_topic
+from cubicfish_cli.app.run import RUN
+from cubicfish_cli.app.target_source import TargetSource
+from cubicfish_cli.core.errors import CubicfishError, PhotoError
 
 RGB = np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)
 GREY = RGB[:, :, 1]
@@ -229,18 +231,27 @@ def test_a_name_says_what_is_a_recording(tmp_path: Path) -> None:
     assert not is_recording(tmp_path)
 
 
+def test_a_recording_is_there_where_its_file_is(tmp_path: Path) -> None:
+    (tmp_path / "target.yaml").write_text(TARGET)
+    target = TargetSource.of(tmp_path / "target.yaml")
+    (tmp_path / "run.bag").touch()
+    check_inputs([tmp_path / "run.bag:/cam0/image_raw"], target, RUN)
+    with pytest.raises(CubicfishError, match=r"other\.bag does not exist"):
+        check_inputs([tmp_path / "other.bag:/cam0/image_raw"], target, RUN)
+
+
 @pytest.mark.slow
-def test_frames_are_chosen_from_a_topic(tmp_path: Path) -> None:
+def test_frames_are_chosen_from_a_topic_and_calibrated(tmp_path: Path) -> None:
     with Bag(tmp_path, "mcap") as bag:
         for count, photo in enumerate(np.repeat(photos()[:5], 3, axis=0)):
             bag.compressed("/cam0/image_raw/compressed", 10**9 + count * 10**8, photo)
     (tmp_path / "target.yaml").write_text(TARGET)
     source = f"{bag.path}:/cam0/image_raw/compressed"
-    output = tmp_path / "photos"
-    run = CliRunner().invoke(
-        cli, ["frames", source, "-o", str(output), "--target", str(tmp_path / "target.yaml")]
-    )
-    assert run.exit_code == 0, run.output
+    output, target = tmp_path / "photos", ("--target", tmp_path / "target.yaml")
+    run_cli("frames", source, "-o", output, *target)
     pictures = sorted(path.name for path in output.glob("*.png"))
     assert 3 <= len(pictures) <= 5
     assert all(name.startswith("run_cam0_image_raw_compressed_0") for name in pictures)
+    folder = tmp_path / "calibration"
+    run_cli("calibrate", source, "-o", folder, *target, "--no-hold-out", "--no-report")
+    assert sorted(path.name for path in (folder / "frames").glob("*.png")) == pictures
