@@ -118,7 +118,7 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
     """
     from cubicfish_cli.app.undistortion.choose import build_view
     from cubicfish_cli.app.undistortion.map_formats import save_map
-    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, without_matrix
+    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.core.io.camera_yaml import load_camera
     from cubicfish_cli.core.views.maps import build_map
 
@@ -138,12 +138,13 @@ def export_files(options: ExportOptions, *, run: Run = RUN) -> ExportedFiles:
         return ExportedFiles(files=[goal], record={"file": goal, "format": to})
     run.listener.progress("Fitting the other lens")
     lens = export_camera(loaded, to, max_error=max_error, max_angle_deg=options.max_angle_deg)
-    write_files({goal: lens.text}, overwrite=run.overwrite)
+    text = lens.text
+    write_files({goal: text}, overwrite=run.overwrite)
     warning = lens.warning(max_error)
     return ExportedFiles(
         files=[goal],
         record={"file": goal, "format": to, **lens.as_record()},
-        lines=tuple(map(without_matrix, lens.note[1:])),
+        lines=tuple(printed(line, text) for line in lens.note[1:]),
         warnings=() if warning is None else (warning,),
     )
 

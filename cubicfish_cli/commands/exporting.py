@@ -198,7 +198,11 @@ def _rounded_up(value: float) -> str:
     return f"{math.ceil(value * scale) / scale:g}"
 
 
-def without_matrix(line: str) -> str:
-    """Return a line of the note as it is printed: numbers for programs stay in the file."""
-    before, named, _ = line.partition("; lens_from_camera: ")
-    return f"{before}: lens_from_camera is in the file" if named else line
+def printed(line: str, *texts: str) -> str:
+    """Return a line of the note as it is printed: numbers for programs stay in the written texts.
+
+    They are printed where the format holds no comments, which is where no text has them.
+    """
+    before, _, matrix = line.partition("; lens_from_camera: ")
+    in_file = matrix and any(matrix in text for text in texts)
+    return f"{before}: lens_from_camera is in the file" if in_file else line

@@ -17,7 +17,7 @@ from cubicfish_cli.app.extensions import (
     written_formats,
 )
 from cubicfish_cli.commands.export import FORMATS
-from cubicfish_cli.commands.exporting import _rounded_up, export_camera
+from cubicfish_cli.commands.exporting import _rounded_up, export_camera, printed
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -511,6 +511,13 @@ def test_inside_an_outline():
     np.testing.assert_array_equal(
         inside_polygon(pixel, outline), [True, False, True, True, False, False, False]
     )
+
+
+def test_what_the_file_does_not_hold_is_printed() -> None:
+    line = "the frame is turned by 0.033 degrees; lens_from_camera: 0.99 -0.01"
+    assert printed(line, "a file\n", f"# {line}\n").endswith(": lens_from_camera is in the file")
+    assert printed(line, "a file without comments") == line
+    assert printed("conversion error: RMS 0.1 px", "") == "conversion error: RMS 0.1 px"
 
 
 @pytest.mark.slow

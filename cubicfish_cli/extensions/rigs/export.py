@@ -57,7 +57,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
 
     """
     from cubicfish_cli.commands.export import ExportedFiles
-    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, without_matrix
+    from cubicfish_cli.commands.exporting import MAX_ERROR, export_camera, printed
     from cubicfish_cli.extensions.rigs.lens_rig import lens_rig
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
 
@@ -87,7 +87,7 @@ def export_rig_files(options: RigExportOptions, *, run: Run = RUN) -> ExportedFi
     lines, warnings = [], []
     for one, lens in made:
         lines.append(f"{one.name}: {lens.note[1]}")
-        lines += [f"  {without_matrix(line)}" for line in lens.note[2:]]
+        lines += [f"  {printed(line, *texts.values())}" for line in lens.note[2:]]
         warning = lens.warning(max_error)
         if warning is not None:
             warnings.append(f"camera {one.name}: {warning}")

@@ -1,5 +1,7 @@
 """Files of the right size that hold too much: what they would unfold to is refused before."""
 
+import math
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,15 +11,62 @@ import fuzz_foreign as foreign
 import pytest
 from fuzz_readers import READERS
 
+import cubicfish_cli
 from cubicfish_cli.app.lenses import file_contents
 from cubicfish_cli.app.lenses.foreign_files import read_foreign
-from cubicfish_cli.core import plain_yaml, tables
+from cubicfish_cli.core import plain_yaml, reading, tables
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.extensions.formats import vnlog
 from cubicfish_cli.extensions.formats.nerfstudio_json import read_nerfstudio
 
+ROOT = Path(cubicfish_cli.__file__).parent
+# Row of the table in core/reading.py -> modules whose bounds it has.
+BOUNDED = {
+    "target.yaml": ("core/target", "core/plain_yaml"),
+    "camera.yaml, rig.yaml": ("core/io/camera_keys", "extensions/rigs/rig", "core/plain_yaml"),
+    "OpenCV, ROS, Kalibr, OCamCalib's text": (
+        "extensions/formats/opencv_cameras", "extensions/formats/ocamcalib",
+    ),
+    "Gyroflow's lens profile": ("extensions/formats/gyroflow_json", "app/lenses/file_contents"),
+    "JSON of nerfstudio": ("extensions/formats/nerfstudio_json", "app/lenses/file_contents"),
+    "COLMAP's cameras": ("extensions/formats/colmap_cameras",),
+    ".cameramodel": ("extensions/formats/mrcal_model", "core/plain_yaml"),
+    "tables: corners, pairs, poses": ("core/tables",),
+    "corners.vnl": ("extensions/formats/vnlog",),
+    "points, pixels": ("commands/points",),
+    "photos, each of those under way": ("app/photos",),
+}  # fmt: skip
+UNLISTED = {"app/fingerprint"}  # the digest of any input
+UNITS = {
+    "BYTES": (("GB", 1e9), ("MB", 1e6)),
+    "VALUES": (("million values", 1e6), ("values", 1)),
+    "LINES": (("million lines", 1e6),),
+    "PIXELS": (("million pixels", 1e6),),
+}
+_BOUND = re.compile(r"^_?MAX_(?:FILE_)?(BYTES|VALUES|LINES|PIXELS) = ([\d_* ]+)$", re.MULTILINE)
+
 MOST = 1000
 _TOO_MUCH = r"more than [15],000|too much in it"
+
+
+def bounds_of(module: str) -> dict[str, int]:
+    """Bytes, values, lines and pixels beyond which a module's reader refuses a file."""
+    found = _BOUND.findall((ROOT / f"{module}.py").read_text(encoding="utf-8"))
+    return {kind: math.prod(map(int, number.split("*"))) for kind, number in found}
+
+
+def test_the_list_of_bounds_has_every_reader_with_its_own() -> None:
+    lines = (reading.__doc__ or "").split(f"{'=' * 37}  ")[2].strip().splitlines()
+    listed = {line[:37].strip(): line[39:65].strip() for line in lines[1:]}
+    assert listed.keys() == BOUNDED.keys()
+    for row, modules in BOUNDED.items():
+        for module in modules:
+            for kind, bound in bounds_of(module).items():
+                words = [f"{round(bound / one):,} {unit}" for unit, one in UNITS[kind]]
+                assert any(re.search(rf"\b{text}\b", listed[row]) for text in words), (row, module)
+    bounded = {path.relative_to(ROOT).with_suffix("").as_posix() for path in ROOT.rglob("*.py")}
+    bounded = {module for module in bounded if bounds_of(module)}
+    assert bounded == {one for modules in BOUNDED.values() for one in modules} | UNLISTED
 
 
 @pytest.mark.parametrize(

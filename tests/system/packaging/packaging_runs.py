@@ -10,6 +10,7 @@ import csv
 import fnmatch
 import hashlib
 import os
+import re
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -49,17 +50,16 @@ def _step(line: str, *writes: str, input: str = "", extra: str | None = None) ->
     return Step(args=tuple(line.split()), writes=writes, input=input, extra=extra)
 
 
-COMMANDS = (
-    "target", "target check", "target print", "calibrate", "rig", "rig calibrate", "frames",
-    "detect", "corners",
-    "evaluate", "compare", "info", "report", "advise", "undistort", "map", "project", "unproject",
-    "export", "import", "simulate",
-)  # fmt: skip
+# As the reference of the command line has them, which is made from the commands.
+_REFERENCE = (Path(__file__).parents[3] / "docs" / "cli.md").read_text(encoding="utf-8")
+COMMANDS = re.findall(r"^## cubicfish (.+)$", _REFERENCE, re.MULTILINE)
 _NARROW = ("--max-angle 60", "")
 FORMATS = {
     "opencv": _NARROW, "ros": _NARROW, "kalibr-pinhole-equi": _NARROW, "kalibr-omni": _NARROW,
     "kalibr-ds": _NARROW, "ocamcalib": _NARROW,
-    "colmap": _NARROW, "nerfstudio": _NARROW, "mrcal": ("", ""), "maps": ("", ".npz"),
+    "colmap": _NARROW, "colmap-rad-tan-thin-prism-fisheye": _NARROW, "nerfstudio": _NARROW,
+    "gyroflow": _NARROW, "anipose": _NARROW, "anipose-pinhole": _NARROW,
+    "mrcal": ("", ""), "maps": ("", ".npz"),
 }  # fmt: skip
 
 _CALIBRATION = tuple(f"calibration/{name}" for name in ("camera.yaml", "undistort_map.npz"))
@@ -78,6 +78,7 @@ QUICK = (
     _step("undistort {sample}/photos/corner_01.jpg flat.png --mask mask.png",
           "flat.png", "mask.png"),
     _step("map map.npz", "map.npz", "map.view.yaml"),
+    _step("transform --scale 0.5 -o half.yaml", "half.yaml"),
     _step("export --to mrcal -o camera.cameramodel", "camera.cameramodel"),
     _step("import camera.cameramodel -o imported.yaml", "imported.yaml"),
     _step("compare calibration/camera.yaml imported.yaml --picture off.png", "off.png"),
