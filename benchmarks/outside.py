@@ -18,6 +18,7 @@ import os
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 from cubicfish_cli.core.boards.types import Checkerboard
@@ -27,8 +28,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
-from asymmetric_lens import AsymmetricLens
 from simulated import CornerErrors, simulated_corners
+from synthetic import TRUE_LENS
 from synthetic_lenses import SYNTHETIC_LENSES, synthetic_lens
 
 from cubicfish_cli.app.comparison import aligned_difference
@@ -38,18 +39,8 @@ from cubicfish_cli.core.lenses.sphere import cone_rays
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.simulation.simulate import chosen_poses
 
-SIZE = (960, 720)
-INSIDE = AsymmetricLens(
-    image_size=SIZE,
-    fx=224.0,
-    fy=224.3,
-    cx=485.3,
-    cy=352.8,
-    k=(-0.021, -0.0042, 0.0011, -0.00012),
-    p=(0.00045, -0.0006),
-    tilt=(0.0016, -0.0011),
-    max_angle_deg=95.0,
-)
+SIZE = TRUE_LENS.image_size
+INSIDE = replace(TRUE_LENS, fx=224.0, fy=224.3)
 LENSES = {"inside": INSIDE, **{name: synthetic_lens(name, SIZE) for name in SYNTHETIC_LENSES}}
 ERRORS = {
     "exact": CornerErrors(noise=0, shared=0, spread=0),

@@ -42,6 +42,25 @@ class RigTruth:
     rig_from_world: tuple[Pose, ...]
 
 
+def corner_target() -> Target:
+    """Three boards in a corner."""
+    boards = [
+        ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
+        ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
+        ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
+    ]
+    return Target.from_data(
+        {
+            "units": "mm",
+            "boards": [
+                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
+                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
+                for name, corners, origin, x_axis, y_axis in boards
+            ],
+        }
+    )  # fmt: skip
+
+
 def simulated_rig(
     lenses: Sequence[SyntheticLens],
     camera_from_rig: Sequence[Pose],

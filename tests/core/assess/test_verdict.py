@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_data import PLAIN
 
 from cubicfish_cli.app.words.camera import photo_words
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record
@@ -234,15 +235,6 @@ def test_a_camera_from_elsewhere_is_neither_trusted_nor_accused() -> None:
     (reason,) = said.reasons
     assert (said.level, reason.code) == ("care", Code.NO_FIGURES)
     assert "cubicfish evaluate" in reason.do
-
-
-PLAIN = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
-    ),
-    max_leaves=6,
-)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from plain_data import PLAIN
 from running import SAMPLE, run_cli
 
 pytest.importorskip("matplotlib")
@@ -435,15 +436,6 @@ def test_files_by_names() -> None:
         "left/1.png": paths[0],
         "2.png": paths[2],
     }
-
-
-PLAIN = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
-    ),
-    max_leaves=6,
-)
 
 
 @pytest.mark.slow

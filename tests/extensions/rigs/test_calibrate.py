@@ -13,7 +13,7 @@ from equality import same_records
 from json_keys import keys_of
 from running import Run, run_cli
 from simulated import CornerErrors
-from simulated_rig import simulated_rig
+from simulated_rig import corner_target, simulated_rig
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import (
@@ -30,31 +30,21 @@ from cubicfish_cli.app.viewpoints.truth import rotation_matrix
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.io.camera_yaml import load_camera
 from cubicfish_cli.core.lenses.lift import lift_rotation
-from cubicfish_cli.core.target import Target
 from cubicfish_cli.extensions.rigs.inputs import named_by
 from cubicfish_cli.extensions.rigs.rig import ErrorsInRig, Rig
 
-BOARDS = [
-    ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
-    ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
-    ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
-]
+
+def calibrate_pair(folder: Path) -> list[object]:
+    """The command that calibrates both cameras of the folder."""
+    corners = [folder / f"{name}.csv" for name in ("left", "right")]
+    return ["rig", "calibrate", *corners, "-t", folder / "target.yaml"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Corners of two cameras and their target."""
     folder = tmp_path_factory.mktemp("rig")
-    target = Target.from_data(
-        {
-            "units": "mm",
-            "boards": [
-                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
-                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
-                for name, corners, origin, x_axis, y_axis in BOARDS
-            ],
-        }
-    )  # fmt: skip
+    target = corner_target()
     lenses = [synthetic_lens("equisolid", (640, 480)), synthetic_lens("orthographic", (640, 480))]
     corners, _ = simulated_rig(
         lenses,
@@ -142,14 +132,7 @@ def test_known_lenses_stay_and_exchanged_ones_are_named(
     run: Run, folder: Path, made: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     rig, _ = made
-    args = [
-        "rig",
-        "calibrate",
-        folder / "left.csv",
-        folder / "right.csv",
-        "-t",
-        folder / "target.yaml",
-    ]
+    args = calibrate_pair(folder)
     models = ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
     run(*args, *models, "-o", tmp_path / "held", "-q")
     for name in ("left", "right"):
@@ -170,14 +153,7 @@ def test_a_page_shows_the_rig(
 ) -> None:
     lenses = [f"--lens={name}={made[0] / name}" for name in ("left", "right")]
     rig = tmp_path / "rig"
-    args = [
-        "rig",
-        "calibrate",
-        folder / "left.csv",
-        folder / "right.csv",
-        "-t",
-        folder / "target.yaml",
-    ]
+    args = calibrate_pair(folder)
     record = json.loads(run(*args, *lenses, "-o", rig, "--json").stdout)
     page = (rig / "report.html").read_text()
     assert 'id="rig-places-title"' in page
@@ -339,14 +315,7 @@ def test_photos_are_matched_by_times_in_a_table(
         for camera, late in (("left", 0), ("right", 0.004))
     ]
     (tmp_path / "times.csv").write_text("camera,image,seconds\n" + "\n".join(rows) + "\n")
-    args = [
-        "rig",
-        "calibrate",
-        folder / "left.csv",
-        folder / "right.csv",
-        "-t",
-        folder / "target.yaml",
-    ]
+    args = calibrate_pair(folder)
     args += ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
     args += ["--times", tmp_path / "times.csv", "-o", tmp_path / "rig"]
     record = json.loads(run(*args, "--tolerance", "5ms", "--json").stdout)
@@ -389,14 +358,7 @@ def test_shots_may_be_listed(
     rig, _ = made
     rows = [f"s{n},{camera},shot_00{n}" for n in range(1, 6) for camera in ("left", "right")]
     (tmp_path / "shots.csv").write_text("shot,camera,image\n" + "\n".join(rows) + "\n")
-    args = [
-        "rig",
-        "calibrate",
-        folder / "left.csv",
-        folder / "right.csv",
-        "-t",
-        folder / "target.yaml",
-    ]
+    args = calibrate_pair(folder)
     models = ["--lens", f"left={rig / 'left'}", "--lens", f"right={rig / 'right'}"]
     args += [*models, "--shots", tmp_path / "shots.csv", "-o", tmp_path / "rig", "--json"]
     record = json.loads(run(*args).stdout)

@@ -17,7 +17,7 @@ pytest.importorskip("av")
 from filming import photos, write_film
 from listening import Heard
 from running import Run
-from simulated_rig import combined
+from simulated_rig import combined, corner_target
 from synthetic_lenses import synthetic_lens
 
 from cubicfish_cli import save_target
@@ -35,7 +35,6 @@ from cubicfish_cli.extensions.rigs.fit.shots import time_of
 from cubicfish_cli.extensions.rigs.moments import flow, moments
 from cubicfish_cli.extensions.simulation.simulate import render
 from tests.extensions.films.test_films import at
-from tests.extensions.rigs.fit.test_rig import target
 
 SIZE = (480, 360)
 
@@ -217,7 +216,7 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     place = (np.array([0.0, 0.4, 0.02]), np.array([-90.0, 3.0, 5.0]))
     stays = rng.integers(2, 9, 12)
-    save_target(tmp_path / "target.yaml", target())
+    save_target(tmp_path / "target.yaml", corner_target())
     for number, (own, kind) in enumerate(
         (((np.zeros(3), np.zeros(3)), "equisolid"), (place, "orthographic"))
     ):
@@ -225,7 +224,7 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
         frames = []
         for index, (pose, stay) in enumerate(zip(poses(12), stays, strict=True)):
             picture = render(
-                target(), lens.unproject, combined(own, pose), SIZE, supersample=2,
+                corner_target(), lens.unproject, combined(own, pose), SIZE, supersample=2,
                 noise=1.0, seed=(number, index),
             )  # fmt: skip
             frames += [picture] * int(stay)
@@ -258,7 +257,7 @@ def test_films_become_a_rig(run: Run, tmp_path: Path) -> None:
 
 
 def test_films_that_show_no_board_leave_no_folder(run: Run, tmp_path: Path) -> None:
-    save_target(tmp_path / "target.yaml", target())
+    save_target(tmp_path / "target.yaml", corner_target())
     films = [tmp_path / f"{name}.mp4" for name in ("left", "right")]
     for number, path in enumerate(films):
         slides(path, [5] * 3, 0, number)
@@ -274,7 +273,7 @@ def test_frames_that_stay_when_no_rig_is_found_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Reading films again would take as long as the first time."""
-    save_target(tmp_path / "target.yaml", target())
+    save_target(tmp_path / "target.yaml", corner_target())
     grey = np.full((90, 120), 99, np.uint8)
     films = [write_film(tmp_path / f"{name}.mp4", [grey]) for name in ("left", "right")]
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from simulated import CornerErrors
-from simulated_rig import RigTruth, simulated_rig
+from simulated_rig import RigTruth, corner_target, simulated_rig
 from synthetic import TRUE_LENS
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
@@ -16,17 +16,11 @@ from cubicfish_cli.app.undistortion.choose import build_view
 from cubicfish_cli.app.viewpoints.truth import Pose, rotation_matrix
 from cubicfish_cli.core.errors import ViewError
 from cubicfish_cli.core.geometry import camera_centre
-from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.views.maps import build_map
 from cubicfish_cli.core.views.view import CentralView
 from cubicfish_cli.extensions.rigs.rig import Rig
 from cubicfish_cli.extensions.rigs.stereo import ROW_ALIGNED, RectifiedPair, rectified_pair
 
-BOARDS = [
-    ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
-    ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
-    ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
-]
 PLACE: Pose = (np.array([0.02, 0.1, -0.03]), np.array([-120.0, 4.0, 6.0]))
 VIEWS = {
     "perspective": CentralView(kind="perspective", size=(801, 601), focal=220.0),
@@ -46,16 +40,7 @@ def wide_lens(field_deg: float) -> SyntheticLens:
 @cache
 def calibrated() -> tuple[Rig, RigTruth]:
     """A pair calibrated from corners with 0.1 px of noise, through lenses of no fitted family."""
-    target = Target.from_data(
-        {
-            "units": "mm",
-            "boards": [
-                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
-                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
-                for name, corners, origin, x_axis, y_axis in BOARDS
-            ],
-        }
-    )  # fmt: skip
+    target = corner_target()
     corners, truth = simulated_rig(
         [wide_lens(200), wide_lens(190)],
         [(np.zeros(3), np.zeros(3)), PLACE],

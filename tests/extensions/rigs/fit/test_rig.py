@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from simulated import CornerErrors
-from simulated_rig import RigTruth, simulated_rig
+from simulated_rig import RigTruth, corner_target, simulated_rig
 from synthetic_lenses import SineProfile, synthetic_lens
 
 from cubicfish_cli.app.viewpoints.truth import Pose, pose_of_matrix, rotation_matrix
@@ -45,25 +45,6 @@ T = TypeVar("T")
 APART = (np.array([0.01, 0.9, -0.02]), np.array([-120.0, 10.0, 5.0]))
 
 
-def target() -> Target:
-    """Three boards in a corner."""
-    boards = [
-        ("floor", [8, 6], [90, 390, 0], [1, 0, 0], [0, -1, 0]),
-        ("left", [7, 6], [0, 90, 450], [0, 1, 0], [0, 0, -1]),
-        ("right", [6, 5], [450, 0, 330], [-1, 0, 0], [0, 0, -1]),
-    ]
-    return Target.from_data(
-        {
-            "units": "mm",
-            "boards": [
-                {"name": name, "type": "checkerboard", "corners": corners, "square": 60.0,
-                 "origin": origin, "x_axis": x_axis, "y_axis": y_axis}
-                for name, corners, origin, x_axis, y_axis in boards
-            ],
-        }
-    )  # fmt: skip
-
-
 @functools.cache
 def simulated(
     seed: int = 0, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -73,14 +54,14 @@ def simulated(
     corners, truth = simulated_rig(
         lenses,
         [nothing, (APART[0], APART[1] + shift)],
-        target(),
+        corner_target(),
         10,
         distances=(50, 300),
         middle=(330, 330, 300),
         seed=seed,
         errors=CornerErrors(noise=0.1, shared=0, spread=0),
     )
-    return tuple(one.with_target(target()) for one in corners), truth
+    return tuple(one.with_target(corner_target()) for one in corners), truth
 
 
 def of_cameras(*parts: T) -> dict[str, T]:
@@ -96,7 +77,7 @@ def fitted(
 ) -> Rig:
     return calibrate_rig(
         dict(zip(NAMES, pairs, strict=True)),
-        target(),
+        corner_target(),
         shots=shots or matched(pairs),
         refine_target="off",
         hold_lenses=hold_lenses,
@@ -260,7 +241,7 @@ def test_a_clock_that_is_late_is_found_and_taken_out() -> None:
     pairs, moving = in_motion(late=(0.0, 0.03))
     rig = calibrate_rig(
         dict(zip(NAMES, pairs, strict=True)),
-        target(),
+        corner_target(),
         moving=dict(zip(NAMES, moving, strict=True)),
         refine_target="off",
     )
@@ -282,7 +263,7 @@ def test_photos_whose_lateness_is_known_are_taken_as_of_their_moment() -> None:
     ]
     rig = calibrate_rig(
         dict(zip(NAMES, pairs, strict=True)),
-        target(),
+        corner_target(),
         moving=dict(zip(NAMES, late, strict=True)),
         refine_target="off",
     )
@@ -338,7 +319,7 @@ def free_running() -> tuple[tuple[Observations, ...], dict[str, dict[str, float]
                 column=own.column[rows],
                 row=own.row[rows],
                 boards=own.boards,
-            ).with_target(target())
+            ).with_target(corner_target())
         )
     return tuple(found), times
 
@@ -349,7 +330,7 @@ def test_cameras_that_run_free_before_a_moving_target_get_times(told: bool) -> N
     pairs, times = free_running()
     rig = calibrate_rig(
         dict(zip(NAMES, pairs, strict=True)),
-        target(),
+        corner_target(),
         times=times if told else None,
         known={name: plain().camera(name) for name in NAMES},
         refine_target="off",
@@ -419,7 +400,7 @@ def test_a_lens_that_is_known_stays_as_it_is() -> None:
     pairs, _ = simulated()
     known = plain().cameras[1]
     cameras = dict(zip(NAMES, pairs, strict=True))
-    rig = calibrate_rig(cameras, target(), known={"right": known}, refine_target="off")
+    rig = calibrate_rig(cameras, corner_target(), known={"right": known}, refine_target="off")
     assert (rig.cameras[1].camera.P == known.camera.P).all()
     assert np.allclose(rig.cameras[1].translation, known.translation, atol=0.3)
     assert not rig.fit.held_lenses
@@ -436,13 +417,13 @@ def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
             for travel in travels
         ],
         [(np.zeros(3), np.zeros(3)), APART],
-        target(),
+        corner_target(),
         12,
         distances=(50, 300),
         middle=(330, 330, 300),
         errors=CornerErrors(noise=0.05, shared=0, spread=0),
     )
-    pairs = [one.with_target(target()) for one in corners]
+    pairs = [one.with_target(corner_target()) for one in corners]
     rig = fitted(pairs)
     found = [one.camera.pupil_travel for one in rig.cameras]
     np.testing.assert_allclose(found, travels, atol=0.6)
@@ -451,7 +432,7 @@ def test_each_camera_has_the_pupil_that_its_lens_has() -> None:
     one = rig.cameras[1]
     held = calibrate_rig(
         dict(zip(NAMES, pairs, strict=True)),
-        target(),
+        corner_target(),
         known={"right": one},
         refine_target="off",
     )
