@@ -16,7 +16,7 @@ import numpy as np
 
 from cubicfish_cli.app.fingerprint import sha256_of
 from cubicfish_cli.app.photos import find_photos
-from cubicfish_cli.app.sufficiency.enough import summary
+from cubicfish_cli.app.sufficiency.sufficiency import summary
 from cubicfish_cli.app.target_source import target_in
 from cubicfish_cli.app.words.camera import photo_words
 from cubicfish_cli.core.angles import angle_from_axis

@@ -200,7 +200,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
         raise UsageError("--most goes with photos and films, not with CSV files")
     made_at()  # an unusable date is an error before the work, not after
     from cubicfish_cli.app.inputs import load_inputs, recorded_as
-    from cubicfish_cli.app.sufficiency.enough import summary
+    from cubicfish_cli.app.sufficiency.sufficiency import summary
     from cubicfish_cli.core.fit.calibration import Calibration
 
     read = [path for path in (*paths, source.path, pairs) if path is not None]

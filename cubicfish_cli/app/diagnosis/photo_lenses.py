@@ -35,7 +35,7 @@ _AT_A_TIME = 5000
 # Two groups, or one photo, look unlike the others by chance this often in right set-ups.
 BY_CHANCE = 1e-6
 # A blamed thing must explain this share of the squared error, or it is not worth a word.
-WORTH = 0.05
+LEAST_SHARE = 0.05
 # Fewer photos do not show how much photos differ.
 FEWEST_COMPARED = 5
 # Pixels of a photo of 2000 pixels that a person would notice.
@@ -229,7 +229,9 @@ def odd_photos(evidence: FitEvidence) -> list[Finding]:
     fit = evidence.fit
     pairs, photos = fit.reference.pairs, lenses_of(fit)
     suspects = [
-        one.photo for one in unlike(photos) if one.chance < _SUSPICIOUS and one.share > WORTH / 2
+        one.photo
+        for one in unlike(photos)
+        if one.chance < _SUSPICIOUS and one.share > LEAST_SHARE / 2
     ]
     if not suspects:
         return []
@@ -244,7 +246,7 @@ def odd_photos(evidence: FitEvidence) -> list[Finding]:
         for one in unlike(photos)
         if one.photo in suspects
         and one.chance < BY_CHANCE
-        and one.share > WORTH
+        and one.share > LEAST_SHARE
         and one.gain_px > noticed_px(pairs)
     ]
     if not 0 < 2 * len(certain) < len(pairs.images):
@@ -324,13 +326,13 @@ def unlike(photos: PhotoLenses) -> list[Unlike]:
     # photos (Satterthwaite 1946).
     numbers = size * count / 2 * (spread / max(spread - 1, 1e-6)) ** 2
     chance = fdtrc(size, np.clip(photos.numbers, 1, numbers), distance / spread) * count
-    worth = distance * size * noise
+    gained = distance * size * noise
     return [
         Unlike(
             photo=int(photos.photos[index]),
             chance=float(chance[index]),
-            gain_px=float(np.sqrt(2 * worth[index] / max(photos.numbers[index], 1))),
-            share=float(worth[index] / (worth[index] + photos.squares[index] + 1e-300)),
+            gain_px=float(np.sqrt(2 * gained[index] / max(photos.numbers[index], 1))),
+            share=float(gained[index] / (gained[index] + photos.squares[index] + 1e-300)),
         )
         for index in range(count)
     ]

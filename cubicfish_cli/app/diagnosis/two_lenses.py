@@ -12,9 +12,9 @@ from scipy.special import fdtrc, ndtri
 from cubicfish_cli.app.diagnosis.photo_lenses import (
     BY_CHANCE,
     FEWEST_COMPARED,
+    LEAST_SHARE,
     LENS,
     ROUGH_DECREASE,
-    WORTH,
     PhotoLenses,
     best_cut,
     lenses_of,
@@ -95,7 +95,7 @@ def find_two_lenses(evidence: FitEvidence) -> list[Finding]:
     for one in (fit,) if fit is evidence.nominal_fit else (fit, evidence.nominal_fit):
         photos = lenses_of(one)
         split = best_split(photos)
-        if split is None or split.chance > _SUSPECTED or split.share < WORTH / 2:
+        if split is None or split.chance > _SUSPECTED or split.share < LEAST_SHARE / 2:
             continue
         start = _Apart(
             scale=1.0, shift=np.zeros(2), second=split.second, fit=one, photos=photos, split=split

@@ -5,8 +5,8 @@ strictly growing; `recordings.py` reads topics of bags as films. `scan.py` measu
 (`measure.py`) and keeps the best of every few as the picture that it would become.
 `frame_search.py` searches pictures for boards round by round, quickly, and in full where that finds
 too little; it chooses photos, too (`--most`). `choose.py` takes the pictures that add most and
-knows of corners only: `app/sufficiency/worth.py`, which fits a first lens to all, or its own
-coverage says what they add.
+knows of corners only: `app/sufficiency/information_gain.py`, which fits a first lens to all, or its
+own coverage says what they add.
 """
 
 # So many frames, or photos, are chosen at the most unless another number is asked for.

@@ -34,7 +34,7 @@ _MANY = 1_000_000  # columns or rows, more than any board has
 # their motion.
 _BLURRED, _MOVING = 0.75, 5.0
 # A picture is worth its time if it adds so much of what is wanted.
-_WORTH_IT = 0.01
+_LEAST_GAIN = 0.01
 FEWEST = 10
 """So many different views are taken even if the last ones add hardly anything, or are worse than
 the others: it takes many views to tell a lens from the poses of one flat board, and to measure a
@@ -282,7 +282,7 @@ def _greedy(
         left = [one for one in pool if one not in order and nearest[one] >= least]
         while left and len(order) < enough:
             value, best = max(((gains.of(index), index) for index in left), key=lambda one: one[0])
-            if len(order) >= FEWEST and gains.share(value) < _WORTH_IT:
+            if len(order) >= FEWEST and gains.share(value) < _LEAST_GAIN:
                 ended = "enough"
                 break
             order.append(best)

@@ -26,7 +26,7 @@ from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photo_detection import GridCache, detect_in_photo
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.app.run import Run
-from cubicfish_cli.app.sufficiency.worth import Worth
+from cubicfish_cli.app.sufficiency.information_gain import InformationGain
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.errors import DetectionError, FitError
 from cubicfish_cli.core.finding import Finding
@@ -263,11 +263,11 @@ class Search:
             for one, name in zip(self.seen, names, strict=True)
         ]
 
-        def gains(quality: FloatArray) -> Worth | None:
+        def gains(quality: FloatArray) -> InformationGain | None:
             if found.pairs is None:
                 return None
             try:
-                return Worth(found.pairs, names, quality)
+                return InformationGain(found.pairs, names, quality)
             except FitError:
                 return None
 

@@ -1,6 +1,6 @@
 """Whether photos are enough for a camera, where they are lacking, and what one more adds.
 
-`enough.py` takes from the verdict whether photos are enough, names coverage gaps as a photographer
-would, and sums both up in a line (`summary`). `worth.py` works out the information gain of each of
-many photos before a camera is fitted.
+`sufficiency.py` takes from the verdict whether photos are enough, names coverage gaps as a
+photographer would, and sums both up in a line (`summary`). `information_gain.py` works out the
+information gain of each of many photos before a camera is fitted.
 """

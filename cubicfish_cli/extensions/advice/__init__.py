@@ -5,5 +5,5 @@
 adds up (`Information` in `information.py`), so `proposals.py` can predict for every sampled pose
 what uncertainty its corners would leave, and takes the best pose, then the best one after that.
 `FieldCells` (`core/fit/coverage.py`) counts the squares of the field, for coverage, report and
-advice. `app/sufficiency/enough.py` says whether photos are enough, for `calibrate` too.
+advice. `app/sufficiency/sufficiency.py` says whether photos are enough, for `calibrate` too.
 """

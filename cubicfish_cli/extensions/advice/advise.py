@@ -5,7 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.enough import Gaps, default_goal, find_gaps, why_not_enough
+from cubicfish_cli.app.sufficiency.sufficiency import (
+    CoverageGaps,
+    default_goal,
+    explain_insufficiency,
+    find_coverage_gaps,
+)
 from cubicfish_cli.app.viewpoints.views import Distances, Viewpoint, WholeLens, sample_views
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty
@@ -62,7 +67,7 @@ class Advice:
     noise_px: float | None
     goal_px: float
     now: FieldUncertainty | None
-    gaps: Gaps
+    gaps: CoverageGaps
     reasons: tuple[Finding, ...]
     photos_needed: int | None
     proposals: tuple[Proposal, ...]
@@ -120,7 +125,7 @@ def advise(
     """
     goal = goal_px or default_goal(camera.image_size)
     poses = recorded_poses(fit, pairs.images)
-    gaps = find_gaps(camera, pairs)
+    gaps = find_coverage_gaps(camera, pairs)
     notes: list[Finding] = []
     if poses is None:
         notes.append(Finding(code=Code.NO_POSES))
@@ -132,7 +137,7 @@ def advise(
     if knowledge is not None:
         knowledge, now = _as_recorded(knowledge, fit, rays)
     judged = verdict(fit, camera.image_size, camera.outline())
-    reasons = why_not_enough(judged, now, goal_px)
+    reasons = explain_insufficiency(judged, now, goal_px)
     if blind:
         figures = {"blind_deg": float(np.degrees(blind))}
         notes.append(Finding(code=Code.MIDDLE_UNSEEN, figures=figures))

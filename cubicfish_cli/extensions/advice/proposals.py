@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.enough import SIDES, side_of
+from cubicfish_cli.app.sufficiency.sufficiency import SIDES, side_of
 from cubicfish_cli.app.viewpoints.views import Viewpoint
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.uncertainty import FieldUncertainty

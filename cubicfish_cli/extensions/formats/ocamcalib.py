@@ -40,8 +40,8 @@ from cubicfish_cli.core.types import FloatArray
 # Degrees to try. Real files mostly have 4; the toolbox's C reader takes up to 63.
 _DEGREES = range(4, 13)
 # A higher degree must lower the RMS or the largest error by such a share and so many pixels.
-_WORTH_A_DEGREE = np.array([0.05, 0.1])
-_WORTH_PX = np.array([0.002, 0.02])
+_TOLERATED_SHARE = np.array([0.05, 0.1])
+_TOLERATED_PX = np.array([0.002, 0.02])
 # The inverse polynomial gets terms until it is this near, in pixels. Beyond the degree below its
 # powers cancel to nothing.
 _INVERSE_PX = 0.003
@@ -137,7 +137,7 @@ class ScaramuzzaLens(ForeignLens):
         tried = [cls.of_degree(degree, camera, rays, pixel) for degree in _DEGREES]
         errors = np.array([_rms_and_largest(one, rays, pixel) for one in tried])
         best = errors.min(axis=0)
-        good_enough = np.maximum((1 + _WORTH_A_DEGREE) * best, best + _WORTH_PX)
+        good_enough = np.maximum((1 + _TOLERATED_SHARE) * best, best + _TOLERATED_PX)
         found = tried[int(np.argmax((errors <= good_enough).all(axis=1)))]
         return found.with_inverse(float(angle_from_axis(rays).max()))
 

@@ -16,7 +16,12 @@ from synthetic import (
 )
 
 from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.app.sufficiency.enough import find_gaps, side_of, summary, why_not_enough
+from cubicfish_cli.app.sufficiency.sufficiency import (
+    explain_insufficiency,
+    find_coverage_gaps,
+    side_of,
+    summary,
+)
 from cubicfish_cli.app.viewpoints.views import Distances, sample_views, view_from
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord
@@ -203,15 +208,15 @@ def test_parts_are_named_by_the_squares_that_are_empty():
     fit = fit_of(poses_around(TARGET, 12, seed=3))
     camera, x = fit.camera, fit.pairs.pixel[:, 0]
     pairs, _ = select(fit.pairs, x < 600)
-    for part in find_gaps(camera, pairs).parts:
+    for part in find_coverage_gaps(camera, pairs).parts:
         assert 0 in part.sides
         assert not {2, 3, 4, 5, 6} & {*part.sides}
         assert part.words.startswith("right")
     middle = np.hypot(*(fit.pairs.pixel - camera.project([0, 0, 1.0])).T) > 120
     pairs, _ = select(fit.pairs, middle)
-    assert find_gaps(camera, pairs).parts[0].words.startswith("the middle, up to 20°")
+    assert find_coverage_gaps(camera, pairs).parts[0].words.startswith("the middle, up to 20°")
     pairs, _ = select(fit.pairs, ~middle)
-    parts = find_gaps(camera, pairs).parts
+    parts = find_coverage_gaps(camera, pairs).parts
     assert parts[0].words.startswith("all around, ")
     assert parts[0].to_deg == camera.max_angle_deg
     assert min(part.from_deg for part in parts) == 20
@@ -373,14 +378,16 @@ FINE = {
 def test_verdict_and_advice_judge_alike_whether_photos_are_enough(changed, lacking):
     judged = verdict(FitRecord(**{**FINE, **changed}), IMAGE_SIZE)
     assert (judged.level == "good") == (lacking is None)
-    codes = [reason.code for reason in why_not_enough(judged)]
+    codes = [reason.code for reason in explain_insufficiency(judged)]
     assert codes == ([] if lacking is None else [lacking])
 
 
 def test_more_than_a_good_camera_may_be_asked_for():
     now, good = FieldUncertainty(median_px=0.05, p95_px=0.1), verdict(FitRecord(**FINE), IMAGE_SIZE)
-    assert why_not_enough(good, now, 0.2) == []
-    assert "certain only to 0.100 px, where 0.05 px" in why_not_enough(good, now, 0.05)[0].line
+    assert explain_insufficiency(good, now, 0.2) == []
+    assert (
+        "certain only to 0.100 px, where 0.05 px" in explain_insufficiency(good, now, 0.05)[0].line
+    )
     assert summed(np.arange(101.0)) == FieldUncertainty(median_px=50.0, p95_px=95.0)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cubicfish_cli.app.sufficiency.enough import default_goal
+from cubicfish_cli.app.sufficiency.sufficiency import default_goal
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit.poses import cross_matrix
 from cubicfish_cli.core.fit.radial_reference import fit_radial
@@ -31,7 +31,7 @@ _GRID = (12, 9)
 _FEWEST_CORNERS = 4
 
 
-class Worth:
+class InformationGain:
     """The information gain of photos beside those taken: the fall of the uncertainty's logarithm.
 
     Photos are known by their places among ``names``.
@@ -78,17 +78,17 @@ class Worth:
                 continue
             _, by_point, _ = project_jacobian(reference.camera.parameters, points[rows])
             by_field = _by_axes(_polynomials(used.pixel[rows], pairs.image_size) @ self._to_basis)
-            told = _told(by_field, by_point, points[rows])
+            information = _compute_information(by_field, by_point, points[rows])
             number = number_of[name]
-            self._information[number] = told * quality[number] / noise**2
+            self._information[number] = information * quality[number] / noise**2
         self._now = self._log_variance(self._known)
 
     def of(self, photo: int) -> float:
         """Return what a photo adds to those taken; 0 if it does not fit the common lens."""
-        told = self._information.get(photo)
-        if told is None:
+        information = self._information.get(photo)
+        if information is None:
             return 0.0
-        return float(self._now - self._log_variance(self._known + told)) / 2
+        return float(self._now - self._log_variance(self._known + information)) / 2
 
     def share(self, gain: float) -> float:
         """Return which share of what is wanted a gain is, given those that are taken now.
@@ -102,9 +102,9 @@ class Worth:
 
     def take(self, photo: int) -> None:
         """Take a photo."""
-        told = self._information.get(photo)
-        if told is not None:
-            self._known = self._known + told
+        information = self._information.get(photo)
+        if information is not None:
+            self._known = self._known + information
             self._now = self._log_variance(self._known)
 
     def _log_variance(self, known: FloatArray) -> float:
@@ -114,7 +114,9 @@ class Worth:
         return float(np.log(variance).mean())
 
 
-def _told(by_field: FloatArray, by_point: FloatArray, points: FloatArray) -> FloatArray:
+def _compute_information(
+    by_field: FloatArray, by_point: FloatArray, points: FloatArray
+) -> FloatArray:
     """Return the information (K, K) of a photo's corners (N,) on the field, for a noise of 1."""
     by_pose = np.concatenate([-by_point @ cross_matrix(points), by_point], axis=2).reshape(-1, 6)
     scale = np.linalg.norm(by_pose, axis=0)

@@ -69,7 +69,7 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gaps:
+class CoverageGaps:
     """Coverage gaps: what photos so far do not show.
 
     Attributes:
@@ -82,7 +82,7 @@ class Gaps:
     cells: FieldCells
 
 
-def find_gaps(camera: CubicCamera, pairs: Observations) -> Gaps:
+def find_coverage_gaps(camera: CubicCamera, pairs: Observations) -> CoverageGaps:
     """Look for parts of the field without corners: of the middle, and of two rings around it.
 
     Args:
@@ -109,7 +109,7 @@ def find_gaps(camera: CubicCamera, pairs: Observations) -> Gaps:
             share = sum(gone[ways[way]].sum() for way in lost) / len(rays)
             sides = tuple(lost) if low else ()
             parts.append(Part(sides=sides, from_deg=low, to_deg=high, share=float(share)))
-    return Gaps(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
+    return CoverageGaps(parts=tuple(sorted(parts, key=lambda part: -part.share)), cells=cells)
 
 
 # Clockwise from the right, y down, an eighth of a turn each.
@@ -130,7 +130,7 @@ def default_goal(image_size: tuple[int, int]) -> float:
     return GOAL_PX * of_size(image_size)
 
 
-def why_not_enough(
+def explain_insufficiency(
     judged: Verdict, now: FieldUncertainty | None = None, goal: float | None = None
 ) -> list[Finding]:
     """Return why photos so far are not enough; an empty list if they are.
@@ -161,8 +161,8 @@ def summary(camera: CubicCamera, fit: FitRecord, pairs: Observations) -> str:
         pairs: the pairs that it was fitted to.
 
     """
-    gaps, now = find_gaps(camera, pairs), fit.uncertainty.field
-    reasons = why_not_enough(verdict(fit, camera.image_size, camera.outline()))
+    gaps, now = find_coverage_gaps(camera, pairs), fit.uncertainty.field
+    reasons = explain_insufficiency(verdict(fit, camera.image_size, camera.outline()))
     if not reasons:
         known = f", and 95 % of it is certain to {now.p95_px:.3f} px" if now else ""
         return f"enough photos: corners cover {100 * gaps.cells.coverage:.0f} % of the field{known}"
