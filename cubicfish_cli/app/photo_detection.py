@@ -25,7 +25,7 @@ from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners import detection, mosaic
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
 from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
-from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, settled
+from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, round_pixels
 from cubicfish_cli.corners.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.corners.detection.partial_grids import complete_grids, is_part
 
@@ -77,7 +77,7 @@ class GridCache:
 
     def keep(self, key: str, found: FoundGrids) -> FoundGrids:
         """Save what was found, without the digits that differ from one process to another."""
-        grids = tuple(replace(one, pixel=settled(one.pixel)) for one in found.grids)
+        grids = tuple(replace(one, pixel=round_pixels(one.pixel)) for one in found.grids)
         found = replace(found, grids=grids)
         self.save(key, found)
         return found
@@ -200,4 +200,4 @@ def _detect_markers(
     if not target.has_markers:
         return PhotoDetection(grids=grids)
     marked = find_marked_corners(picture(), target, grids, closely=closely)
-    return PhotoDetection(grids=grids, marked=replace(marked, pixel=settled(marked.pixel)))
+    return PhotoDetection(grids=grids, marked=replace(marked, pixel=round_pixels(marked.pixel)))

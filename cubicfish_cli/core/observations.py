@@ -30,7 +30,7 @@ _OF_A_ROW = (
     "weight",
     "world",
     "certain",
-    "tells_error",
+    "error_known",
 )
 # Default of weights, world and certainty, in place of as many rows as there are.
 _DEFAULT: FloatArray = np.empty(0)
@@ -63,7 +63,7 @@ class Observations(Brief):
         certain: (N,) whether the name is certain; by default all are. Where too little of a board
             was seen, its corners may be others of the same plane, some squares further on: as good
             for a lens, but they do not measure the target.
-        tells_error: (N,) whether a fit can tell the corner's error; by default it can of all. Where
+        error_known: (N,) whether a fit shows the corner's error; by default it does of all. Where
             each corner of a target has its own offset, an uncertain corner has a point of its own,
             which moves to where the corner was seen.
         target: the target that the world points belong to; None where they belong to none.
@@ -81,7 +81,7 @@ class Observations(Brief):
     weight: FloatArray = field(default_factory=lambda: _DEFAULT)
     world: FloatArray = field(default_factory=lambda: _DEFAULT)
     certain: BoolArray = field(default_factory=lambda: _ALL)
-    tells_error: BoolArray = field(default_factory=lambda: _ALL)
+    error_known: BoolArray = field(default_factory=lambda: _ALL)
     target: Target | None = None
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Observations(Brief):
             object.__setattr__(self, "weight", np.ones(rows))
         if self.world is _DEFAULT:
             object.__setattr__(self, "world", np.full((*rows, 3), np.nan))
-        for name in ("certain", "tells_error"):
+        for name in ("certain", "error_known"):
             flags = getattr(self, name)
             if np.shape(flags)[:1] != rows and np.all(flags):
                 object.__setattr__(self, name, np.ones(rows, bool))

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from cubicfish_cli.app.lenses.foreign_lens import HELD, FocalLens
+from cubicfish_cli.app.lenses.foreign_lens import FIXED, FocalLens
 from cubicfish_cli.core.angles import angle_from_axis, columns
 from cubicfish_cli.core.geometry import (
     decentring,
@@ -58,7 +58,7 @@ class AsymmetricLens(FocalLens):
     k: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     p: tuple[float, float] = (0.0, 0.0)
     tilt: tuple[float, float] = (0.0, 0.0)
-    max_angle_deg: float = field(default=95.0, metadata=HELD)
+    max_angle_deg: float = field(default=95.0, metadata=FIXED)
 
     def __post_init__(self) -> None:
         angles = np.linspace(0.0, self.max_angle, _CHECKED_ANGLES)

@@ -1,7 +1,7 @@
 """What all lens models of other tools share.
 
 A model is a frozen dataclass whose fields, beside the photo's size, are its parameters; fields
-marked by :data:`HELD` are carried along and never fitted. A model has a ``name``, a ``label``,
+marked by :data:`FIXED` are carried along and never fitted. A model has a ``name``, a ``label``,
 :meth:`ForeignLens.starts` and its formula, :meth:`Lens.pixels`. Everything else, derivatives too,
 follows from these.
 """
@@ -28,7 +28,7 @@ from cubicfish_cli.core.lenses.sphere import (
 )
 from cubicfish_cli.core.types import FloatArray
 
-HELD: Mapping[str, Any] = {"held": True}
+FIXED: Mapping[str, Any] = {"fixed": True}
 """Metadata of a field that is no parameter of a fit."""
 _SEEDS = 6000
 # Pixels at a time: their intermediate arrays then stay in the processor's cache.
@@ -98,13 +98,13 @@ class ForeignLens(Lens):
 
         """
         starts = cls.starts(camera.radial, float(angle_from_axis(rays).max()))
-        found, held = nearest_lens(starts, rays, pixel, held=cls.unwritten), cls.unwritten
+        found, fixed = nearest_lens(starts, rays, pixel, fixed=cls.unwritten), cls.unwritten
         for name, (least, most) in cls.limits.items():
             index, moved = found.parameter_names.index(name), found.parameters
             moved[index] = np.clip(moved[index], least, most)
             if moved[index] != found.parameters[index]:
-                held = (*held, name)
-                found = nearest_lens([found.with_parameters(moved)], rays, pixel, held=held)
+                fixed = (*fixed, name)
+                found = nearest_lens([found.with_parameters(moved)], rays, pixel, fixed=fixed)
         return found
 
     @classmethod

@@ -31,7 +31,7 @@ def main() -> None:
     # The parent may have asked to ignore some, as nohup does.
     numbers = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
     _answer(numbers, signal.SIG_DFL)
-    settle()
+    prepare_process()
     from cubicfish_cli.app.terminal.main import cli, tell_why_it_ended
 
     try:
@@ -50,7 +50,7 @@ def main() -> None:
         sys.exit(EXIT_SIGNAL + _ending_signal)
 
 
-def settle() -> None:
+def prepare_process() -> None:
     """Settle threads, bounds, streams and characters, before what asks for them is loaded."""
     # The matrices here are small: a second BLAS thread gains nothing, and where other processes
     # run it waits for its turn again and again. Work is shared out by processes instead.
@@ -59,9 +59,9 @@ def settle() -> None:
     # A small file that claims a huge picture is refused by OpenCV, which takes its limit when it is
     # loaded: the one of cubicfish_cli.app.photos.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "200000000")
-    from cubicfish_cli.app.terminal.terminal import settle_streams
+    from cubicfish_cli.app.terminal.terminal import open_closed_streams
 
-    settle_streams()
+    open_closed_streams()
 
 
 def ending_signal() -> int | None:

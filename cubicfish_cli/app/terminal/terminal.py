@@ -265,7 +265,7 @@ def as_shown(text: str, stream: TextIO) -> str:
 _STDIN, _STDOUT, _STDERR = 0, 1, 2
 
 
-def settle_streams() -> None:
+def open_closed_streams() -> None:
     """Open closed streams to nowhere, so that no file takes their place."""
     for descriptor in (_STDIN, _STDOUT, _STDERR):
         try:

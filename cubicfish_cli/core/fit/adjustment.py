@@ -161,7 +161,7 @@ class Adjustment(State[L]):
     @property
     def errors(self) -> FloatArray:
         """(K, 2) residuals of the pairs whose error the fit can tell."""
-        return self.residual[self.pairs.tells_error]
+        return self.residual[self.pairs.error_known]
 
     def again(
         self,

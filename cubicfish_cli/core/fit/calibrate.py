@@ -177,8 +177,8 @@ def _assess(
     trusted = coverage.trusted_angle_deg(camera, covered_deg, spread.sigma_px)
     camera = replace(camera, max_angle_deg=trusted)
     uncertainty = uncertainty_grid(spread, camera, coverage.blind_angle(points))
-    told = np.where(used.tells_error[:, None], fit.residual, np.nan)
-    rim = coverage.coverage_extent(camera, points, told, spread.sigma_px)
+    known_residual = np.where(used.error_known[:, None], fit.residual, np.nan)
+    rim = coverage.coverage_extent(camera, points, known_residual, spread.sigma_px)
     camera, poses = in_references_frame(camera, fit.poses.scaled(scale), reference.covered)
     findings: Sequence[Finding] = ()
     if diagnose is not None:
@@ -192,7 +192,7 @@ def _assess(
             uncertainty=uncertainty,
         )
         findings = diagnose(evidence)
-    judged = sorted((fit, *fit.rivals), key=lambda one: LEVELS.index(one.level))
+    judged = sorted((fit, *fit.other_levels), key=lambda one: LEVELS.index(one.level))
     rays = fit.poses.apply(reference.pairs.image, reference.pairs.world)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     record = FitRecord(
@@ -276,7 +276,7 @@ def _find_far_radial(lens: CubicFit, reference: RadialReference) -> RadialCamera
     if not lens.travel:
         return reference.camera
     rays = cone_rays(reference.covered, _RAYS)
-    held = terms_beyond(reference.terms)
-    found = nearest_lens([reference.camera], rays, lens.far(rays), held=held)
+    fixed = terms_beyond(reference.terms)
+    found = nearest_lens([reference.camera], rays, lens.far(rays), fixed=fixed)
     sees = min(reference.covered, reference.camera.max_angle)
     return found if found.max_angle >= sees else reference.camera

@@ -89,7 +89,7 @@ class CameraFit(Adjustment[CubicFit]):
         runners_up: priors that other photos would choose, each with the probability that it is the
             best of all, 0 to 1; none where none was searched.
         held_out: the held-out error; None where it is not known, or photos are too few.
-        rivals: fits of the target at other levels whose held-out error was measured.
+        other_levels: fits of the target at other levels whose held-out error was measured.
 
     """
 
@@ -99,7 +99,7 @@ class CameraFit(Adjustment[CubicFit]):
     nominal: NominalTarget
     runners_up: Mapping[PriorChoice, float] = field(default_factory=dict)
     held_out: HeldOut | None = None
-    rivals: tuple[CameraFit, ...] = ()
+    other_levels: tuple[CameraFit, ...] = ()
 
     @property
     def level(self) -> Level:
@@ -116,7 +116,7 @@ class CameraFit(Adjustment[CubicFit]):
         deformed.
         """
         mine, level = self.held_out, LEVELS.index(self.level)
-        richer = [one for one in self.rivals if LEVELS.index(one.level) > level]
+        richer = [one for one in self.other_levels if LEVELS.index(one.level) > level]
         found = [(one.lens, mine.doubt(one.held_out)) for one in richer if mine and one.held_out]
         return sorted(found, key=lambda one: one[1])[-1:]
 

@@ -240,14 +240,14 @@ class NominalTarget:
     renamed: Mapping[str, Symmetry] = field(default_factory=dict)
 
     def pairs_at(self, level: Level) -> Observations:
-        """The pairs of a fit at a level of the target; ``tells_error`` is set for this level.
+        """The pairs of a fit at a level of the target; ``error_known`` is set for this level.
 
         If no corner of a target is certain, each one tells the error that its own point leaves.
         """
         certain = self.pairs.certain
         if level != "points" or not certain.any():
             return self.pairs
-        return replace(self.pairs, tells_error=certain)
+        return replace(self.pairs, error_known=certain)
 
     def free(self, *, noise: float, offset_spread: float | None = None) -> DeformableTarget:
         """The deformable target, started as nominal.

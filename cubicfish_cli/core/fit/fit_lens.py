@@ -129,9 +129,9 @@ class FreeLens(FitLens, Generic[L]):
     units: FloatArray
 
     @classmethod
-    def of(cls, lens: L, held: Collection[str] = ()) -> Self:
-        """A lens whose parameters are all free, except those that its model or ``held`` names."""
-        names, kept = lens.parameter_names, {*lens.fixed, *held}
+    def of(cls, lens: L, fixed: Collection[str] = ()) -> Self:
+        """A lens whose parameters are all free, except those that its model or ``fixed`` names."""
+        names, kept = lens.parameter_names, {*lens.fixed, *fixed}
         free = np.array([i for i, name in enumerate(names) if name not in kept], np.intp)
         return cls(lens=lens, free=free, units=lens.units[free])
 
@@ -161,7 +161,7 @@ def nearest_lens(
     rays: FloatArray,
     pixel: FloatArray,
     *,
-    held: Collection[str] = (),
+    fixed: Collection[str] = (),
 ) -> L:
     """The lens nearest to pixels: the best least squares fit from the given starts.
 
@@ -169,13 +169,13 @@ def nearest_lens(
         starts: lenses of one model.
         rays: (N, 3) unit rays.
         pixel: (N, 2) where they should be seen.
-        held: names of parameters that keep their start values, beside those that the model fixes.
+        fixed: names of parameters that keep their start values, beside those that the model fixes.
 
     Raises:
         FitError: no lens of the model is near.
 
     """
-    fits = [_fit_least_squares(FreeLens.of(one, held), rays, pixel) for one in starts]
+    fits = [_fit_least_squares(FreeLens.of(one, fixed), rays, pixel) for one in starts]
     found = min(fits, key=lambda fit: fit[0])[1]
     if not np.isfinite(found.parameters).all():
         raise FitError("no lens of this model is near the camera: choose another format")

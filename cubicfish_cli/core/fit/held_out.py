@@ -134,7 +134,7 @@ def held_out_error(
         if progress is not None:
             progress(done, len(parts))
         squares[:, np.isin(pairs.image, test)] = _judge_fold(fit, test, fit.moved(*step))
-    squares[:, ~pairs.tells_error] = np.nan
+    squares[:, ~pairs.error_known] = np.nan
     of_cubic, of_radial = squares
     return HeldOut(square=of_cubic, radial_square=of_radial, image=pairs.image, folds=len(parts))
 

@@ -127,7 +127,7 @@ class LeaveOneOut:
             basis = basis[:, size > _RANK * size[:1]]
             flat = flat - basis @ (basis.T @ flat)
             after = np.asarray(flat.reshape(left[own].shape) / root[own, None, None])
-            after[~pairs.tells_error[own]] = np.nan
+            after[~pairs.error_known[own]] = np.nan
             yield pose, after
 
 

@@ -85,7 +85,7 @@ def select_model(
             fit = current
         if level == refine_target:
             break
-    return replace(fit, rivals=tuple(one for one in judged if one is not fit))
+    return replace(fit, other_levels=tuple(one for one in judged if one is not fit))
 
 
 def _gains(richer: CameraFit, poorer: CameraFit) -> bool:

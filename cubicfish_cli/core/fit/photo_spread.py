@@ -170,10 +170,10 @@ def _measure_step(lens: CubicFit, other: CubicFit, rays: FloatArray) -> FloatArr
 
 def _group_photos(places: IntArray, pairs: Observations) -> list[IntArray]:
     """Group the photos in which some corner tells its error, those from one place together."""
-    telling = np.unique(pairs.image[pairs.tells_error])
-    _, place = np.unique(places[telling], return_inverse=True)
+    known = np.unique(pairs.image[pairs.error_known])
+    _, place = np.unique(places[known], return_inverse=True)
     clusters = min(int(place.max(initial=-1)) + 1, MOST_CLUSTERS)
     if clusters < 2:
         return []
-    images = [pairs.images[photo] for photo in telling]
-    return [telling[part] for part in dealt_out(place, images, clusters)]
+    images = [pairs.images[photo] for photo in known]
+    return [known[part] for part in dealt_out(place, images, clusters)]

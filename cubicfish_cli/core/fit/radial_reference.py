@@ -204,7 +204,7 @@ def radial_near(camera: RadialCamera, pairs: Observations, poses: Poses) -> Radi
 
     """
     miss = camera.project(poses.apply(pairs.image, pairs.world)) - pairs.pixel
-    errors = np.nan_to_num(miss, nan=LOST_PX)[pairs.tells_error]
+    errors = np.nan_to_num(miss, nan=LOST_PX)[pairs.error_known]
     return _refit(FreeLens.of(camera), poses, pairs, errors, {})
 
 
@@ -307,7 +307,7 @@ def _fit_from_centre(
 
 def _free_terms(camera: RadialCamera, terms: int) -> FreeLens[RadialCamera]:
     """A lens with so many free coefficients of the profile."""
-    return FreeLens.of(camera, held=terms_beyond(terms))
+    return FreeLens.of(camera, fixed=terms_beyond(terms))
 
 
 def terms_beyond(terms: int) -> list[str]:

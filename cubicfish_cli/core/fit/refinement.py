@@ -89,7 +89,9 @@ def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> C
 def to_the_bottom(fit: CameraFit) -> CameraFit:
     """Converge a fit to the last digit that counts, which comparisons do not need."""
     found = fit_cubic(fit.reference, fit.prior, start=fit)
-    found = replace(found, runners_up=fit.runners_up, held_out=fit.held_out, rivals=fit.rivals)
+    found = replace(
+        found, runners_up=fit.runners_up, held_out=fit.held_out, other_levels=fit.other_levels
+    )
     return found.followed()
 
 

@@ -107,7 +107,7 @@ def strays(pairs: Observations, residual: FloatArray) -> BoolArray:
 
     """
     near = around(pairs)
-    own = np.flatnonzero(((near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS) & pairs.tells_error)
+    own = np.flatnonzero(((near >= 0).sum(axis=1) >= _FEWEST_NEIGHBOURS) & pairs.error_known)
     found = np.zeros(len(residual), bool)
     if not own.size:
         return found
@@ -138,7 +138,8 @@ def without(fit: CameraFit, wrong: BoolArray) -> CameraFit:
         pairs=pairs,
         nominal=replace(fit.nominal, pairs=fit.nominal.pairs.select(rows)),
         held_out=fit.held_out and fit.held_out.of(rows),
-        rivals=tuple(
-            replace(one, held_out=one.held_out and one.held_out.of(rows)) for one in fit.rivals
+        other_levels=tuple(
+            replace(one, held_out=one.held_out and one.held_out.of(rows))
+            for one in fit.other_levels
         ),
     )

@@ -72,7 +72,7 @@ def photo_records(
     records = []
     for photo, name in enumerate(pairs.images):
         own = pairs.image == photo
-        known, corners = residual[own & pairs.tells_error], int(own.sum())
+        known, corners = residual[own & pairs.error_known], int(own.sum())
         errors = ErrorStatistics(corners=corners)
         if len(known):
             errors = error_statistics(known, corners)
@@ -162,7 +162,7 @@ def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
         return 0.0
     right, _ = neighbours(pairs)
     middle = np.flatnonzero(right >= 0)
-    middle = middle[(right[right[middle]] >= 0) & pairs.tells_error[middle]]
+    middle = middle[(right[right[middle]] >= 0) & pairs.error_known[middle]]
     if len(middle) < 20:
         return 0.0
     last = right[right[middle]]
@@ -174,7 +174,7 @@ def local_noise_px(pairs: Observations, residual: FloatArray) -> float:
 def times_noise(pairs: Observations, residual: FloatArray) -> float | None:
     """Ratio of residuals (N, 2) to the corners' own noise; None where that is not known."""
     noise = local_noise_px(pairs, residual)
-    return noise_px(residual[pairs.tells_error]) / noise if noise else None
+    return noise_px(residual[pairs.error_known]) / noise if noise else None
 
 
 def within_noise(pairs: Observations, residual: FloatArray) -> bool:
@@ -195,11 +195,11 @@ def photo_weights(pairs: Observations, residual: FloatArray) -> FloatArray:
         residual: (N, 2) projection less pixel, pixels, every photo's pose fitted.
 
     """
-    photos, own = len(pairs.images), pairs.tells_error
+    photos, own = len(pairs.images), pairs.error_known
     of_photo = np.bincount(pairs.image, minlength=photos)
     count = np.bincount(pairs.image[own], minlength=photos)
-    told = residual[own] * np.sqrt(pairs.weight[own])[:, None]
-    noise, known = noise_by_photo(pairs.image[own], told, photos), count > 0
+    weighted = residual[own] * np.sqrt(pairs.weight[own])[:, None]
+    noise, known = noise_by_photo(pairs.image[own], weighted, photos), count > 0
     if known.sum() < _FEWEST_PHOTOS or not noise[known].all():
         return np.ones(photos)
     count, noise = count[known], noise[known]

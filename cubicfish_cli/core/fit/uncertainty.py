@@ -125,7 +125,7 @@ def corner_noise_px(fit: Adjustment[Any]) -> float:
     Corners count by their weights, and as far as the loss lets them pull: a noisy photo and a few
     slips hardly influence the fit, and are no measure of its uncertainty.
     """
-    own = fit.pairs.tells_error
+    own = fit.pairs.error_known
     length = np.minimum(np.hypot(fit.errors[:, 0], fit.errors[:, 1]), fit.huber_px)
     freedom = max(2 * len(length) - _count_unknowns(fit), 1.0)
     return float(np.sqrt(np.sum(fit.pairs.weight[own] * np.square(length)) / freedom))
@@ -137,7 +137,7 @@ def _count_unknowns(fit: Adjustment[Any]) -> float:
     It is the trace of what data say over what data and priors say (the degrees of freedom of ridge
     regression); for corners' offsets as if all else were known, which is a little too many.
     """
-    normal, world, own = fit.normal, fit.world, fit.pairs.tells_error
+    normal, world, own = fit.normal, fit.world, fit.pairs.error_known
     hessian, lens = normal.reduced_shared(), len(fit.lens.parameters)
     prior = np.zeros_like(hessian)
     prior[:lens, :lens] = fit.lens.prior()[:-1, :-1]
@@ -148,8 +148,8 @@ def _count_unknowns(fit: Adjustment[Any]) -> float:
     shared = len(hessian) - np.sum(inverse * prior * square)
     poses = min(len(np.unique(fit.pairs.image[own])), len(normal.pose))
     corner = normal.corner[np.unique(world.corner[own])] if len(world.corner) else normal.corner[:0]
-    held = np.trace(np.linalg.inv(corner), axis1=1, axis2=2).sum() * world.offset_weight**2
-    return float(shared + 6 * poses + 3 * len(corner) - held)
+    by_prior = np.trace(np.linalg.inv(corner), axis1=1, axis2=2).sum() * world.offset_weight**2
+    return float(shared + 6 * poses + 3 * len(corner) - by_prior)
 
 
 def common_gauge(fit: CameraFit) -> Gauge:

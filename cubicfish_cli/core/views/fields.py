@@ -228,11 +228,11 @@ def _fit_outer(camera: Camera, view: CentralView) -> tuple[float, bool]:
     return _bisect(nothing_lost, good=least, bad=_MOST_FOCAL_SIDES * max(view.size)), False
 
 
-def _bisect(holds: Callable[[float], bool], *, good: float, bad: float) -> float:
+def _bisect(good_at: Callable[[float], bool], *, good: float, bad: float) -> float:
     """The focal length at the edge of where something holds, on the good side."""
     for _ in range(_BISECTIONS):
         middle = math.sqrt(good * bad)
-        if holds(middle):
+        if good_at(middle):
             good = middle
         else:
             bad = middle

@@ -45,7 +45,7 @@ _MOST_FAILURES = 40
 _PASSES = 2
 # A grid that has grown to so many times the corners it had, and these at least, goes on growing
 # only if it would be a board and keep this share of its corners: nearly all stay of a board's.
-_GROWN, _GROWN_LEAST, _HELD = 2, 64, 0.25
+_GROWN, _GROWN_LEAST, _KEPT_SHARE = 2, 64, 0.25
 # A crossing looks like a grid's when its radius is this share of a side, or as large as rings
 # surely are, and it has this share of the contrast.
 _LIKE_SHARE, _FAR_PX, _LIKE_CONTRAST = 0.3, 10.0, 0.5
@@ -148,16 +148,16 @@ def _is_board_so_far(pyramid: Pyramid, lattice: Lattice) -> bool:
     trial = copy.deepcopy(lattice)
     clean(trial)
     found, _ = refine_and_verify(pyramid, trial)
-    held = trial.known.sum() >= _HELD * lattice.known.sum()
-    return bool(held) and is_large_enough(trial) and _is_board_at_last(trial, found)
+    stays = trial.known.sum() >= _KEPT_SHARE * lattice.known.sum()
+    return bool(stays) and is_large_enough(trial) and _is_board_at_last(trial, found)
 
 
 def _is_board_at_last(lattice: Lattice, found: Crossings) -> bool:
     """Drop corners that hang on a single link, and judge the rest."""
     cells = lattice.cells()
-    held = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
-    lattice.drop(cells[~held])
-    return is_board(lattice, cells[held], found.select(held))
+    connected = hang_together(lattice.known)[cells[:, 0], cells[:, 1]]
+    lattice.drop(cells[~connected])
+    return is_board(lattice, cells[connected], found.select(connected))
 
 
 def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, int]:

@@ -114,6 +114,6 @@ def _pixels_in_mirror(pixel: FloatArray, width: int) -> FloatArray:
     return np.stack([width - 1 - pixel[:, 0], pixel[:, 1]], axis=-1)
 
 
-def settled(pixel: FloatArray) -> FloatArray:
+def round_pixels(pixel: FloatArray) -> FloatArray:
     """Pixels without the digits that differ from one process to another."""
     return np.asarray(np.round(pixel, _DIGITS))

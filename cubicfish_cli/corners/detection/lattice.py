@@ -201,8 +201,8 @@ class CornerMap(ABC):
 
 def neighbours(known: BoolArray) -> IntArray:
     """How many of the four cells beside each cell (I, J) are known."""
-    held = np.pad(known, 1).astype(int)
-    return held[2:, 1:-1] + held[:-2, 1:-1] + held[1:-1, 2:] + held[1:-1, :-2]
+    padded = np.pad(known, 1).astype(int)
+    return padded[2:, 1:-1] + padded[:-2, 1:-1] + padded[1:-1, 2:] + padded[1:-1, :-2]
 
 
 @dataclass(kw_only=True, eq=False)

@@ -154,24 +154,24 @@ def _edge(
     pyramid: Pyramid,
     start: FloatArray,
     end: FloatArray,
-    leaving: FloatArray,
-    arriving: FloatArray,
+    start_tangent: FloatArray,
+    end_tangent: FloatArray,
     length: FloatArray,
     aside: float,
 ) -> FloatArray:
     """Difference across the cubic Hermite curve with the given unit tangents at its ends."""
     t = ALONG_EDGE[:, None]
-    leaving, arriving = leaving * length[:, None], arriving * length[:, None]
+    start_tangent, end_tangent = start_tangent * length[:, None], end_tangent * length[:, None]
     points = (
         (1 + t * t * (2 * t - 3)) * start[:, None]
-        + t * (1 - t) ** 2 * leaving[:, None]
+        + t * (1 - t) ** 2 * start_tangent[:, None]
         + t * t * (3 - 2 * t) * end[:, None]
-        - t * t * (1 - t) * arriving[:, None]
+        - t * t * (1 - t) * end_tangent[:, None]
     )
     tangent = (
         6 * t * (1 - t) * (end - start)[:, None]
-        + (1 - t) * (1 - 3 * t) * leaving[:, None]
-        + t * (3 * t - 2) * arriving[:, None]
+        + (1 - t) * (1 - 3 * t) * start_tangent[:, None]
+        + t * (3 * t - 2) * end_tangent[:, None]
     )
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)  # clockwise of the curve
     normal /= np.maximum(np.hypot(normal[..., 0], normal[..., 1]), 1e-9)[..., None]

@@ -27,9 +27,9 @@ from cubicfish_cli.corners.detection.markers_pieces import (
     Piece,
     agrees,
     extend,
+    merge_pieces,
     piece_of,
     placed,
-    settle,
 )
 from cubicfish_cli.corners.detection.markers_read import (
     all_read,
@@ -180,7 +180,7 @@ def _named(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners
                 pieces.append(piece)
             elif piece.markers > 1:
                 refuted[index] += piece.markers
-    kept, contradictory = settle(sorted(pieces, key=lambda piece: -piece.markers))
+    kept, contradictory = merge_pieces(sorted(pieces, key=lambda piece: -piece.markers))
     named = {number for piece in kept for number in piece.grids}
     out = contradictory | set(np.flatnonzero(refuted).tolist())
     for number in sorted(set(range(len(grids.grids))) - named):
@@ -191,8 +191,8 @@ def _named(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners
         lattice.put(one.cells, grids.grids[number].pixel)
         piece = Piece(board=one.board, lattice=lattice, markers=one.markers, grids={number})
         extend(sight.pyramid, piece, grids.grids, free)
-        settled, against = settle([*kept, piece])
-        kept = kept if against else settled
+        merged, against = merge_pieces([*kept, piece])
+        kept = kept if against else merged
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
     return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))

@@ -181,14 +181,14 @@ def agrees(sight: Sight, piece: Piece) -> bool:
     return any(surely_alike(sight.pyramid, family, piece.board, lattice) for family in families)
 
 
-def settle(pieces: list[Piece]) -> tuple[list[Piece], set[int]]:
+def merge_pieces(pieces: list[Piece]) -> tuple[list[Piece], set[int]]:
     """Merge pieces that continue each other; leave out boards that are in two places."""
     kept: list[Piece] = []
     contradictory: set[int] = set()
     for piece in pieces:
-        rivals = [other for other in kept if _share_pixels(piece, other)]
+        overlapping = [other for other in kept if _share_pixels(piece, other)]
         same = [other for other in kept if other.board == piece.board]
-        if any(other.board != piece.board for other in rivals):
+        if any(other.board != piece.board for other in overlapping):
             continue  # what more markers name otherwise
         if not same:
             kept.append(piece)

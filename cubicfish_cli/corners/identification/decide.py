@@ -186,7 +186,7 @@ def decide(
     counts = np.array([len(grid) for grid in grids])
     missing = _missing(labelings, sides, ends)
     alike = _congruent_to_best(photo, labelings)
-    same, settled = _up_to_symmetry(photo, labelings, alike, missing.sum(axis=1))
+    same, decided = _up_to_symmetry(photo, labelings, alike, missing.sum(axis=1))
     cheapest = labelings.cost[same].min()
     chosen = photo.most_upright(
         labelings, [k for k in same if labelings.cost[k] <= _SAME_COST * cheapest]
@@ -205,15 +205,15 @@ def decide(
             continue
         own = labelings.grid_cost[chosen][differs].sum()
         own = max(own, counts[differs].sum() * _NOISE_FLOOR_PX**2)
-        rival = np.where(named & (labelings.side[k] < 0), left_out, labelings.grid_cost[k])
-        excess = max(0.0, rival.sum() - labelings.cost[chosen])
+        runner_up = np.where(named & (labelings.side[k] < 0), left_out, labelings.grid_cost[k])
+        excess = max(0.0, runner_up.sum() - labelings.cost[chosen])
         ratio[differs] = np.minimum(ratio[differs], np.sqrt((own + excess) / own))
     verdict = np.full(len(grids), Decided.NO_FIT, object)
     verdict[named] = Decided.AMBIGUOUS
-    if settled:
+    if decided:
         verdict[named & (ratio >= CLEAR_RATIO)] = Decided.NAMED
     else:
-        verdict[named] = _unsettled(photo, labelings[np.array(same)])
+        verdict[named] = _explain_undecided(photo, labelings[np.array(same)])
     return Decision(
         verdict=tuple(verdict),
         side=labelings.side[chosen],
@@ -252,8 +252,8 @@ def _up_to_symmetry(
     if len(left) > _MOST_SYMMETRIES:
         return left, False
     same = [k for k in left if photo.symmetric(labelings, best, k)]
-    settled = len(same) == len(left)
-    return (same if settled else left), settled
+    decided = len(same) == len(left)
+    return (same if decided else left), decided
 
 
 def decide_alone(
@@ -274,9 +274,9 @@ def decide_alone(
     missing = np.zeros(len(side), np.intp)
     if ends is not None and one_board and 2 * len(grid) >= sides.size[0].prod():
         missing = ends.missing(sides, side, offset)
-    same, settled = _up_to_symmetry(photo, places, list(range(len(side))), missing)
+    same, decided = _up_to_symmetry(photo, places, list(range(len(side))), missing)
     chosen = photo.most_upright(places, same)
-    verdict = Decided.NAMED if settled else _unsettled(photo, places[np.array(same)])
+    verdict = Decided.NAMED if decided else _explain_undecided(photo, places[np.array(same)])
     row = slice(chosen, chosen + 1)
     return replace(unnamed(1), verdict=(verdict,), side=side[row], offset=offset[row])
 
@@ -289,16 +289,16 @@ def rim_in_doubt(grid: Grid, sides: Placement, board: int, ends: Ends | None) ->
     allowed = find_allowed_offsets(grid.cells, grid.parity, sides)
     for rim in doubtful_rims(grid):
         side, offset = find_allowed_offsets(grid.cells[~rim], grid.parity, sides).places()
-        rival = (sides.board[side] == board) & ~allowed.allows(side, offset)
+        runner_up = (sides.board[side] == board) & ~allowed.allows(side, offset)
         if ends is not None:
             gaps = int(ends.table[0, 0, 0, 0])  # within the grid, wherever it lies
-            rival &= ~clearly_more(ends.missing(sides, side, offset) - gaps, 0)
-        if rival.any():
+            runner_up &= ~clearly_more(ends.missing(sides, side, offset) - gaps, 0)
+        if runner_up.any():
             return True
     return False
 
 
-def _unsettled(photo: _Photo, left: Labelings) -> Decided:
+def _explain_undecided(photo: _Photo, left: Labelings) -> Decided:
     """What grids are for which several labelings are ``left``.
 
     Those that may slide are kept only on a board that is alone, and seen well.

@@ -160,9 +160,9 @@ class Ends:
         return self.table[before[:, 0], after[:, 0], before[:, 1], after[:, 1]]
 
 
-def clearly_more(rival: IntArray, own: int) -> BoolArray:
+def clearly_more(other: IntArray, own: int) -> BoolArray:
     """Whether so many missing corners speak against a place that misses only ``own``."""
-    return np.asarray(rival) >= _FACTOR * own + _MORE
+    return np.asarray(other) >= _FACTOR * own + _MORE
 
 
 def farthest_radius(camera: RadialCamera, pixel: FloatArray) -> float:

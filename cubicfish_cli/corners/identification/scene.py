@@ -142,8 +142,8 @@ class Scene:
             if pose is not None:
                 found = replace(found, rms_px=np.array([pose.rms_px]))
             # Another may be nearly as large as the largest: which one is the board then?
-            rivalled = len(usable) > 1 and 2 * len(self.grids[own[usable[1]]]) > len(grid)
-            if found.verdict[0] is Decided.CONVENTION and rivalled:
+            has_runner_up = len(usable) > 1 and 2 * len(self.grids[own[usable[1]]]) > len(grid)
+            if found.verdict[0] is Decided.CONVENTION and has_runner_up:
                 found = replace(found, verdict=(Decided.AMBIGUOUS,))
         decision = spread(found, part, len(own))
         verdict = list(decision.verdict)
@@ -369,22 +369,22 @@ def grid_poses(
     )
     mirror_rms = _rms(mirror.residual, own)
     for k, index in enumerate(placed):
-        rivals = sorted([(rms[k], 0), (mirror_rms[k], 1)])
-        if rivals[0][0] > _gate_px(grids[index], _PLANE_STEPS):
+        candidates = sorted([(rms[k], 0), (mirror_rms[k], 1)])
+        if candidates[0][0] > _gate_px(grids[index], _PLANE_STEPS):
             continue
         both = Poses(
             rotation=np.stack([fit.poses.rotation[k], mirror.poses.rotation[k]]),
             translation=np.stack([fit.poses.translation[k], mirror.poses.translation[k]]),
         )
-        order = [rivals[0][1]]
+        order = [candidates[0][1]]
         trace = np.trace(both.rotation[0] @ both.rotation[1].T)
         apart = trace < 1 + 2 * np.cos(np.deg2rad(_DIFFERENT_DEG))
-        if apart and rivals[1][0] < _MIRROR_RATIO * rivals[0][0] + _MIRROR_SLACK_PX:
-            order.append(rivals[1][1])
+        if apart and candidates[1][0] < _MIRROR_RATIO * candidates[0][0] + _MIRROR_SLACK_PX:
+            order.append(candidates[1][1])
         found[index] = GridPose(
             rotation=both.rotation[order],
             translation=both.translation[order],
-            rms_px=float(rivals[0][0]),
+            rms_px=float(candidates[0][0]),
         )
     return found
 

@@ -19,7 +19,7 @@ from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.core.types import BoolArray, FloatArray, IntArray
-from cubicfish_cli.corners.detection.grids import settled
+from cubicfish_cli.corners.detection.grids import round_pixels
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
 from cubicfish_cli.corners.detection.refine import refine_corners
 from cubicfish_cli.corners.identification.identified import Detection, PhotoReport
@@ -63,7 +63,7 @@ class Prediction:
         side = np.hypot(self.step[:, 0], self.step[:, 1]).min(axis=1)
         moved = np.hypot(*(pixel - predicted).T)
         ok &= moved < np.minimum(self.limit_px, _FARTHEST_SHARE * side)
-        return replace(self.corners, pixel=settled(pixel)).select(ok & ~self.known)
+        return replace(self.corners, pixel=round_pixels(pixel)).select(ok & ~self.known)
 
 
 def predicted_corners(detection: Detection, target: Target) -> dict[str, Prediction]:

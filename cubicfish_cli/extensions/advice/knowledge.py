@@ -31,7 +31,7 @@ _DECREASE = 1e-7
 # For files that do not say how symmetric a lens the prior on P is about: once it was always this.
 _OLDER_SPREAD = 0.01
 # The prior holds P so far beyond the cone where it may be trusted.
-_HELD_BEYOND_DEG = 5.0
+_PRIOR_BEYOND_DEG = 5.0
 _OFFSET_SHARE = 1e-4
 _BEYOND_DEG = 10.0
 
@@ -58,8 +58,10 @@ class Knowledge:
         """
         points = view.seen.camera[view.seen.visible] / self.scale
         angle = angle_from_axis(points)
-        held: FloatArray = points[angle <= np.deg2rad(self.camera.max_angle_deg + _HELD_BEYOND_DEG)]
-        return held
+        in_cone: FloatArray = points[
+            angle <= np.deg2rad(self.camera.max_angle_deg + _PRIOR_BEYOND_DEG)
+        ]
+        return in_cone
 
 
 def recorded_poses(fit: FitRecord, images: Sequence[str]) -> Poses | None:

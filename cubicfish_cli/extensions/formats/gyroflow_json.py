@@ -49,12 +49,12 @@ def read_gyroflow(path: Path) -> Lens:
     profile = load_plain_json(path, max_bytes=MAX_BYTES)
     if profile.values.get("distortion_model", "opencv_fisheye") != "opencv_fisheye":
         raise CameraFileError(f"{path}: distortion_model must be opencv_fisheye: no other is read")
-    held = profile.part("fisheye_params")
-    rows = held.values.get("camera_matrix")
+    parameters = profile.part("fisheye_params")
+    rows = parameters.values.get("camera_matrix")
     rows = rows if isinstance(rows, list) and all(isinstance(row, list) for row in rows) else []
     flat = [value for row in rows for value in row]
     matrix = numbers(path, flat, "fisheye_params.camera_matrix", (9,))
-    k = held.numbers("distortion_coeffs", 4).tolist()
+    k = parameters.numbers("distortion_coeffs", 4).tolist()
     named = named_in_matrix(matrix) | dict(zip(("k1", "k2", "k3", "k4"), k, strict=True))
     image_size = profile.part("calib_dimension").size("w", "h")
     return named_lens(path, RadialCamera, image_size, named)

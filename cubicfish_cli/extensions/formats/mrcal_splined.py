@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 from scipy import linalg, sparse
 
-from cubicfish_cli.app.lenses.foreign_lens import HELD, FocalLens
+from cubicfish_cli.app.lenses.foreign_lens import FIXED, FocalLens
 from cubicfish_cli.core.angles import angle_from_axis, azimuth
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.radial import RadialCamera
@@ -53,10 +53,10 @@ class SplinedLens(FocalLens):
     label = "splined stereographic"
     symmetric = False
 
-    order: int = field(metadata=HELD)
-    fov_x_deg: int = field(metadata=HELD)
+    order: int = field(metadata=FIXED)
+    fov_x_deg: int = field(metadata=FIXED)
     control: FloatArray
-    region: FloatArray = field(metadata=HELD)
+    region: FloatArray = field(metadata=FIXED)
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:

@@ -28,7 +28,7 @@ import numpy.typing as npt
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 
 from cubicfish_cli.app.lenses.file_contents import PlacedLens, numbers, size
-from cubicfish_cli.app.lenses.foreign_lens import HELD, ForeignLens
+from cubicfish_cli.app.lenses.foreign_lens import FIXED, ForeignLens
 from cubicfish_cli.core.angles import angle_from_axis
 from cubicfish_cli.core.errors import CameraFileError
 from cubicfish_cli.core.fit.fit_lens import nearest_lens
@@ -78,8 +78,8 @@ class ScaramuzzaLens(ForeignLens):
     cy: float
     stretch: FloatArray
     a: FloatArray
-    inverse: FloatArray = field(default_factory=lambda: np.zeros(0), metadata=HELD)
-    max_radius: float | None = field(default=None, metadata=HELD)
+    inverse: FloatArray = field(default_factory=lambda: np.zeros(0), metadata=FIXED)
+    max_radius: float | None = field(default=None, metadata=FIXED)
 
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:

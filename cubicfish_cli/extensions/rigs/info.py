@@ -39,8 +39,8 @@ class RigInfo:
 
     def as_record(self) -> dict[str, Any]:
         """Plain data: what ``cubicfish rig info --json`` prints."""
-        held = {**self.rig.as_record(), "made_by": dict(self.rig.made_by)}
-        return {"model": self.model, "rig": held}
+        plain = {**self.rig.as_record(), "made_by": dict(self.rig.made_by)}
+        return {"model": self.model, "rig": plain}
 
 
 def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:

@@ -83,7 +83,7 @@ def test_where_no_corner_is_certain_all_that_is_left_is_told(pairs):
 def test_they_weigh_as_much_as_others_do(pairs):
     residual = np.random.default_rng(3).normal(0, NOISE, pairs.pixel.shape)
     residual[np.isin(pairs.image, [0, 2])] *= 4
-    some = replace(pairs, tells_error=pairs.certain)
+    some = replace(pairs, error_known=pairs.certain)
     weight = photo_weights(some, np.where(pairs.certain[:, None], residual, 1e-3))
     np.testing.assert_allclose(weight[UNPLACED], weight[UNPLACED[0]])
     assert weight[0] < weight[UNPLACED[0]] < 2 * weight[3]
@@ -91,13 +91,13 @@ def test_they_weigh_as_much_as_others_do(pairs):
 
 
 def test_they_are_no_clusters_that_could_be_left_out(pairs):
-    some = replace(pairs, tells_error=pairs.certain)
+    some = replace(pairs, error_known=pairs.certain)
     places = np.array([0, 1, 2, 2, 4, 5, 6, 7])
     found = _group_photos(places, some)
     assert sorted(np.concatenate(found)) == [0, 2, 3, 5, 7]
     assert [2, 3] in [part.tolist() for part in found]
     assert len(_group_photos(places, pairs)) == PHOTOS - 1
-    assert not _group_photos(places, replace(pairs, tells_error=pairs.image == 3))
+    assert not _group_photos(places, replace(pairs, error_known=pairs.image == 3))
 
 
 def test_errors_are_compared_where_both_are_known():

@@ -155,7 +155,7 @@ def test_slope_of_the_radial_profile():
 
 LENSES = {
     "radial": FreeLens.of(radial_camera()),
-    "radial, two terms": FreeLens.of(radial_camera(k=(0.01, -0.003, 0, 0)), held=("k3", "k4")),
+    "radial, two terms": FreeLens.of(radial_camera(k=(0.01, -0.003, 0, 0)), fixed=("k3", "k4")),
     "bent": BentFit(
         values=np.array([*radial_camera().parameters, 2e-3, -1e-3, 4e-3, 3e-3, -2e-3]),
         terms=4,

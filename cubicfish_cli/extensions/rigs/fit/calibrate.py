@@ -133,7 +133,14 @@ def calibrate_rig(
         progress(f"camera {name} alone", 0.8 * number / len(names))
         singly.append(
             calibrate_alone(
-                name, own, known.get(name), target, refine_target, origin, scale, hold=hold_lenses
+                name,
+                own,
+                known.get(name),
+                target,
+                refine_target,
+                origin,
+                scale,
+                keep_lens=hold_lenses,
             )
         )
     progress("all cameras together", 0.8)
@@ -197,7 +204,7 @@ def calibrate_rig(
         pairs=camera_pairs(names, fit),
         fit=RigFit(
             **vars(errors),
-            held_out_rms_px=NAN if held_out is None else rms_px(held_out[fit.pairs.tells_error]),
+            held_out_rms_px=NAN if held_out is None else rms_px(held_out[fit.pairs.error_known]),
             shots=len(evidence.shots),
             refine_target=level,
             held_lenses=not any(isinstance(own, CubicFit) for own in fit.lens.lenses),
@@ -224,11 +231,11 @@ def _fit(
 
     """
     pairs, rough = nominal.pairs, _ROUGH_DECREASE
-    held = joined.lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
-    fit = adjust(held, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=rough)
+    fixed = joined.lens.with_lenses([FixedLens(camera=one.as_camera(one.lens)) for one in singly])
+    fit = adjust(fixed, poses, pairs, huber_px=_WIDE_HUBER_PX, relative_decrease=rough)
     fit = fit.again(pairs, relative_decrease=rough)
     fit, timing = on_time(fit, when, joined.shots, joined.photos)
-    pairs = replace(pairs, tells_error=nominal.pairs_at(level).tells_error)
+    pairs = replace(pairs, error_known=nominal.pairs_at(level).error_known)
     alike = pairs
     if level != "off":
         drawn, spread = replace(nominal, pairs=pairs), FIRST_SPREAD if level == "points" else None
@@ -258,7 +265,7 @@ def _fit(
         if not spoilt:
             return joint, alike, timing
         for number in spoilt:  # these alone stay as their own photos have them
-            lenses[number] = held.lenses[number]
+            lenses[number] = fixed.lenses[number]
     return _finely(fit, pairs, timing), alike, timing
 
 
@@ -324,10 +331,10 @@ def _cameras(
     in_units = np.repeat([1.0, evidence.scale], 3)
     covariance = covariance * in_units[:, None] * in_units
     own_views, camera_of = lens.views(fit.poses), lens.camera[fit.pairs.image]
-    tells = fit.pairs.tells_error
+    error_known = fit.pairs.error_known
     for number, (name, one) in enumerate(zip(evidence.names, singly, strict=True)):
         own, taken = camera_of == number, np.flatnonzero(lens.camera == number)
-        known = own & tells if (own & tells).any() else own
+        known = own & error_known if (own & error_known).any() else own
         pairs, seen = select(fit.pairs.with_world(fit.world.points), own)
         alone = adjust(
             FixedLens(camera=one.as_camera(lens.lenses[number])),

@@ -36,12 +36,12 @@ _WIDE_HUBER_PX = 50.0
 
 def camera_pairs(names: Sequence[str], fit: Adjustment[RigLens]) -> tuple[CameraPair, ...]:
     """Every two cameras of a fitted rig."""
-    lens, tells = fit.lens, fit.pairs.tells_error
+    lens, error_known = fit.lens, fit.pairs.error_known
     camera, shot = lens.camera[fit.pairs.image], lens.shot[fit.pairs.image]
     found = []
     for a, b in combinations(range(len(names)), 2):
         both = np.intersect1d(lens.shot[lens.camera == a], lens.shot[lens.camera == b])
-        own = np.isin(shot, both) & ((camera == a) | (camera == b)) & tells
+        own = np.isin(shot, both) & ((camera == a) | (camera == b)) & error_known
         found.append(
             CameraPair(
                 cameras=(names[a], names[b]),

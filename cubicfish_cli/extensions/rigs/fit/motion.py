@@ -68,8 +68,8 @@ def smooth_track(time: FloatArray, values: FloatArray) -> CubicSpline:
     rough, basis = np.linalg.eigh(bend.T @ np.linalg.solve(band, bend))
     rough[:2] = 0  # a straight line is smooth
     inside = basis.T @ values
-    held = np.geomspace(1e-3 / rough[-1], 1e3 / rough[2], 200) if len(bend) else np.zeros(1)
-    left = held[:, None] * rough / (1 + held[:, None] * rough)
+    weights = np.geomspace(1e-3 / rough[-1], 1e3 / rough[2], 200) if len(bend) else np.zeros(1)
+    left = weights[:, None] * rough / (1 + weights[:, None] * rough)
     missed = np.square(left) @ np.square(inside)
     free = np.sum(left, axis=1)[:, None]
     best = np.argmin(missed / np.maximum(np.square(free), 1e-300), axis=0)

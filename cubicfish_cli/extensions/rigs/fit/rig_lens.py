@@ -30,7 +30,8 @@ class PhotoTimes:
         late: (V,) by how much; in the unit of time of ``path``.
         stated: (V,) what is known of that already.
         usual: (C,) how late each camera usually is beyond that; 0 for the first.
-        hold: (V,) how firmly the view is held to that: pixels of noise over the scatter's width.
+        prior_weight: (V,) how firmly the view is held to that: pixels of noise over the scatter's
+            width.
         path: (V, P, 6) the target's turn (in its own frame) and shift (in the rig's) since the
             shot, as factors of the powers of the time since, from the first on.
         known: whether views are as late as they are, and that is no parameter.
@@ -40,7 +41,7 @@ class PhotoTimes:
     late: FloatArray
     stated: FloatArray
     usual: FloatArray
-    hold: FloatArray
+    prior_weight: FloatArray
     path: FloatArray
     known: bool = False
 
@@ -84,7 +85,7 @@ class RigLens(FitLens):
         places: camera_from_rig of each camera; the first is the identity.
         camera: (V,) camera of each view, non-decreasing.
         shot: (V,) shot of each view.
-        held: whether the places are as they are, and no parameters.
+        places_fixed: whether the places are as they are, and no parameters.
         times: when each view was seen; None where a shot's views are of one moment.
 
     """
@@ -93,7 +94,7 @@ class RigLens(FitLens):
     places: Poses
     camera: IntArray
     shot: IntArray
-    held: bool = False
+    places_fixed: bool = False
     times: PhotoTimes | None = None
 
     @cached_property
@@ -104,7 +105,7 @@ class RigLens(FitLens):
         """
         sizes = [
             len(lens.parameters)
-            + (_PLACE if number and not self.held else 0)
+            + (_PLACE if number and not self.places_fixed else 0)
             + self._times_of(number)
             for number, lens in enumerate(self.lenses)
         ]
@@ -151,7 +152,7 @@ class RigLens(FitLens):
         parts = []
         for number, lens in enumerate(self.lenses):
             parts.append(lens.parameters)
-            if number and not self.held:
+            if number and not self.places_fixed:
                 parts += [np.zeros(3), self.places.translation[number]]
             if self.free_times is not None:
                 late = self.free_times.late[self.camera == number]
@@ -162,7 +163,7 @@ class RigLens(FitLens):
         """The same rig with other lenses and places."""
         lenses, step = [], np.zeros((len(self.lenses), _PLACE))
         for number, (lens, columns) in enumerate(zip(self.lenses, self.columns, strict=True)):
-            if number and not self.held:
+            if number and not self.places_fixed:
                 step[number] = parameters[self.place_columns(number)]
                 step[number, 3:] -= self.places.translation[number]
             lenses.append(lens.with_parameters(parameters[columns][: len(lens.parameters)]))
@@ -195,7 +196,7 @@ class RigLens(FitLens):
         if camera:
             turned, shift = self.places.rotation[camera], self.places.translation[camera]
             by_turn, by_shift = by_view[:, :, :3], by_view[:, :, 3:]
-            if not self.held:
+            if not self.places_fixed:
                 # A turn of the camera on the body swings the whole way from the body's origin.
                 arm = cross_matrix(self.views(shots).translation[photos] - shift)
                 parts += [by_turn - by_shift @ arm, by_shift]
@@ -245,14 +246,14 @@ class RigLens(FitLens):
         times, views = self.free_times, np.arange(len(self.camera))
         if times is None:
             return whole
-        hold, usual = times.hold, np.append(count, self.usual_columns)
+        prior_weight, usual = times.prior_weight, np.append(count, self.usual_columns)
         rows = np.zeros((len(views), count + 1))
         # The first camera's usual lateness is 0: its column is the residual's, written over.
-        rows[views, usual[self.camera]] = -hold
-        rows[views, self.late_columns] = hold
-        rows[:, -1] = hold * (times.late - times.stated - times.usual[self.camera])
+        rows[views, usual[self.camera]] = -prior_weight
+        rows[views, self.late_columns] = prior_weight
+        rows[:, -1] = prior_weight * (times.late - times.stated - times.usual[self.camera])
         whole += rows.T @ rows
-        pull = _USUAL**2 * np.bincount(self.camera, np.square(hold), len(self.lenses))[1:]
+        pull = _USUAL**2 * np.bincount(self.camera, np.square(prior_weight), len(self.lenses))[1:]
         whole[self.usual_columns, self.usual_columns] += pull
         whole[self.usual_columns, -1] += pull * times.usual[1:]
         whole[-1, self.usual_columns] += pull * times.usual[1:]

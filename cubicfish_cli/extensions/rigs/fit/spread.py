@@ -84,11 +84,11 @@ def _runner_up_steps(
     """
     rigs, roots = [], []
     for camera, own in enumerate(lens.lenses):
-        for held, likely in runners_up[camera] if len(own.parameters) else ():
+        for runner_up, probability in runners_up[camera] if len(own.parameters) else ():
             others = list(lens.lenses)
-            others[camera] = held.with_parameters(own.parameters)
+            others[camera] = runner_up.with_parameters(own.parameters)
             rigs.append(lens.with_lenses(others))
-            roots.append(np.sqrt(likely))
+            roots.append(np.sqrt(probability))
     if not rigs:
         return []
     steps = leave_one_out.held_as(rigs)

@@ -274,10 +274,12 @@ class Timing:
         total = np.square(left) + self.noise_px**2 * _variances(fit)
         count = np.bincount(lens.camera, free, len(lens.lenses))
         width = np.bincount(lens.camera, total * free, len(count)) / np.maximum(count, 1)
-        hold = self.noise_px / np.maximum(np.sqrt(width), self.least)[lens.camera]
-        hold[~free] = self.noise_px / self.least
+        prior_weight = self.noise_px / np.maximum(np.sqrt(width), self.least)[lens.camera]
+        prior_weight[~free] = self.noise_px / self.least
         path = self.motion.paths(fit, self.shots, times.late)
-        return replace(fit, lens=replace(lens, times=replace(times, hold=hold, path=path)))
+        return replace(
+            fit, lens=replace(lens, times=replace(times, prior_weight=prior_weight, path=path))
+        )
 
     def blocks(self, count: int) -> list[IntArray]:
         """The shots in at most so many blocks of time."""
@@ -326,12 +328,12 @@ def on_time(
     first = _FIRST_S if motion.flow is not None else _FIRST_SHARE * motion.step()
     if not first or before < (_TOLD if told else _STRAINED) * alone:
         return fit, None
-    hold = alone / np.where(firsts(lens), _LEAST_SHARE * first, first)
+    prior_weight = alone / np.where(firsts(lens), _LEAST_SHARE * first, first)
     times = PhotoTimes(
         late=stated,
         stated=stated,
         usual=np.zeros(len(lens.lenses)),
-        hold=hold,
+        prior_weight=prior_weight,
         path=motion.paths(fit, shots, stated),
     )
     timing = Timing(motion=motion, shots=shots, noise_px=alone, least=_LEAST_SHARE * first)

@@ -83,7 +83,7 @@ def calibrate_alone(
     origin: FloatArray,
     scale: float,
     *,
-    hold: bool,
+    keep_lens: bool,
 ) -> Alone:
     """Calibrate a camera, or take it as it was calibrated; then its fit in the common scale.
 
@@ -95,7 +95,7 @@ def calibrate_alone(
         refine_target: what of it is fitted.
         origin: (3,) of the common world, in the target's units.
         scale: the target's units in one unit of it.
-        hold: leave the lens as it is then.
+        keep_lens: leave the lens as it is then.
 
     Raises:
         FitError: it cannot be calibrated, or its photos not be placed; the text names it.
@@ -118,7 +118,7 @@ def calibrate_alone(
     own = (own if target is None else own.in_units(target.units)).scaled(1 / scale)
     runners_up: list[tuple[FitLens, float]] = []
     lens: FitLens = FixedLens(camera=own)
-    if found is not None and not hold:
+    if found is not None and not keep_lens:
         reference = radial_near(own.radial, pairs, poses)
         result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
         lens, poses = _with_own_denominators(result.lens), result.poses
@@ -218,7 +218,7 @@ class JoinedViews:
                 places=places or Poses(rotation=rotation_from_vector(nowhere), translation=nowhere),
                 camera=np.array(camera, np.intp),
                 shot=index.astype(np.intp),
-                held=places is not None,
+                places_fixed=places is not None,
             ),
             poses=Poses.joined(views),
             pairs=replace(Observations.joined(parts), image_size=tuple(size)),

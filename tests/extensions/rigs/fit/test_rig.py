@@ -519,7 +519,7 @@ def test_derivatives_of_a_rig_are_those_of_differences(timed: bool) -> None:
             late=0.1 * rng.standard_normal(5),
             stated=np.zeros(5),
             usual=np.array([0.0, 0.02]),
-            hold=np.ones(5),
+            prior_weight=np.ones(5),
             path=0.2 * rng.standard_normal((5, 3, 6)),
         )
         lens = replace(lens, times=times)
