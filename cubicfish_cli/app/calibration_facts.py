@@ -287,7 +287,7 @@ def facts_of_files(
     Args:
         camera_file: camera.yaml; corners.csv, target.refined.yaml and, where the target's place is
             not on record, target.yaml are looked for beside it.
-        target: the calibration target as drawn, where it is not at its recorded place.
+        target: the nominal calibration target, where it is not at its recorded place.
         photos: files, folders or patterns of the photos, where they are not at theirs.
         corners: the corners.csv of the fit, where it is not beside the camera.
 
@@ -300,10 +300,10 @@ def facts_of_files(
     folder = camera_file.parent
     absent: list[str] = []
     refined = loaded.fit.refine_target in REFINED
-    drawn = target or _recorded(origin.target, folder) or _beside(folder, _TARGET)
+    nominal = target or _recorded(origin.target, folder) or _beside(folder, _TARGET)
     if refined:
-        drawn = _beside(folder, _REFINED) or target
-    thing = None if drawn is None else target_in(drawn)
+        nominal = _beside(folder, _REFINED) or target
+    thing = None if nominal is None else target_in(nominal)
     size = loaded.camera.image_size
     pairs = _pairs(corners or folder / _CORNERS, folder, origin, thing, size)
     lack = _lack(folder, origin, thing, refined=refined) if pairs is None else None

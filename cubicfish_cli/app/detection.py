@@ -39,8 +39,8 @@ from cubicfish_cli.corners.identification.identified import (
     FEWEST_CORNERS,
     Detection,
     PhotoReport,
-    drawing_fits,
     marked_corners,
+    nominal_target_fits,
     remark_of,
 )
 from cubicfish_cli.corners.identification.name_grids import name_grids
@@ -265,7 +265,7 @@ def detect_corners(
     else:
         identified = name_grids([one.grids for one in grids], target, size, names)
         corners = identified.corners
-        fits = drawing_fits(identified.grids, target)
+        fits = nominal_target_fits(identified.grids, target)
         parts = [
             PhotoReport(
                 name=name,

@@ -72,7 +72,7 @@ class Inputs:
         corners = self.corners and fitted.named(self.corners)
         return replace(self, pairs=fitted.named(self.pairs), corners=corners)
 
-    def drawn(self, target: TargetSource) -> str | None:
+    def nominal(self, target: TargetSource) -> str | None:
         """The text of a target that is in no file yet."""
         thing = self.pairs.target
         return target_text(thing) if target.needs_file and thing is not None else None

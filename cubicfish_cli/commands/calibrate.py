@@ -233,7 +233,7 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     if options.refine_target in (None, "auto") and uncertain:
         run.listener.tell(Event.NOT_CERTAIN, photos=len(uncertain))
     run.listener.tell(Event.FITTING, corners=len(loaded.pairs.pixel))
-    drawn = loaded.drawn(source)
+    nominal = loaded.nominal(source)
     how: dict[str, Any] = {"hold_out": options.hold_out}
     fitted: Calibration | PointCalibration
     if options.lift == "point":
@@ -252,10 +252,10 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     chosen = loaded.chosen or chosen
     if chosen is not None:
         made_by["chosen"] = chosen
-    if drawn is not None:
-        made_by["target"] = recorded_as(drawn, goals["drawn"])
+    if nominal is not None:
+        made_by["target"] = recorded_as(nominal, goals["drawn"])
     fitted = replace(fitted, made_by=made_by)
-    contents = _contents(fitted, loaded.corners if with_corners else None, drawn)
+    contents = _contents(fitted, loaded.corners if with_corners else None, nominal)
     if contents.get("map") is None and options.lift == "ray":
         width, height = fitted.camera.image_size
         run.listener.tell(Event.NO_MAP, width=width, height=height)
@@ -291,7 +291,7 @@ def _is_among(inputs: Sequence[Path], path: Path) -> bool:
 def _contents(
     fitted: Calibration | PointCalibration,
     corners: Observations | None,
-    drawn: str | None,
+    nominal: str | None,
 ) -> dict[str, Content | None]:
     """Return the contents of the files of a fit, but for the report, by :data:`NAMES`.
 
@@ -301,7 +301,7 @@ def _contents(
     from cubicfish_cli.core.io.observations_csv import corners_text
     from cubicfish_cli.core.target import target_text
 
-    contents: dict[str, Content | None] = {"drawn": drawn, "camera": fitted.text()}
+    contents: dict[str, Content | None] = {"drawn": nominal, "camera": fitted.text()}
     if corners is not None:
         contents["corners"] = corners_text(corners)
     if isinstance(fitted, Calibration):

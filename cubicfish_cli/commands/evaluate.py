@@ -116,15 +116,15 @@ def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) ->
     """
     from cubicfish_cli.app.inputs import recorded_as
 
-    fit, given, drawn = file.fit, file.origin.target, loaded.drawn(source)
+    fit, given, nominal = file.fit, file.origin.target, loaded.nominal(source)
     digest = loaded.target_file and loaded.target_file.sha256
-    if drawn is not None:
-        digest = recorded_as(drawn, Path())["sha256"]
+    if nominal is not None:
+        digest = recorded_as(nominal, Path())["sha256"]
     if given is None or digest != given.sha256 or fit.refine_target in (None, "off"):
         return fit
     # If that was not measured, errors are judged by themselves.
-    as_drawn = fit.held_out_by_level.get("off", math.nan)
-    return replace(fit, held_out_rms_px=as_drawn, rms_px=as_drawn)
+    nominal_error = fit.held_out_by_level.get("off", math.nan)
+    return replace(fit, held_out_rms_px=nominal_error, rms_px=nominal_error)
 
 
 @as_command(

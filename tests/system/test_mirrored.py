@@ -14,7 +14,7 @@ from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.app.board_faces import board_face
 from cubicfish_cli.app.detection import detect_corners
-from cubicfish_cli.app.diagnosis.object_faults import misdrawn
+from cubicfish_cli.app.diagnosis.object_faults import find_wrong_layout
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.boards.shape import BoardShape
@@ -78,7 +78,7 @@ def test_a_mirrored_object_is_told_what_to_say():
     target = corner_of_three()
     grids, _ = mirrored_photos(target)
     identified = name_grids(grids, target, IMAGE_SIZE, names(len(grids)))
-    (finding,) = misdrawn(grid_evidence(identified, target))
+    (finding,) = find_wrong_layout(grid_evidence(identified, target))
     assert finding.what == "all photos are mirrored"
     assert "mirrored: true at the top of target.yaml" in finding.do
 
@@ -89,7 +89,7 @@ def test_an_object_that_is_not_mirrored_is_told_to_be_so():
     grids, _ = anonymous_photos(seen(target, photos=6), target)
     shown = target.in_mirror()
     identified = name_grids(grids, shown, IMAGE_SIZE, names(len(grids)))
-    (finding,) = misdrawn(grid_evidence(identified, shown))
+    (finding,) = find_wrong_layout(grid_evidence(identified, shown))
     assert finding.what == "no photo is mirrored"
     assert finding.do == "take mirrored: true out of target.yaml"
 
@@ -129,7 +129,9 @@ def test_a_first_square_of_the_other_colour_is_told_by_its_key():
     wrong = replace(target.boards[0], first_square="light")
     assert target.boards[0].first_square == "dark"
     target = target.with_boards({0: wrong})
-    (finding,) = misdrawn(grid_evidence(name_grids(grids, target, IMAGE_SIZE, names(6)), target))
+    (finding,) = find_wrong_layout(
+        grid_evidence(name_grids(grids, target, IMAGE_SIZE, names(6)), target)
+    )
     assert "first_square: dark" in finding.what
 
 

@@ -7,9 +7,9 @@ findings. Callers hand it to the fit and to rigs, and call it themselves about p
 set-up costs a pass over its corners (`photo_lenses.py`). Beyond that, things are fitted only where
 the fit is worse than its corners' own noise, or was refused, and grids are named again
 (`object_faults.py`) only where many fit nowhere. Each slip has one module: mirrors `mirrored.py`,
-counts of corners `corner_count.py`, markers `markers.py`, wrong drawings (the nominal target of
-target.yaml) and doubted boards `wrong_drawing.py` and `object_faults.py`, two groups of photos with
-a lens each `two_lenses.py`, photos each by itself `photo_lenses.py`, photos from one place
+counts of corners `corner_count.py`, markers `markers.py`, wrong nominal targets
+(target.yaml) and doubted boards `wrong_nominal.py` and `object_faults.py`, two groups of photos
+with a lens each `two_lenses.py`, photos each by itself `photo_lenses.py`, photos from one place
 `repeats.py`, and photos that were left out, or have to be, `left_out.py`. Kinds of evidence are in
 `evidence.py`, and those of a fit in `core/fit/calibration.py`. Every hypothesis is compared with
 what it would explain by chance: `tests/support/wrong_setups.py` has wrong set-ups and right ones.

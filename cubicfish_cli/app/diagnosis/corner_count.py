@@ -1,8 +1,8 @@
 """Photos whose grids are not the target's: boards with more or fewer corners, another target.
 
-A board has more corners if photos show it as a larger grid, and never as it is drawn. It has fewer
-if whole grids of one size end in view of the lens, and no photo shows more. If photos show boards
-and give no corners, and they are many, the set-up is to blame.
+A board has more corners if photos show it as a larger grid, and never as its nominal size. It has
+fewer if whole grids of one size end in view of the lens, and no photo shows more. If photos show
+boards and give no corners, and they are many, the set-up is to blame.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def count_corners(identified: Identified, target: Target) -> list[Count]:
 
 def _find_more(identified: Identified, target: Target, boards: list[int]) -> dict[int, Count]:
     """Find boards that are a line longer: grids that fit nowhere, in photos without the board."""
-    as_drawn, shown = defaultdict[int, set[int]](set), defaultdict[int, set[int]](set)
+    of_nominal, shown = defaultdict[int, set[int]](set), defaultdict[int, set[int]](set)
     larger = defaultdict[tuple[int, ...], set[int]](set)
     for photo, own in enumerate(identified.grids):
         for number, report in enumerate(own):
@@ -200,16 +200,16 @@ def _find_more(identified: Identified, target: Target, boards: list[int]) -> dic
                 board = target.boards[report.place.board]
                 shown[report.place.board].add(photo)
                 if size == tuple(sorted((board.columns, board.rows))):
-                    as_drawn[report.place.board].add(photo)
+                    of_nominal[report.place.board].add(photo)
             elif report.corners >= FEWEST_CORNERS and _is_full(identified.found[photo][number]):
                 larger[size].add(photo)
     counts = {}
     for index in boards:
         board = target.boards[index]
-        other = as_drawn[index] if len(boards) == 1 else shown[index]
+        other = of_nominal[index] if len(boards) == 1 else shown[index]
         for size in ((board.columns + 1, board.rows), (board.columns, board.rows + 1)):
             photos = larger[tuple(sorted(size))] - other
-            if len(photos) >= max(_FEWEST_PHOTOS, len(as_drawn[index]) + 1):
+            if len(photos) >= max(_FEWEST_PHOTOS, len(of_nominal[index]) + 1):
                 counts[index] = Count(board=index, size=size, photos=len(photos))
     return counts
 
@@ -263,14 +263,14 @@ def _is_shown_whole(identified: Identified, target: Target, index: int) -> bool:
     Where one board is the whole target, a photo must show as many corners.
     """
     board = target.boards[index]
-    drawn = np.array([board.columns, board.rows])
+    nominal = np.array([board.columns, board.rows])
     if len(boards_with_squares(target)) == 1:
         reports = [one for own in identified.grids for one in own if one.named]
         sizes = [sorted(one.size) for one in reports if one.corners >= FEWEST_CORNERS]
-        return not sizes or bool((np.max(sizes, axis=0) >= sorted(drawn)).all())
+        return not sizes or bool((np.max(sizes, axis=0) >= sorted(nominal)).all())
     corners = identified.corners
     own = np.stack([corners.column, corners.row], axis=1)[corners.board == index]
-    return not len(own) or not (own.min(axis=0).any() or (own.max(axis=0) < drawn - 1).any())
+    return not len(own) or not (own.min(axis=0).any() or (own.max(axis=0) < nominal - 1).any())
 
 
 def _is_full(grid: Grid) -> bool:
@@ -292,10 +292,10 @@ def nothing_named(evidence: GridEvidence) -> list[Finding]:
         return []
     boards = grid_boards(target)
     seen = sum(bool(own) for own in identified.grids)
-    drawn = {_sort_sides((board.columns, board.rows)) for board in boards}
+    nominal = {_sort_sides((board.columns, board.rows)) for board in boards}
     whole = _count_whole_grids(identified)
     common = max(_FEWEST_PHOTOS, _COMMON * seen)
-    others = [size for size, photos in whole.items() if photos >= common and size not in drawn]
+    others = [size for size, photos in whole.items() if photos >= common and size not in nominal]
     if others or all(grid.verdict is Decided.TOO_LARGE for grid in grids):
         return [_describe_another_target(identified, target)]
     columns, rows = _find_largest(identified)
@@ -323,9 +323,9 @@ def another_target(evidence: GridEvidence) -> list[Finding]:
     """Find that corners have names, but are those of another target's boards."""
     identified, target = evidence.identified, evidence.target
     boards = grid_boards(target)
-    drawn = (boards[0].columns, boards[0].rows)
+    nominal = (boards[0].columns, boards[0].rows)
     counts = evidence.counts if len(boards) == 1 else []
-    other = any(np.abs(np.subtract(one.size, drawn)).sum() > 1 for one in counts)
+    other = any(np.abs(np.subtract(one.size, nominal)).sum() > 1 for one in counts)
     grids = [grid for own in identified.grids for grid in own if grid.corners >= FEWEST_CORNERS]
     beyond = sum(grid.corners for grid in grids if grid.verdict is Decided.TOO_LARGE)
     enough = min(2, len(boards))
@@ -358,9 +358,9 @@ def _describe_another_target(identified: Identified, target: Target) -> Finding:
 
 def _describe_sizes(identified: Identified, target: Target) -> str:
     """Sizes of grids that photos show whole and the target does not have, or of the largest."""
-    drawn = {_sort_sides((board.columns, board.rows)) for board in grid_boards(target)}
+    nominal = {_sort_sides((board.columns, board.rows)) for board in grid_boards(target)}
     whole = _count_whole_grids(identified).most_common(_MOST_SIZES)
-    common = [one for one in whole if one[1] >= _FEWEST_PHOTOS and one[0] not in drawn]
+    common = [one for one in whole if one[1] >= _FEWEST_PHOTOS and one[0] not in nominal]
     if common:
         return listed([f"{long}x{short} (in {photos})" for (long, short), photos in common], "")
     columns, rows = _find_largest(identified)

@@ -19,7 +19,7 @@ from cubicfish_cli.app.diagnosis import (
     photo_lenses,
     repeats,
     two_lenses,
-    wrong_drawing,
+    wrong_nominal,
 )
 from cubicfish_cli.app.diagnosis.evidence import GridEvidence, MarkerEvidence, PhotoEvidence
 from cubicfish_cli.core.codes import Code, Severity
@@ -53,7 +53,7 @@ def _only_notes(_: CornerEvidence | PhotoEvidence, found: Sequence[Finding]) -> 
 
 
 def _named(evidence: CornerEvidence, _: Sequence[Finding]) -> bool:
-    """Corners that a wrong drawing names say nothing about the lens or the drawing."""
+    """Whether corners have their true names: others say nothing about the lens or the target."""
     return _not_bad(evidence, evidence.known)
 
 
@@ -94,7 +94,7 @@ def _counted_rightly(evidence: GridEvidence, found: Sequence[Finding]) -> bool:
 HYPOTHESES: tuple[Hypothesis, ...] = (
     # About photos, and the grids and markers in them.
     Hypothesis(GridEvidence, corner_count.squares_of_grids),
-    Hypothesis(GridEvidence, object_faults.misdrawn, _counted_rightly),
+    Hypothesis(GridEvidence, object_faults.find_wrong_layout, _counted_rightly),
     Hypothesis(GridEvidence, corner_count.another_target, _some_corners),
     Hypothesis(GridEvidence, corner_count.miscounted, _only_notes),
     Hypothesis(GridEvidence, corner_count.nothing_named, _no_corners),
@@ -108,15 +108,15 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis(FitEvidence, mirrored.handed),
     Hypothesis(FitEvidence, two_lenses.find_two_lenses, _named),
     Hypothesis(FitEvidence, photo_lenses.odd_photos, _one_lens),
-    Hypothesis(FitEvidence, wrong_drawing.wrong_drawing, _not_bad),
+    Hypothesis(FitEvidence, wrong_nominal.find_wrong_nominal, _not_bad),
     Hypothesis(FitEvidence, left_out.left_out, _named),
     Hypothesis(FitEvidence, corner_count.squares_of_corners, _counted),
     Hypothesis(FitEvidence, left_out.dropped_boards, _only_notes),
     Hypothesis(FitEvidence, repeats.repeats),
-    Hypothesis(FitEvidence, wrong_drawing.doubted_boards, _nominal),
+    Hypothesis(FitEvidence, wrong_nominal.doubted_boards, _nominal),
     # About corners that do not fit: the first hypothesis that explains it is the likeliest.
     Hypothesis(FailedFit, mirrored.mirrored_photos, lambda evidence, found: not found),
-    Hypothesis(FailedFit, wrong_drawing.of_failure, _unexplained),
+    Hypothesis(FailedFit, wrong_nominal.explain_failure, _unexplained),
     Hypothesis(FailedFit, mirrored.mirrored_object, _unexplained),
     Hypothesis(FailedFit, left_out.failed_lens, _unexplained),
 )

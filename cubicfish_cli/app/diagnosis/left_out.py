@@ -44,7 +44,7 @@ _NEAR = 6.0
 _CLEAN = 3.0
 _FEWEST_PHOTOS = 3
 _MOST_LEFT_OUT = 30
-# A fault in this share of a board's photos is the drawing's.
+# A fault in this share of a board's photos is the nominal target's.
 _NEARLY_ALL_PHOTOS = 0.8
 # A lens of their own says nothing about fewer photos of one flat board.
 _FEWEST_OF_A_PLANE = 3
@@ -66,9 +66,9 @@ _MOST_RUNS = 12
 _MOST_LENSES = 8
 
 
-# The fault of the drawing if the corners of a board are named in this way in all photos; any other
-# way is another order.
-_FAULT_OF_DRAWING = {
+# The fault of the nominal target if the corners of a board are named in this way in all photos; any
+# other way is another order.
+_FAULT_OF_NOMINAL = {
     "columns": Code.BOARD_PLACE,
     "rows": Code.BOARD_PLACE,
     "both": Code.BOARD_PLACE,
@@ -140,7 +140,7 @@ def board_findings(
     Args:
         faults: results of :func:`board_fault`, each of another photo.
         is_usual: whether a fault of a board (by name) in so many photos is in nearly all that show
-            it, so that the drawing is to blame.
+            it, so that the nominal target is to blame.
 
     """
     alike: defaultdict[object, list[Finding]] = defaultdict(list)
@@ -157,7 +157,7 @@ def board_findings(
             code, case = fault.code, "in_most"
             if figures:
                 named = figures.pop("named")
-                code, case = _FAULT_OF_DRAWING.get(named, Code.BOARD_ORDER), "of_photos"
+                code, case = _FAULT_OF_NOMINAL.get(named, Code.BOARD_ORDER), "of_photos"
                 figures["order" if code is Code.BOARD_ORDER else "named"] = named
             figures = {"photos": len(own), **figures}
             together = replace(

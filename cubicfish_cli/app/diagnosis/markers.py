@@ -60,18 +60,18 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         if board.mirrored or board.markers is None or board.markers.inverted:
             continue
         boards = _try_layouts(board)
-        drawings = [target.with_boards({index: other}) for other in boards]
+        layouts = [target.with_boards({index: other}) for other in boards]
         photos = list(richest(evidence))
         counts: IntArray = np.zeros(len(boards), np.intp)
         for picture, grids in photos:
-            counts = np.maximum(counts, agreeing_markers(picture, drawings, index, grids))
+            counts = np.maximum(counts, agreeing_markers(picture, layouts, index, grids))
         best = int(counts.argmax())
         if _lies_alike(boards[best], board):
             continue
         longer = np.array([other.columns != boards[best].columns for other in boards])
         if counts[best] < max(_LEAST_MARKERS, _CLEARLY * int(counts[longer].max(initial=0))):
             continue
-        seen = [find_marked_corners(picture, drawings[best], grids) for picture, grids in photos]
+        seen = [find_marked_corners(picture, layouts[best], grids) for picture, grids in photos]
         rows = np.concatenate([one.row[one.board == index] for one in seen])
         if len(rows):
             some = len(evidence.corners.pixel) > 0 and not none
@@ -84,8 +84,8 @@ def _try_layouts(board: Board) -> list[Board]:
     """The board with rows of any length, and as many rows as there are markers for."""
     squares: Sequence[FirstSquare] = _COLOURS if board.has_squares else (board.first_square,)
     lengths = range(1, _MOST_COLUMNS + 1)
-    drawings = [_lay_out_rows(board, length, first) for length in lengths for first in squares]
-    usable = [one for one in drawings if one is not None]
+    layouts = [_lay_out_rows(board, length, first) for length in lengths for first in squares]
+    usable = [one for one in layouts if one is not None]
     # The first one shall have all markers.
     return sorted(usable, key=lambda one: -(one.markers.count if one.markers else 0))
 

@@ -84,17 +84,17 @@ class ObjectFacts:
 
 def check_object(target: Target) -> ObjectFacts:
     """Find the facts about the nominal target, without deformations that a calibration found."""
-    drawn = target.with_flat_boards()
-    world = drawn.corners()[3]
-    printed = [board for board in drawn.boards if board.points is None]
+    nominal = target.with_flat_boards()
+    world = nominal.corners()[3]
+    printed = [board for board in nominal.boards if board.points is None]
     plain = [board for board in printed if board.markers is None]
-    by_geometry = bool(plain) and not drawn.has_markers
-    named = replace(drawn, boards=tuple(plain)) if by_geometry else None
+    by_geometry = bool(plain) and not nominal.has_markers
+    named = replace(nominal, boards=tuple(plain)) if by_geometry else None
     return ObjectFacts(
         corners=len(world),
-        planes=count_planes(drawn.boards),
+        planes=count_planes(nominal.boards),
         flat=flatness(world) < _FLAT,
-        named_by="markers" if drawn.has_markers else "geometry" if plain else "table",
+        named_by="markers" if nominal.has_markers else "geometry" if plain else "table",
         plain=tuple(board.name for board in plain),
         symmetries=() if named is None else _find_turns(named),
         look_alikes=() if named is None else _find_look_alikes(named),

@@ -1,11 +1,11 @@
-"""What is wrong with a drawing (the nominal target of target.yaml), judged by the measured target.
+"""What is wrong with the nominal target (target.yaml), judged by the measured target.
 
 Hypotheses are tried from the simplest on: corners counted in another order, names of boards
 exchanged, a wrong square, a wrong place. The first that explains the difference is accepted.
 
 The module also finds why grids fit no place on the target. If many grids fit nowhere, in all photos
-or in some, they are named again as if the photos were mirrored, or with one thing of the drawing
-put right that is often wrong in drawings. What explains nearly all of them is reported.
+or in some, they are named again as if the photos were mirrored, or with one thing of the nominal
+target put right that is often wrong. What explains nearly all of them is reported.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,8 +30,8 @@ from cubicfish_cli.corners.identification.identified import FEWEST_CORNERS, Deci
 
 _Numbers = npt.NDArray[Any]
 _Order = Callable[[_Numbers, _Numbers, int, int], tuple[_Numbers, _Numbers]]
-# Column and row of the corner that the drawing means, from those in the table. C and R are the
-# numbers of columns and rows of the drawing.
+# Column and row of the corner that the nominal target means, from those in the table. C and R are
+# the numbers of columns and rows of the nominal board.
 ORDERS: Mapping[str, _Order] = {
     "as_it_is": lambda c, r, C, R: (c, r),
     "columns_backwards": lambda c, r, C, R: (C - 1 - c, r),
@@ -47,18 +47,18 @@ COUNTED = tuple(ORDERS)[1:7]
 """Those of them in which a single photo's corners may be counted, where others are counted
 rightly."""
 EXCHANGED = ("exchanged", "a_quarter_turn", "a_quarter_turn_back", "exchanged_backwards")
-"""Orders of corners in a drawing whose rows and columns may be exchanged."""
+"""Orders of corners in a nominal target whose rows and columns may be exchanged."""
 AXES: Mapping[str, Callable[[Board], Board]] = {
     "x_axis": lambda board: replace(board, x_axis=-board.x_axis),
     "y_axis": lambda board: replace(board, y_axis=-board.y_axis),
     "both_axes": lambda board: replace(board, x_axis=-board.x_axis, y_axis=-board.y_axis),
 }
-"""Axes that are drawn the other way round from corner (0, 0), by their keys: the board as meant."""
+"""Axes that are given the other way round from corner (0, 0), by their keys: the board as meant."""
 
 # A hypothesis is accepted if it leaves no more than this share of the difference (RMS).
 _EXPLAINED = 1 / 3
 # In another order or under other names a board is off by much more than this share of the target; a
-# drawing whose boards are nearer to their places has no such fault.
+# nominal target whose boards are nearer to their places has no such fault.
 _FAR = 0.02
 _LARGEST_RATIO = 2000.0
 # The best ratio of squares is within this factor of a rough one.
@@ -69,14 +69,14 @@ _bad = partial(Finding, severity=Severity.BAD)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fault:
-    """What is likely wrong with a drawing.
+    """What is likely wrong with a nominal target.
 
     Attributes:
         finding: the finding, without the evidence.
-        before, after: RMS difference of the nominal target from the measured one, as drawn and
+        before, after: RMS difference of the nominal target from the measured one, as given and
             corrected, in the target's units.
         points: (corners, 3) the real places of the corners, for each board that was measured, in
-            the drawing's frame.
+            the nominal target's frame.
 
     """
 
@@ -87,15 +87,16 @@ class Fault:
 
 
 def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | None:
-    """Find the simplest fault of the drawing that explains where the corners were measured.
+    """Find the simplest fault of the nominal target that explains where the corners were measured.
 
     Args:
-        target: the drawing.
+        target: the nominal target.
         measured: for boards by index, (rows * columns, 3) the measured corners, row by row, in any
             frame and unit.
 
     Returns:
-        The fault; None where the drawing is right, or nothing simple explains the difference.
+        The fault; None where the nominal target is right, or nothing simple explains the
+        difference.
 
     """
     boards = {i: target.boards[i] for i in sorted(measured) if target.boards[i].points is None}
@@ -104,11 +105,11 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
     seen = _Measured(
         target=target,
         boards=boards,
-        drawn={index: flat_points(board, *board.places()) for index, board in boards.items()},
+        nominal={index: flat_points(board, *board.places()) for index, board in boards.items()},
         measured=measured,
     )
-    before = seen.difference(seen.drawn)
-    size = float(np.linalg.norm(np.ptp(np.concatenate(list(seen.drawn.values())), axis=0)))
+    before = seen.difference(seen.nominal)
+    size = float(np.linalg.norm(np.ptp(np.concatenate(list(seen.nominal.values())), axis=0)))
     if before < 1e-9 * size:
         return None
     for level in (_try_orders, _try_squares, _try_places, partial(_try_places, scaled=True)):
@@ -116,7 +117,7 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
             continue
         found = []
         for finding, changed in level(seen):
-            points = {**seen.drawn, **changed}
+            points = {**seen.nominal, **changed}
             after = seen.difference(points, mirror=finding.code is Code.MIRRORED)
             if after <= _EXPLAINED * before:
                 found.append(Fault(finding=finding, before=before, after=after, points=points))
@@ -126,7 +127,7 @@ def object_fault(target: Target, measured: Mapping[int, FloatArray]) -> Fault | 
 
 
 def flat_points(board: Board, column: _Numbers, row: _Numbers) -> FloatArray:
-    """World points of a board that is flat as drawn, also beyond its edges."""
+    """World points of a board that is flat as it is nominally, also beyond its edges."""
     plane = board.plane_points(column, row)
     return np.asarray(board.origin + plane[:, :1] * board.x_axis + plane[:, 1:] * board.y_axis)
 
@@ -137,21 +138,21 @@ _Hypotheses = Iterator[tuple[Finding, dict[int, FloatArray]]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Measured:
-    """The boards that are compared, and their corners as drawn and as measured."""
+    """The boards that are compared, and their corners, nominal and measured."""
 
     target: Target
     boards: dict[int, Board]
-    drawn: dict[int, FloatArray]
+    nominal: dict[int, FloatArray]
     measured: Mapping[int, FloatArray]
 
-    def difference(self, drawn: Mapping[int, FloatArray], *, mirror: bool = False) -> float:
-        """RMS distance of the measured corners from drawn ones, in the drawing's units.
+    def difference(self, nominal: Mapping[int, FloatArray], *, mirror: bool = False) -> float:
+        """RMS distance of the measured corners from nominal ones, in the nominal target's units.
 
-        The measured ones are turned, moved and scaled to lie as near to the drawn ones as possible.
+        The measured ones are turned, moved and scaled to be as near to the nominal ones as can be.
         """
         source = np.concatenate([self.measured[index] for index in self.boards])
         source = source * ([1, 1, -1] if mirror else 1)
-        goal = np.concatenate([drawn[index] for index in self.boards])
+        goal = np.concatenate([nominal[index] for index in self.boards])
         miss = similarity(source, goal)(source) - goal
         return float(np.sqrt(np.mean(np.sum(miss**2, axis=1))))
 
@@ -192,12 +193,12 @@ def _place_as_counted(board: Board, order: str) -> FloatArray:
 
 
 def _try_squares(seen: _Measured) -> _Hypotheses:
-    """Try other squares, with corner (0, 0) of each board where it is drawn."""
+    """Try other squares, with corner (0, 0) of each board where it is nominally."""
     ratios: dict[tuple[int, ...], float] = {
         (index,): _place_by_others(seen, index, scaled=True).scale for index in seen.boards
     }
     # All squares together, by the distances between the boards' first corners.
-    own = [similarity(seen.drawn[index], seen.measured[index]) for index in seen.boards]
+    own = [similarity(seen.nominal[index], seen.measured[index]) for index in seen.boards]
     first = np.array([board.origin for board in seen.boards.values()])
     there = np.concatenate([one(at[None]) for one, at in zip(own, first, strict=True)])
     apart = [np.linalg.norm(at - at[:, None], axis=-1).sum() for at in (first, there)]
@@ -234,10 +235,10 @@ def _fit_ratio(
 
     def resize(ratio: float) -> dict[int, FloatArray]:
         origin = {index: seen.boards[index].origin for index in boards}
-        return {index: at + ratio * (seen.drawn[index] - at) for index, at in origin.items()}
+        return {index: at + ratio * (seen.nominal[index] - at) for index, at in origin.items()}
 
     def miss(ratio: float) -> float:
-        return seen.difference({**seen.drawn, **resize(ratio)})
+        return seen.difference({**seen.nominal, **resize(ratio)})
 
     exactly = {"xatol": 1e-9 * start}
     near = (start / _NEAR_RATIO, start * _NEAR_RATIO)
@@ -246,19 +247,19 @@ def _fit_ratio(
 
 
 def _place_by_others(seen: _Measured, board: int, *, scaled: bool) -> Similarity:
-    """The motion from where a board is drawn to where it is, by where the others put it."""
+    """The motion from where a board is nominally to where it is, by where the others put it."""
     others = [index for index in seen.boards if index != board]
-    source, goal = (np.concatenate([at[i] for i in others]) for at in (seen.measured, seen.drawn))
+    source, goal = (np.concatenate([at[i] for i in others]) for at in (seen.measured, seen.nominal))
     there = similarity(source, goal)(seen.measured[board])
-    return similarity(seen.drawn[board], there, scaled=scaled)
+    return similarity(seen.nominal[board], there, scaled=scaled)
 
 
 def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
     """Try another place for each board by itself, by where the others put it."""
     case = ["of", "two"] * (len(seen.boards) == 2) + ["and", "square"] * scaled
-    for index, drawn in seen.drawn.items():
+    for index, nominal in seen.nominal.items():
         motion = _place_by_others(seen, index, scaled=scaled)
-        middle = drawn.mean(axis=0)
+        middle = nominal.mean(axis=0)
         cosine = (np.trace(motion.rotation) - 1) / 2
         finding = _bad(
             code=Code.BOARD_PLACE,
@@ -272,7 +273,7 @@ def _try_places(seen: _Measured, *, scaled: bool = False) -> _Hypotheses:
                 "both": list(seen.names(list(seen.boards))),
             },
         )
-        yield finding, {index: motion(drawn)}
+        yield finding, {index: motion(nominal)}
 
 
 # The share of corners that must fit nowhere before anything is tried, and that must fit after it.
@@ -289,8 +290,8 @@ _IN_GENERAL = {"exchanged_size": "exchanged", "colours": "some_colours"}
 _NO_PLACE = (Decided.NO_FIT, Decided.NOT_PLANE, Decided.TOO_LARGE, Decided.COLOURS)
 
 
-def misdrawn(evidence: GridEvidence) -> list[Finding]:
-    """Find what is likely wrong with photos or drawing, by the grids that fit nowhere.
+def find_wrong_layout(evidence: GridEvidence) -> list[Finding]:
+    """Find what is likely wrong with photos or nominal target, by the grids that fit nowhere.
 
     The list is empty where most grids have a place, or nothing simple explains why they have none.
     """
@@ -339,7 +340,7 @@ def misdrawn(evidence: GridEvidence) -> list[Finding]:
         chosen = np.flatnonzero(lost)[:_PHOTOS]
     total = sizes[chosen].sum()
     best, most = None, _FITS
-    for finding, other in _try_drawings(target):
+    for finding, other in _try_layouts(target):
         mirrored = chosen if finding.code is Code.MIRRORED else chosen[:0]
         share = float(name_with(other, chosen, mirrored).sum() / total)
         if share > most:
@@ -361,7 +362,7 @@ def _keep_large(grids: Sequence[Grid]) -> tuple[Grid, ...]:
     return tuple(grid for grid in grids if len(grid) >= FEWEST_CORNERS)
 
 
-def _try_drawings(target: Target) -> Iterator[tuple[Finding, Target]]:
+def _try_layouts(target: Target) -> Iterator[tuple[Finding, Target]]:
     """Put one thing right: yield what was wrong, and the target to name corners with."""
     yield _bad(code=Code.MIRRORED, case="none" if target.mirrored else "all_grids"), target
     plain = [index for index, board in enumerate(target.boards) if board.points is None]
@@ -402,8 +403,8 @@ def _change_board(board: Board) -> Iterator[_Change]:
     yield order("exchanged_size", columns=board.rows, rows=board.columns)
     if board.has_squares:
         other: FirstSquare = "light" if board.first_square == "dark" else "dark"
-        drawn = board.in_mirror() if board.mirrored else board
-        says = "light" if drawn.first_square == "dark" else "dark"
+        nominal = board.in_mirror() if board.mirrored else board
+        says = "light" if nominal.first_square == "dark" else "dark"
         code, figures, own = order("colours", first_square=other)
         yield code, {**figures, "first_square": says}, own
     for key in ("y_axis", "x_axis", "both_axes"):

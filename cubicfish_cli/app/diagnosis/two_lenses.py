@@ -265,8 +265,8 @@ def _fit_apart(fit: CameraFit, start: _Apart, wanted: _Apart) -> _Apart | None:
     poses = start.fit.poses
     poses = replace(poses, translation=poses.translation * (scale / old)[:, None])
     reference = refit_radial(start.fit.reference, replace(pairs, pixel=pixel), poses)
-    drawn = DeformableTarget(nominal=pairs.world)
-    near = replace(start.fit, poses=reference.poses, world=drawn)
+    fixed_target = DeformableTarget(nominal=pairs.world)
+    near = replace(start.fit, poses=reference.poses, world=fixed_target)
     joint = fit_cubic(reference, fit.prior, start=near, relative_decrease=ROUGH_DECREASE)
     apart = replace(wanted, fit=joint)
     found = lenses_of(apart.fit)

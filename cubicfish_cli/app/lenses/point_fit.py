@@ -73,7 +73,7 @@ class PointCalibration(CameraRecord):
             whose pose was not needed.
         residual: (N, 2) projection less pixel, pixels.
         unfit: photos left out, with the reason.
-        target: the calibration target, as drawn; None of pairs.
+        target: the nominal calibration target; None of pairs.
 
     """
 

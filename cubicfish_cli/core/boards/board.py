@@ -198,10 +198,10 @@ class Board(ABC):
 
     def world_points(self, column: npt.ArrayLike, row: npt.ArrayLike) -> FloatArray:
         """World points of corners: (...,) columns and rows -> (..., 3), in the target's units."""
-        drawn = self._compute_nominal_points(column, row)
+        nominal = self._compute_nominal_points(column, row)
         if self.shape is None:
-            return drawn
-        return drawn + self._deform(self.shape, np.asarray(column, int), np.asarray(row, int))
+            return nominal
+        return nominal + self._deform(self.shape, np.asarray(column, int), np.asarray(row, int))
 
     def outline(self) -> FloatArray:
         """(N, 3) world points that span the board: four outermost corners, or all its points."""

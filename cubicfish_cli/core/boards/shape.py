@@ -13,7 +13,7 @@ from cubicfish_cli.core.types import FloatArray
 class BoardShape:
     """The deformation of a real board relative to the nominal plane, as a calibration found it.
 
-    With x̂ and ŷ running from -1 to 1 across the board's corners, a corner drawn at (x, y) from
+    With x̂ and ŷ running from -1 to 1 across the board's corners, a corner nominally at (x, y) from
     the board's middle is at ((1 + stretch x) x, (1 + stretch y) y) in its plane and
     bend x · x̂² + bend y · ŷ² + twist · x̂ ŷ behind it (along x_axis × y_axis), plus its offset.
 

@@ -379,8 +379,8 @@ def _choose_likeliest(
     away = np.subtract([_find_place(one) for one in priors], _find_place(EXPECTED))
     expected = -np.square(away).sum(axis=1) / 2
     chosen, photos = int((evidence.sum(axis=1) + expected).argmax()), evidence.shape[1]
-    drawn = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
-    taken = (drawn @ evidence.T + expected).argmax(axis=1)
+    sampled = np.random.default_rng(0).multinomial(photos, np.full(photos, 1 / photos), _DRAWS)
+    taken = (sampled @ evidence.T + expected).argmax(axis=1)
     likely = np.bincount(taken, minlength=len(priors)) / _DRAWS
     others = [other for other in np.flatnonzero(likely).tolist() if other != chosen]
     return priors[chosen], {priors[one]: float(likely[one]) for one in others}

@@ -1,7 +1,7 @@
 """The target in least squares: a nominal one, or a deformable one.
 
 Boards of a deformable target bend, twist, stretch and lie a little off their places, and corners
-lie a little off theirs. No print is exactly as drawn, and the deviations of a target repeat in
+lie a little off theirs. No print is exactly nominal, and the deviations of a target repeat in
 every photo, which distinguishes them from noise. The overall scale cannot be seen and stays
 nominal.
 """

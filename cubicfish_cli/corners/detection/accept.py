@@ -30,7 +30,7 @@ _AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != 
 # turn by up to 0.054 radians. In grids of text, lines and dots either is 0.1 to 0.2.
 _GAP, _TURN = 0.1, 0.15
 # Light spills over dark, and hardly ever the other way: bright squares that draw back are dots.
-_DRAWN_BACK = 0.25  # of the side
+_PULLED_BACK = 0.25  # of the side
 # The sum of squares may be 1 for the smallest grids, and more for large ones, which chance cannot
 # make.
 _LARGE = 40
@@ -123,7 +123,7 @@ def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
             np.median(_unlike(lattice, cells)) / _CONTRAST,
             np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
-            max(0.0, -_middle_gap(found.gap, lattice.sign(cells)) / np.median(side)) / _DRAWN_BACK,
+            max(0.0, -_middle_gap(found.gap, lattice.sign(cells)) / np.median(side)) / _PULLED_BACK,
         ]
     )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))

@@ -54,27 +54,27 @@ def with_sides_seen(target: Target, alone: SeenMarkers) -> Target | None:
 
 def agreeing_markers(
     image: npt.NDArray[np.generic],
-    drawings: Sequence[Target],
+    layouts: Sequence[Target],
     index: int,
     grids: FoundGrids,
 ) -> IntArray:
-    """Count the markers that agree on where a board is, for each of several drawings of it.
+    """Count the markers that agree on where a board is, for each of several layouts of it.
 
     Args:
         image: (H, W) grey photo.
-        drawings: the target with that board drawn otherwise, not in a mirror and not inverted;
+        layouts: the target with that board laid out otherwise, not in a mirror and not inverted;
             the first has all markers that are looked for.
         index: the board.
         grids: what was found in the same photo.
 
     Returns:
-        (N,) for each drawing.
+        (N,) for each layout.
 
     """
-    seen = _all_read(image, drawings[0], grids).of(index)
-    ids = _ids_by_cell(drawings[0].boards[index])[tuple(seen.cell.T)]
+    seen = _all_read(image, layouts[0], grids).of(index)
+    ids = _ids_by_cell(layouts[0].boards[index])[tuple(seen.cell.T)]
     counts = []
-    for one in drawings:
+    for one in layouts:
         table = one.boards[index].marker_cells()
         row = ids - table[0, 0]
         known = row < len(table)

@@ -248,12 +248,12 @@ def read_together(sight: Sight, grid: Grid) -> NamedGrid | None:
         if family.joined:
             continue
         for board in np.unique(family.board).tolist():
-            drawn = sight.target.boards[board]
-            places = _places(BoardLattice(board=drawn), grid)
+            nominal = sight.target.boards[board]
+            places = _places(BoardLattice(board=nominal), grid)
             if len(places) > _MOST_PLACES:
                 continue
             for cells in places:
-                lattice = BoardLattice(board=drawn)
+                lattice = BoardLattice(board=nominal)
                 lattice.put(cells, grid.pixel)
                 likeness, share, markers = _likeness(sight.pyramid, family, board, lattice)
                 one = NamedGrid(board=board, cells=cells, markers=markers)

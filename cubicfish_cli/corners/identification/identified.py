@@ -55,7 +55,7 @@ CODES = {
     Decided.NOT_PLANE: Code.NO_PLANE,
 }
 """What is told of a grid, by what became of it."""
-# What another lens makes of a board, as well as another drawing.
+# What another lens makes of a board, as well as another nominal target.
 _ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
 # Figures of a grid, in which those that share the rest may differ.
 _OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
@@ -248,10 +248,10 @@ class Detection(Brief):
     other_colours: bool = False
 
 
-def drawing_fits(grids: Sequence[Sequence[GridReport]], target: Target) -> bool:
-    """Whether most photos fit the target as it is drawn, and each of its boards does in some.
+def nominal_target_fits(grids: Sequence[Sequence[GridReport]], target: Target) -> bool:
+    """Whether most photos fit the nominal target, and each of its boards does in some.
 
-    Then a grid that fits nowhere says something of its photo, and nothing of the drawing.
+    Then a grid that fits nowhere says something of its photo, and nothing of the nominal target.
 
     Args:
         grids: for each photo, what became of its grids.
@@ -272,7 +272,8 @@ def remark_of(photo: str, grid: GridReport, *, odd: bool = False) -> Finding | N
     Args:
         photo: the photo that shows it.
         grid: what became of it.
-        odd: whether the drawing fits other photos, so that a grid that it does not fit is odd.
+        odd: whether the nominal target fits other photos, so that a grid that it does not fit is
+            odd.
 
     """
     if grid.verdict is Decided.NAMED:

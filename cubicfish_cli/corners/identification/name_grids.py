@@ -1,9 +1,9 @@
 """Grids of all photos -> named corners: which board each grid is, and where on it.
 
-Where the boards really are: a target is never quite as drawn.
+Where the boards really are: a target is never quite nominal.
 
 A box glued by hand is off by millimetres. Then the right names fit badly, and a symmetry of the
-drawing is none of the target: names that differ from photo to photo by such a symmetry would
+nominal target is none of the target: names that differ from photo to photo by such a symmetry would
 blur it. Each named grid says where its board is in front of the camera, so the photos together
 say how the boards lie to each other, and names that fit this target agree from photo to photo.
 """
@@ -72,7 +72,7 @@ def name_grids(
         reference = fit_radial(anonymous_pairs(scene.grids, image_size)) if scene.grids else None
     except FitError:  # planes without names need not determine a lens
         reference = None
-    decisions = _decide_as_drawn(scene, reference)
+    decisions = _decide_nominally(scene, reference)
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
         _cut_unnamed(scene, scene.camera, sides, decisions)
@@ -86,12 +86,12 @@ def name_again(
     target: Target,
     grids: Sequence[Sequence[Grid]] | None = None,
 ) -> Identified:
-    """Name the grids of some photos as they would be if the target were drawn otherwise.
+    """Name the grids of some photos as they would be if the nominal target were another.
 
     Args:
         identified: what became of all grids.
         photos: indices of the photos.
-        target: the other drawing.
+        target: the other nominal target.
         grids: for each of these photos, other grids in place of its own.
 
     """
@@ -100,8 +100,8 @@ def name_again(
     return name_grids(own, target, corners.image_size, [corners.images[i] for i in photos])
 
 
-def _decide_as_drawn(scene: Scene, reference: RadialReference | None) -> Decisions:
-    """The names as the boards are drawn, under the best lens that they give.
+def _decide_nominally(scene: Scene, reference: RadialReference | None) -> Decisions:
+    """The names by the nominal boards, under the best lens that they give.
 
     ``reference`` is the lens that they give without names.
     """
@@ -159,7 +159,7 @@ def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> De
     """Decide photos again without grids that fit far worse than the grids of the other photos.
 
     A grid that is no board of the target may fit a place by chance, within the width of the
-    first gate, which must allow for targets that are not as drawn.
+    first gate, which must allow for targets that are not quite nominal.
     """
     rms = np.concatenate([np.empty(0), *(decision.rms_px for decision in decisions)])
     rms = rms[np.isfinite(rms)]
@@ -269,21 +269,22 @@ def _report(scene: Scene, grid: Grid, decision: Decision, n: int) -> GridReport:
 
 
 # Grids that fit the target this much worse than planes of their own, and miss it by this share
-# of the distance of neighbouring corners: it is not as drawn.
+# of the distance of neighbouring corners: it is not nominal.
 _OFF_RATIO, _OFF_STEPS = 1.5, 0.01
 # One photo fits whatever it measures, so that several must show boards together.
 _LEAST_PHOTOS_TO_MEASURE = 3
 
 
 def decided_as_built(scene: Scene, decisions: Decisions) -> tuple[Placement, Decisions]:
-    """Decide again with the boards where the photos have them, if they are not as drawn.
+    """Decide again with the boards where the photos have them, if they are not at their nominal
+    places.
 
     The photo that shows most says how the boards lie first, so that all names agree with one
     photo's; all photos say it then. Kept only if it explains more, or the same better.
     """
     photos = range(len(decisions))
     together = sum(bool(rigid(decision)) for decision in decisions)
-    if together < _LEAST_PHOTOS_TO_MEASURE or not _off_the_drawing(scene, decisions):
+    if together < _LEAST_PHOTOS_TO_MEASURE or not _are_boards_elsewhere(scene, decisions):
         return scene.sides, decisions
     built, trial = scene.sides, decisions
     reference = max(photos, key=lambda photo: _extent(scene, decisions, photo))
@@ -332,7 +333,7 @@ def built_sides(sides: Placement, sightings: Sequence[Sighting]) -> Placement:
     return replace(sides, origin=origin, axes=axes)
 
 
-def _off_the_drawing(scene: Scene, decisions: Decisions) -> bool:
+def _are_boards_elsewhere(scene: Scene, decisions: Decisions) -> bool:
     """Whether named grids fit the target clearly worse than planes of their own."""
     ratio, share = [], []
     for own, decision in zip(scene.photos, decisions, strict=True):

@@ -45,7 +45,7 @@ class Scene:
 
     Attributes:
         target: the calibration target.
-        sides: its boards as they are drawn, or with the colours that the photos show.
+        sides: its nominal boards, or with the colours that the photos show.
         image_size: (width, height) of all photos, pixels.
         grids: the grids.
         allowed: where on the target each of them can lie.
@@ -117,7 +117,7 @@ class Scene:
     def decide(self, sides: Placement, own: Sequence[int]) -> Decision:
         """What becomes of one photo's grids, in the order of ``own``.
 
-        ``sides`` are the boards where they are, ``self.sides`` as they are drawn.
+        ``sides`` are the boards where they are, ``self.sides`` where they are nominally.
         """
         camera = self.camera
         usable = [
@@ -277,7 +277,7 @@ def _world(scene: Scene, index: int, decision: Decision, n: int) -> FloatArray:
 
 
 # RMS, as a share of the distance of neighbouring corners, from which a grid is no plane of
-# squares, and from which it does not fit a place: targets are never quite as drawn, while one
+# squares, and from which it does not fit a place: targets are never quite nominal, while one
 # step along the board, or another board, misses by several times as much.
 _PLANE_STEPS, _PLACE_STEPS = 0.1, 0.25
 _SMALLEST_GATE_PX = 1.0

@@ -231,8 +231,12 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
                 listener=listener,
             )
             files = [file for own in loaded.values() for file in own.files]
-            held = {"hold_lenses": options.hold_lenses, "refine_target": refine_target, "shots": by}
-            made_by = made_by_record(run.command, held, first.target_file, files)
+            asked_for = {
+                "hold_lenses": options.hold_lenses,
+                "refine_target": refine_target,
+                "shots": by,
+            }
+            made_by = made_by_record(run.command, asked_for, first.target_file, files)
             listener.progress("Writing")
             written = save_rig(place, rig, made_by=made_by, overwrite=run.overwrite)
             for path, own in zip(corners, loaded.values(), strict=True):

@@ -82,9 +82,9 @@ def evaluate_rig_files(options: RigEvaluateOptions, *, run: Run = RUN) -> RigEva
         name: load_camera_inputs([one], source, run)[0]
         for name, one in zip(own, inputs, strict=True)
     }
-    first, drawn = loaded[own[0]], origin_of(known.made_by).target
+    first, nominal = loaded[own[0]], origin_of(known.made_by).target
     refined, given = model.with_name(REFINED), first.target_file
-    if drawn and given and given.sha256 == drawn.sha256 and refined.is_file():
+    if nominal and given and given.sha256 == nominal.sha256 and refined.is_file():
         run.listener.tell(Event.MEASURED_AS_DRAWN, refined=refined)
     run.listener.progress("Placing shots")
     pairs = {name: one.given for name, one in loaded.items()}

@@ -19,7 +19,7 @@ from cubicfish_cli.app.diagnosis import (
     left_out,
     photo_lenses,
     two_lenses,
-    wrong_drawing,
+    wrong_nominal,
 )
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.diagnosis.left_out import (
@@ -37,7 +37,7 @@ from cubicfish_cli.app.diagnosis.photo_lenses import (
     unlike,
 )
 from cubicfish_cli.app.diagnosis.two_lenses import best_split, lens_change
-from cubicfish_cli.app.diagnosis.wrong_drawing import measured_object
+from cubicfish_cli.app.diagnosis.wrong_nominal import measured_object
 from cubicfish_cli.app.words.phrases import percent
 from cubicfish_cli.commands.calibration import calibrate
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
@@ -839,13 +839,13 @@ def test_a_wrong_square_among_many_photos_is_measured_with_all_of_them(many, mon
     drawn = wrong.with_board(TARGET, 1, square=36.36)
     world = drawn.world_points(many.board, many.column, many.row)
     used = []
-    refine = wrong_drawing.refine_object
+    refine = wrong_nominal.refine_object
 
     def counted(fit, *rest):
         used.append(len(fit.poses))
         return refine(fit, *rest)
 
-    monkeypatch.setattr(wrong_drawing, "refine_object", counted)
+    monkeypatch.setattr(wrong_nominal, "refine_object", counted)
     found = calibrate(replace(many, world=world), target=drawn, refine_target="off",
                       hold_out=False).findings  # fmt: skip
     assert [one.code for one in found] == ["board_square"]

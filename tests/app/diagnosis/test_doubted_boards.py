@@ -7,20 +7,20 @@ import pytest
 import synthetic
 
 from cubicfish_cli.app.diagnosis.diagnose import HYPOTHESES
-from cubicfish_cli.app.diagnosis.wrong_drawing import doubted_boards
+from cubicfish_cli.app.diagnosis.wrong_nominal import doubted_boards
 from cubicfish_cli.core.assess.departure import Departure
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 
 TARGET = synthetic.corner_of_three()
-AS_DRAWN = {
+NOMINAL = {
     "bend": (0.0, 0.0), "twist": 0.0, "stretch": (0.0, 0.0),
     "shift": 0.0, "turn_deg": 0.0, "offset_rms": 0.0,
 }  # fmt: skip
 
 
 def doubts(**departs: Any) -> list[Finding]:
-    departure = Departure(board="left", **{**AS_DRAWN, **departs})
+    departure = Departure(board="left", **{**NOMINAL, **departs})
     seen: Any = SimpleNamespace(target=TARGET, departures=[departure])
     return doubted_boards(seen)
 

@@ -106,9 +106,9 @@ def test_a_refined_board_says_which_way_round_new_photos_show_it() -> None:
     )
     assert by_chance.errors.rms_px == pytest.approx(by_truth.errors.rms_px, rel=1e-6)
     # As drawn there is nothing to tell: the error is what it was, and larger.
-    as_drawn = evaluate(found.camera, given.with_target(target))
-    assert as_drawn.errors.rms_px > 1.1 * by_chance.errors.rms_px
-    np.testing.assert_array_equal(as_drawn.pairs.column, given.column)
+    nominal = evaluate(found.camera, given.with_target(target))
+    assert nominal.errors.rms_px > 1.1 * by_chance.errors.rms_px
+    np.testing.assert_array_equal(nominal.pairs.column, given.column)
 
 
 @pytest.mark.slow

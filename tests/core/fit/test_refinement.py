@@ -16,7 +16,7 @@ from cubicfish_cli.core.fit.deformable_target import NominalTarget
 from cubicfish_cli.core.fit.evaluate import evaluate
 from cubicfish_cli.core.target import Target, load_target, target_text
 
-DRAWN = synthetic.box_of_four()
+NOMINAL = synthetic.box_of_four()
 NOISE = 0.05
 
 
@@ -24,7 +24,7 @@ def real_object(*, offsets: float = 0.0) -> Target:
     """The box as built: boards bend, twist, stretch and sit a little off, corners too."""
     rng = np.random.default_rng(8)
     boards = []
-    for index, board in enumerate(DRAWN.boards):
+    for index, board in enumerate(NOMINAL.boards):
         turn = Rotation.from_rotvec(rng.normal(0, 0.003, 3) * (index > 0)).as_matrix()
         boards.append(
             replace(
@@ -40,19 +40,19 @@ def real_object(*, offsets: float = 0.0) -> Target:
                 ),
             )
         )
-    return replace(DRAWN, boards=tuple(boards))
+    return replace(NOMINAL, boards=tuple(boards))
 
 
 def photos_of(real: Target, count: int = 10, seed: int = 21):
     """Pairs as a user has them: pixels of the real object, world points of the drawn one."""
-    poses = synthetic.poses_around(DRAWN, count, seed=seed)
+    poses = synthetic.poses_around(NOMINAL, count, seed=seed)
     corners = synthetic.synthetic_corners(real, poses, noise=NOISE, seed=seed)
-    return corners.with_target(DRAWN)
+    return corners.with_target(NOMINAL)
 
 
 def test_derivatives_of_the_object():
-    pairs = photos_of(DRAWN, 2)
-    world = NominalTarget(pairs=pairs, target=DRAWN).free(noise=0.1, offset_spread=0.1)
+    pairs = photos_of(NOMINAL, 2)
+    world = NominalTarget(pairs=pairs, target=NOMINAL).free(noise=0.1, offset_spread=0.1)
     assert len(world.parameters) == 4 * 5 + 3 * 6
     np.testing.assert_array_equal(world.points, pairs.world)
     d_world = np.random.default_rng(0).standard_normal((len(pairs.world), 2, 3))
@@ -68,18 +68,18 @@ def test_derivatives_of_the_object():
 
 def test_refined_target_is_the_moved_world():
     """World points from the refined target file are those that the fit used."""
-    pairs = photos_of(DRAWN, 3)
+    pairs = photos_of(NOMINAL, 3)
     rng = np.random.default_rng(1)
-    nominal = NominalTarget(pairs=pairs, target=DRAWN)
+    nominal = NominalTarget(pairs=pairs, target=NOMINAL)
     world = nominal.free(noise=0.1, offset_spread=0.1)
     world = world.moved(rng.normal(0, 0.003, 38), rng.normal(0, 0.2, world.offsets.shape))
     target = nominal.refined(world)
     points = target.world_points(pairs.board, pairs.column, pairs.row)
     np.testing.assert_allclose(points, world.points, atol=1e-9)
     # Refining a refined object adds to what it had.
-    drawn = NominalTarget(pairs=replace(pairs, world=points), target=target)
-    again = drawn.free(noise=0.1)
-    both = drawn.refined(again)
+    nominal = NominalTarget(pairs=replace(pairs, world=points), target=target)
+    again = nominal.free(noise=0.1)
+    both = nominal.refined(again)
     np.testing.assert_allclose(
         both.world_points(pairs.board, pairs.column, pairs.row), points, atol=1e-9
     )
@@ -87,20 +87,20 @@ def test_refined_target_is_the_moved_world():
 
 def test_bends_are_held_as_loosely_as_they_show_but_stretches_as_firmly_as_prints():
     """A stretch and pixels that are not square do the same to a board that is never turned."""
-    pairs = photos_of(DRAWN, 2)
-    world = NominalTarget(pairs=pairs, target=DRAWN).free(noise=0.1)
-    drawn = world.spread[:5]
-    assert drawn[3:].max() < drawn[:3].min()
+    pairs = photos_of(NOMINAL, 2)
+    world = NominalTarget(pairs=pairs, target=NOMINAL).free(noise=0.1)
+    nominal = world.spread[:5]
+    assert nominal[3:].max() < nominal[:3].min()
     found = world.moved(np.full(len(world.parameters), 0.05), world.offsets)
     spread = found.with_spreads(np.zeros_like(found.parameters)).spread
-    assert (spread[:3] > 3 * drawn[:3]).all()
-    np.testing.assert_array_equal(spread[3:5], drawn[3:])
+    assert (spread[:3] > 3 * nominal[:3]).all()
+    np.testing.assert_array_equal(spread[3:5], nominal[3:])
 
 
 @pytest.mark.slow
 def test_shape_is_found_and_helps_on_new_photos():
     real = real_object()
-    result = calibrate(photos_of(real), target=DRAWN, refine_target="auto")
+    result = calibrate(photos_of(real), target=NOMINAL, refine_target="auto")
     assert result.refined == "shape"
     assert result.errors.rms_px == pytest.approx(NOISE * np.sqrt(2), rel=0.05)
     by_level = result.fit.held_out_by_level
@@ -113,17 +113,17 @@ def test_shape_is_found_and_helps_on_new_photos():
     # The overall scale cannot be seen; stretches are known up to it.
     np.testing.assert_allclose(np.diff(found.stretch), np.diff(true.stretch), atol=3e-4)
     fresh = synthetic.synthetic_corners(
-        real, synthetic.poses_around(DRAWN, 5, seed=77), noise=NOISE, seed=5
+        real, synthetic.poses_around(NOMINAL, 5, seed=77), noise=NOISE, seed=5
     )
     refined = evaluate(result.camera, fresh.with_target(result.target)).errors.rms_px
-    drawn = evaluate(result.camera, fresh.with_target(DRAWN)).errors.rms_px
-    assert refined < 0.09 < drawn
+    nominal = evaluate(result.camera, fresh.with_target(NOMINAL)).errors.rms_px
+    assert refined < 0.09 < nominal
 
 
 @pytest.mark.slow
 def test_points_are_found_where_there_are_any():
     real = real_object(offsets=0.25)
-    result = calibrate(photos_of(real, 16), target=DRAWN, refine_target="auto")
+    result = calibrate(photos_of(real, 16), target=NOMINAL, refine_target="auto")
     assert result.refined == "points"
     levels = result.fit.held_out_by_level
     assert levels["points"] < 0.9 * levels["shape"] < 0.9 * levels["off"]
@@ -146,16 +146,16 @@ def test_points_are_found_where_there_are_any():
 
 @pytest.mark.slow
 def test_an_exact_object_stays_as_drawn():
-    result = calibrate(photos_of(DRAWN), target=DRAWN, refine_target="auto")
+    result = calibrate(photos_of(NOMINAL), target=NOMINAL, refine_target="auto")
     assert result.refined == "off"
-    assert result.target is DRAWN
+    assert result.target is NOMINAL
     assert set(result.fit.held_out_by_level) == {"off", "shape", "points"}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["shape", "points"])
 def test_noise_alone_bends_nothing(level):
-    result = calibrate(photos_of(DRAWN), target=DRAWN, refine_target=level, hold_out=False)
+    result = calibrate(photos_of(NOMINAL), target=NOMINAL, refine_target=level, hold_out=False)
     assert result.refined == level
     for board in result.target.boards:
         assert np.abs(board.shape.bend).max() < 0.2
@@ -170,10 +170,10 @@ def test_units_do_not_matter_to_a_refined_object():
         units="m",
         boards=tuple(
             replace(board, square=board.square / 1000, origin=board.origin / 1000)
-            for board in DRAWN.boards
+            for board in NOMINAL.boards
         ),
     )
-    one = calibrate(pairs, target=DRAWN, refine_target="shape", hold_out=False)
+    one = calibrate(pairs, target=NOMINAL, refine_target="shape", hold_out=False)
     other = calibrate(
         replace(pairs, world=pairs.world / 1000),
         target=metres,
@@ -188,7 +188,7 @@ def test_units_do_not_matter_to_a_refined_object():
 
 @pytest.mark.slow
 def test_pairs_without_a_target_are_left_alone():
-    pairs = photos_of(DRAWN, 5)
+    pairs = photos_of(NOMINAL, 5)
     result = calibrate(pairs, refine_target="auto")
     assert (result.refined, result.target) == ("off", None)
 
@@ -199,7 +199,7 @@ def board(**change) -> Board:
 
 @pytest.mark.parametrize(
     "target",
-    [DRAWN, real_object(offsets=0.1), synthetic.flat_board()],
+    [NOMINAL, real_object(offsets=0.1), synthetic.flat_board()],
     ids=["drawn", "real", "flat"],
 )
 def test_target_file_round_trip(tmp_path, target):
@@ -243,13 +243,13 @@ boards:
 @pytest.mark.slow
 def test_corners_off_their_places_are_found_where_shapes_gain_nothing() -> None:
     """A sheet that is flat and true in its outlines, printed or cut a little unevenly."""
-    drawn = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
+    nominal = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
     offsets = np.random.default_rng(2).normal(0, 0.3, (6, 9, 3)) * [1, 1, 0.5]
     shape = BoardShape(bend=np.zeros(2), twist=0.0, stretch=np.zeros(2), offsets=offsets)
-    real = drawn.with_boards({0: replace(drawn.boards[0], shape=shape)})
+    real = nominal.with_boards({0: replace(nominal.boards[0], shape=shape)})
     errors = CornerErrors(noise=0.1, shared=0, spread=0)
     corners, _ = simulated_corners(synthetic_lens("equisolid"), real, 12, seed=2, errors=errors)
-    fit = calibrate(corners.with_target(drawn), target=drawn)
+    fit = calibrate(corners.with_target(nominal), target=nominal)
     found = fit.fit.held_out_by_level
     assert found["shape"] > 0.99 * found["off"]
     assert fit.refined == "points"

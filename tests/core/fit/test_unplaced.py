@@ -19,7 +19,7 @@ from cubicfish_cli.core.target import Target
 
 NOISE = 0.1
 PHOTOS = 8
-DRAWN = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
+NOMINAL = Target(units="mm", boards=(synthetic.checkerboard("board", 9, 6, 30.0),))
 UNPLACED = [1, 4, 6]
 
 
@@ -28,16 +28,16 @@ def pairs():
     """Corners of a sheet that is printed unevenly; of some photos it is not known which."""
     offsets = np.random.default_rng(2).normal(0, 0.3, (6, 9, 3)) * [1, 1, 0.5]
     shape = BoardShape(bend=np.zeros(2), twist=0.0, stretch=np.zeros(2), offsets=offsets)
-    real = DRAWN.with_boards({0: replace(DRAWN.boards[0], shape=shape)})
+    real = NOMINAL.with_boards({0: replace(NOMINAL.boards[0], shape=shape)})
     errors = CornerErrors(noise=NOISE, shared=0, spread=0)
     corners, _ = simulated_corners(synthetic_lens("equisolid"), real, PHOTOS, seed=2, errors=errors)
-    pairs = corners.with_target(DRAWN)
+    pairs = corners.with_target(NOMINAL)
     return replace(pairs, certain=~np.isin(pairs.image, UNPLACED))
 
 
 @pytest.fixture(scope="module")
 def fit(pairs):
-    return calibrate(pairs, target=DRAWN)
+    return calibrate(pairs, target=NOMINAL)
 
 
 def test_they_are_in_no_figure_of_a_fit(pairs, fit):
@@ -70,13 +70,13 @@ def test_they_are_listed_without_one(pairs, fit):
 
 
 def test_they_have_errors_where_corners_have_no_places_of_their_own(pairs):
-    shape = calibrate(pairs, target=DRAWN, refine_target="shape", hold_out=False)
+    shape = calibrate(pairs, target=NOMINAL, refine_target="shape", hold_out=False)
     assert all(one.rms_px > NOISE for one in shape.fit.per_image)
 
 
 def test_where_no_corner_is_certain_all_that_is_left_is_told(pairs):
     none = replace(pairs, certain=np.zeros(len(pairs.pixel), bool))
-    fit = calibrate(none, target=DRAWN, refine_target="points", hold_out=False)
+    fit = calibrate(none, target=NOMINAL, refine_target="points", hold_out=False)
     assert fit.errors.rms_px == pytest.approx(rms_px(fit.residual))
 
 

@@ -15,7 +15,7 @@ from cubicfish_cli.corners.identification.identified import (
     Decided,
     GridReport,
     Place,
-    drawing_fits,
+    nominal_target_fits,
     remark_lines,
     remark_of,
 )
@@ -129,7 +129,7 @@ def test_a_photo_of_another_camera_is_not_blamed_on_the_drawing():
     other = [*grids[:4], (replace(one, pixel=middle + 1.4 * (one.pixel - middle)),), *grids[5:]]
     photos = [f"{number}.png" for number in range(9)]
     identified = name_grids(other, LONE, IMAGE_SIZE, photos)
-    odd = drawing_fits(identified.grids, LONE)
+    odd = nominal_target_fits(identified.grids, LONE)
     remarks = [
         remark_of(photo, own[0], odd=odd)
         for photo, own in zip(photos, identified.grids, strict=True)
@@ -158,4 +158,4 @@ def named(board=0):
     ],
 )
 def test_the_drawing_is_right_where_most_photos_fit_it(photos, fits):
-    assert drawing_fits(photos, TWO) is fits
+    assert nominal_target_fits(photos, TWO) is fits

@@ -163,8 +163,8 @@ def calibrate_rig(
     level: Level = "off"
     if target is not None:
         level = max((one.level for one in singly), key=LEVELS.index)
-        drawn = target.world_points(pairs.board, pairs.column, pairs.row)
-        pairs = pairs.with_world((drawn - origin) / scale)
+        points = target.world_points(pairs.board, pairs.column, pairs.row)
+        pairs = pairs.with_world((points - origin) / scale)
     nominal = NominalTarget(target=target and target.moved(-origin), pairs=pairs, scale=scale)
     moved: list[Moved] = []
     while True:
@@ -238,8 +238,8 @@ def _fit(
     pairs = replace(pairs, error_known=nominal.pairs_at(level).error_known)
     alike = pairs
     if level != "off":
-        drawn, spread = replace(nominal, pairs=pairs), FIRST_SPREAD if level == "points" else None
-        world = drawn.free(noise=noise_px(fit.errors), offset_spread=spread)
+        start, spread = replace(nominal, pairs=pairs), FIRST_SPREAD if level == "points" else None
+        world = start.free(noise=noise_px(fit.errors), offset_spread=spread)
         fit = fit.again(pairs, world=world, relative_decrease=1e-3)
         fit = estimate_spread(fit, pairs)
     # Photos that are not quite of one moment, too, say less than others.

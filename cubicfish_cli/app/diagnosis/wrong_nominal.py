@@ -1,6 +1,6 @@
-"""What is wrong with the drawing of several boards (target.yaml), by the target as measured.
+"""What is wrong with the nominal target of several boards (target.yaml), by the target as measured.
 
-Where there is no fit, the target is measured with no drawing but each board's own grid of squares.
+Where there is no fit, the target is measured from each board's own grid of squares alone.
 Every board in every photo is taken as a flat thing of its own: a lens and a pose for each follow
 from that. Where two boards are in one photo, their poses give one board's place in the other's
 frame. That it is the same in all photos gives the ratio of their squares.
@@ -40,12 +40,12 @@ _TIMES_WORSE = 2.0
 _SOMEWHAT_WORSE = 1.3
 _NEARLY_ALL, _BEYOND_A_RULER = 0.1, 5e-4
 # Where a fit is so much worse than its corners' noise, the target is measured to see whether it is
-# as drawn.
+# as given.
 _MEASURED_FROM = 1.2
 # Photos agree with a lens if their noise is within this many times that of the best ones.
 _AGREES = 6.0
-# Beyond these a deformation is no property of paper, plate or wall but a mistake in the drawing
-# or in the names of the corners. Shares are of the board's half diagonal.
+# Beyond these a deformation is no property of paper, plate or wall but a mistake in the nominal
+# target or in the names of the corners. Shares are of the board's half diagonal.
 _MOST_BEND_SHARE = 0.03
 _MOST_STRETCH = 0.015
 _MOST_SHIFT_SHARE = 0.03
@@ -144,8 +144,8 @@ def _place_beside(poses: Poses, one: IntArray, other: IntArray) -> FloatArray | 
     return step
 
 
-def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
-    """Find what is wrong with the drawing, by the target as fitted."""
+def find_wrong_nominal(evidence: FitEvidence) -> list[Finding]:
+    """Find what is wrong with the nominal target, by the target as fitted."""
     fit, nominal = evidence.fit, evidence.fit.nominal
     if nominal.target is None or len(nominal.target.boards) < 2:
         return []
@@ -160,11 +160,11 @@ def wrong_drawing(evidence: FitEvidence) -> list[Finding]:
     return _compare_refined(fit, refine_object(own, "shape", ()))
 
 
-def _compare_refined(drawn: CameraFit, refined: CameraFit) -> list[Finding]:
-    """Find what is wrong with the drawing, where the target is free to be otherwise."""
+def _compare_refined(nominal_fit: CameraFit, refined: CameraFit) -> list[Finding]:
+    """Find what is wrong with the nominal target, where the target is free to be otherwise."""
     nominal = refined.nominal
     target, real = nominal.target, nominal.refined(refined.world)
-    before, after = rms_px(drawn.errors), rms_px(refined.errors)
+    before, after = rms_px(nominal_fit.errors), rms_px(refined.errors)
     if before < _SOMEWHAT_WORSE * after or target is None or real is None:
         return []
     measured = {}
@@ -178,7 +178,7 @@ def _compare_refined(drawn: CameraFit, refined: CameraFit) -> list[Finding]:
 
 
 def _stands_out(fault: Fault) -> bool:
-    """Whether a fault is large, and little else is wrong with the drawing beside it."""
+    """Whether a fault is large, and little else is wrong with the nominal target beside it."""
     extent = np.linalg.norm(np.ptp(np.concatenate(list(fault.points.values())), axis=0))
     return bool(
         fault.before > _BEYOND_A_RULER * extent and fault.after < _NEARLY_ALL * fault.before
@@ -216,8 +216,8 @@ def _find_half_diagonal(board: Board) -> float:
     return float(np.hypot(*board.normalised(np.zeros(2))[1]))
 
 
-def of_failure(evidence: FailedFit) -> list[Finding]:
-    """Find the fault of the drawing without which the corners fit."""
+def explain_failure(evidence: FailedFit) -> list[Finding]:
+    """Find the fault of the nominal target without which the corners fit."""
     target = evidence.target
     if target is None or len(target.boards) < 2:
         return []

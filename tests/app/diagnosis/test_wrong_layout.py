@@ -9,7 +9,7 @@ from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three, poses_around, synthetic_corners
 
 from cubicfish_cli.app.diagnosis import object_faults as module
-from cubicfish_cli.app.diagnosis.object_faults import misdrawn
+from cubicfish_cli.app.diagnosis.object_faults import find_wrong_layout
 from cubicfish_cli.core.target import Target
 from cubicfish_cli.corners.detection.grids import grid_in_mirror
 from cubicfish_cli.corners.identification import name_grids as naming
@@ -29,7 +29,7 @@ def grids():
 def told(grids, target=TARGET):
     names = NAMES[: len(grids)]
     identified = name_grids(grids, target, IMAGE_SIZE, names)
-    return next(iter(misdrawn(grid_evidence(identified, target))), None)
+    return next(iter(find_wrong_layout(grid_evidence(identified, target))), None)
 
 
 def mirrored(grids, photos):
@@ -65,7 +65,7 @@ def test_a_mirrored_grid_is_the_one_of_the_mirrored_photo(grids):
 def test_right_photos_of_a_right_drawing_are_not_named_again(grids, monkeypatch):
     identified = name_grids(grids, TARGET, IMAGE_SIZE, NAMES)
     monkeypatch.setattr(naming, "name_again", lambda *_: pytest.fail("must not be tried"))
-    assert misdrawn(grid_evidence(identified, TARGET)) == []
+    assert find_wrong_layout(grid_evidence(identified, TARGET)) == []
 
 
 @pytest.mark.slow
