@@ -26,6 +26,7 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command l
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
+from cubicfish_cli.app.run import Run  # noqa: E402
 from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one  # noqa: E402
 from cubicfish_cli.app.undistortion.images import remap_picture  # noqa: E402
 from cubicfish_cli.core.io.camera_yaml import load_camera  # noqa: E402
@@ -138,9 +139,7 @@ def ours(sources: list[Path], folder: Path, made: UndistortMap, workers: int) ->
     failures = write_many(
         jobs,
         partial(write_one, render=lambda job, photos: {"": remap_picture(photos[""], made)}),
-        workers=workers,
-        overwrite=True,
-        progress=lambda done, total: None,
+        Run(jobs=workers, overwrite=True),
     )
     assert not failures, failures
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cubicfish_cli.app.listener import SILENT
 from cubicfish_cli.app.paths import path_or_none
-from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, photo_size, shown
+from cubicfish_cli.app.photos import SUFFIXES, VIDEO_SUFFIXES, shown
 from cubicfish_cli.app.run import Run
-from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write, write_many, write_one
+from cubicfish_cli.app.undistortion.batch import Job, Views, write_many
 from cubicfish_cli.app.undistortion.choose import ChosenView
 from cubicfish_cli.app.undistortion.images import check_suffix, part_name
 from cubicfish_cli.app.words.phrases import plural
@@ -82,11 +83,27 @@ def _failure_record(name: str, error: CubicfishError) -> dict[str, Any]:
     return {**told.as_record(), "image": name, "problem": problem}
 
 
-Jobs = tuple[Sequence[Job], Sequence[Job]]
-"""The sources to render, and those that are left out since their results exist."""
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Which pictures or videos are made of which sources, and how.
+
+    Attributes:
+        kind: the kind of source, in a word.
+        jobs: the sources to render, and the files of their results.
+        skipped: those that are left out since their results exist.
+        options: how they are rendered.
+        run: how the work is done.
+
+    """
+
+    kind: str
+    jobs: Sequence[Job]
+    skipped: Sequence[Job]
+    options: PictureOptions
+    run: Run
 
 
-def plan_jobs(
+def plan_pictures(
     kind: str,
     sources: Mapping[str, tuple[str, Mapping[str, Path]]],
     output: Path,
@@ -94,7 +111,7 @@ def plan_jobs(
     run: Run,
     *,
     alone: bool,
-) -> Jobs:
+) -> Plan:
     """Plan the results of sources, and refuse before any work what cannot be done.
 
     Args:
@@ -146,7 +163,7 @@ def plan_jobs(
             *lacking.values(), overwrite=run.overwrite, can_skip=not options.skip_existing
         )
         (left if lacking else skipped).append(replace(job, outputs=lacking or job.outputs))
-    return left, skipped
+    return Plan(kind=kind, jobs=left, skipped=skipped, options=options, run=run)
 
 
 def _is_folder(output: Path, several: str) -> bool:
@@ -170,71 +187,49 @@ def _is_folder(output: Path, several: str) -> bool:
     return True
 
 
-def write_pictures(
-    kind: str,
-    jobs: Jobs,
-    views: Views,
-    options: PictureOptions,
-    run: Run,
-    *,
-    model: Path | None,
-    write: Write | None = None,
-    size_of: Callable[[Path], Size] = photo_size,
-) -> UndistortedFiles:
+def write_pictures(plan: Plan, views: Views, *, model: Path | None) -> UndistortedFiles:
     """Render what was planned, and write masks and cameras beside it.
 
     Args:
-        kind: the kind of source, in a word.
-        jobs: the sources, and the files of their results.
+        plan: the sources, and the files of their results.
         views: the view of each.
-        options: how they are rendered.
-        run: how the work is done.
         model: the file of the camera or rig, for the record.
-        write: writes the result of a source that is no photo.
-        size_of: returns the size of a source.
 
     Raises:
         OutputError: a file beside the results exists, and it may be neither replaced nor skipped.
         ViewError: a mask or a camera would be another one for each photo.
 
     """
-    left, skipped = jobs
+    options, run, sources = plan.options, plan.run, [*plan.jobs, *plan.skipped]
     files: dict[Path, Content] = {}
-    if (options.mask is not None or options.virtual_camera is not None) and (left or skipped):
-        sources = [job.source for job in (*left, *skipped)]
-        views_of = [views.chosen(source, size_of(source)) for source in sources]
-        if any(one is not views_of[0] for one in views_of):
+    if (options.mask is not None or options.virtual_camera is not None) and sources:
+        first, *others = (views.chosen_of(job) for job in sources)
+        if any(one is not first for one in others):
             raise ViewError(
                 "these photos have a mask and a virtual camera each, since their sizes or planes "
                 "differ: do them one at a time"
             )
         from cubicfish_cli.app.undistortion.map_formats import view_files
 
-        maps = views.maps(sources[0], size_of(sources[0]))
+        source = sources[0].source
+        maps = views.maps(source, views.size_of(source))
         mask, virtual_camera = path_or_none(options.mask), path_or_none(options.virtual_camera)
         files = view_files(maps, mask=mask, beside=virtual_camera)
         if options.skip_existing:
             files = {path: content for path, content in files.items() if not path.is_file()}
         refuse_existing(*files, overwrite=run.overwrite, can_skip=not options.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    # Videos are rendered one after the other, and each reports its own progress.
-    counted = None if write else run.listener.counting("Undistorting")
-    failures = write_many(
-        left,
-        write or partial(write_one, render=views, quality=options.quality),
-        workers=1 if write else run.jobs or os.cpu_count() or 1,
-        overwrite=run.overwrite,
-        progress=counted or (lambda done, total: None),
-        executor=run.executor if left else None,
-    )
-    written = {job.name: tuple(job.outputs.values()) for job in left if job.name not in failures}
-    done = next((job.source for job in left if job.name in written), None)
+    write = partial(views.write, quality=options.quality)
+    if plan.kind == "video":  # one after the other, and each reports its own progress
+        run = replace(run, jobs=1, listener=SILENT)
+    failures = write_many(plan.jobs, write, run)
+    done = [job for job in plan.jobs if job.name not in failures]
     return UndistortedFiles(
-        kind=kind,
-        written=written,
+        kind=plan.kind,
+        written={job.name: tuple(job.outputs.values()) for job in done},
         failures=failures,
-        skipped=tuple(job.name for job in skipped),
+        skipped=tuple(job.name for job in plan.skipped),
         model=model,
-        view=None if done is None else views.chosen(done, size_of(done)),
+        view=views.chosen_of(done[0]) if done else None,
         extras=extras,
     )

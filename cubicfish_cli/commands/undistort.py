@@ -5,13 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Collection, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.paths import in_folder, named_photos, paths_of
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
@@ -30,11 +28,11 @@ from cubicfish_cli.commands.view_options import (
     view_options,
     view_or_plane_options,
 )
-from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, UsageError
+from cubicfish_cli.core.errors import OutputError, PhotoError, UsageError
 from cubicfish_cli.core.files import StrPath
 
 if TYPE_CHECKING:
-    from cubicfish_cli.app.undistortion.batch import Job, Views
+    from cubicfish_cli.app.undistortion.batch import Views
     from cubicfish_cli.commands.pictures import UndistortedFiles
     from cubicfish_cli.core.io.camera_yaml import Calibrated
     from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -167,7 +165,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
 
     """
     from cubicfish_cli.app.undistortion.batch import Views
-    from cubicfish_cli.commands.pictures import plan_jobs, write_pictures
+    from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.core.io.camera_keys import read_camera
     from cubicfish_cli.core.lenses.cubic import CubicCamera
 
@@ -178,7 +176,7 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     if kind == "video" and (run.executor is not None or run.jobs is not None):
         name = "--jobs" if run.executor is None else "--scheduler"
         raise UsageError(f"{name} is for photos: do videos without it")
-    jobs = plan_jobs(kind, photos, Path(options.output), options, run, alone=alone)
+    plan = plan_pictures(kind, photos, Path(options.output), options, run, alone=alone)
     path: Path | None = None
     known: Any = options.camera
     if isinstance(known, str | os.PathLike):
@@ -192,15 +190,14 @@ def undistort_files(options: UndistortOptions, *, run: Run = RUN) -> Undistorted
     else:
         known = read_camera(known) if isinstance(known, Path) else known
         camera = known if isinstance(known, CubicCamera) else known.camera
-        views = Views(camera, options.view, options.interpolation)
-    if kind == "photo":
-        return write_pictures(kind, jobs, views, options, run, model=path)
-    from cubicfish_cli.app.undistortion.video import video_size
+        if kind == "video":
+            from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, VideoViews
 
-    write = partial(_write_video, views=views, options=options, run=run)
-    return write_pictures(
-        kind, jobs, views, options, run, model=path, write=write, size_of=video_size
-    )
+            crf = DEFAULT_CRF if options.crf is None else options.crf
+            views = VideoViews(camera, options.view, options.interpolation, crf, run.listener)
+        else:
+            views = Views(camera, options.view, options.interpolation)
+    return write_pictures(plan, views, model=path)
 
 
 def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, Path]], bool]:
@@ -224,39 +221,6 @@ def _find_sources(names: Sequence[str], run: Run) -> tuple[str, list[tuple[str, 
         raise OutputError("two videos have the same name: do them one at a time")
     alone = [os.fspath(path) for _, path in sources] == list(names) and len(names) == 1
     return "video" if videos else "photo", sources, alone
-
-
-def _write_video(
-    job: Job, views: Views, options: UndistortOptions, run: Run, *, overwrite: bool
-) -> CubicfishError | None:
-    """Write one video and report progress; as :func:`write_one` writes pictures.
-
-    A video that is cut short is an error, but its frames are written.
-    """
-    from cubicfish_cli.app.photos import shown
-    from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, undistort_video
-
-    output = job.outputs[""]
-    try:
-        done = undistort_video(
-            job.source,
-            output,
-            lambda size: views.maps(job.source, size)[""],
-            options.interpolation,
-            crf=DEFAULT_CRF if options.crf is None else options.crf,
-            overwrite=overwrite,
-            progress=run.listener.counting(job.name),
-        )
-    except CubicfishError as problem:
-        return problem
-    if done.turned_deg:
-        run.listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
-    if not done.missing:
-        return None
-    return PhotoError(
-        f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} frames and "
-        f"has {done.frames:,}, which {shown(output)} holds: copy it again if you can"
-    )
 
 
 @as_command(

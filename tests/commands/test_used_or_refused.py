@@ -147,9 +147,9 @@ def shows(run: Run, line: list[object], out: Path, option: str, monkeypatch: Any
         seen: list[int] = []
         real = pictures.write_many
 
-        def count(*args: Any, **how: Any) -> Any:
-            seen.append(how["workers"])
-            return real(*args, **how)
+        def count(jobs: Any, write: Any, how: Any) -> Any:
+            seen.append(how.jobs)
+            return real(jobs, write, how)
 
         monkeypatch.setattr(pictures, "write_many", count)
         run(*line, option, 1)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from os.path import abspath
 from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.photos import Picture, decode_picture, one_opencv_thread, read_file, shown
+from cubicfish_cli.app.photos import (
+    Picture,
+    decode_picture,
+    one_opencv_thread,
+    photo_size,
+    read_file,
+    shown,
+)
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.undistortion.choose import ChosenView, chosen_view
 from cubicfish_cli.app.undistortion.images import (
     encode_picture,
@@ -71,6 +79,8 @@ class Views:
     from any thread. Sizes are (width, height), pixels.
     """
 
+    size_of = staticmethod(photo_size)
+
     def __init__(
         self, camera: CubicCamera, wanted: View | ViewOptions | None, interpolation: str
     ) -> None:
@@ -105,6 +115,14 @@ class Views:
         with MAKING:
             return self.chosen(source, size).maps
 
+    def chosen_of(self, job: Job) -> ChosenView:
+        """The view of a job's photo, which is looked at for its size."""
+        return self.chosen(job.source, self.size_of(job.source))
+
+    def write(self, job: Job, *, quality: int | None, overwrite: bool) -> CubicfishError | None:
+        """Write the pictures of a job, as :func:`write_one`."""
+        return write_one(job, self, quality=quality, overwrite=overwrite)
+
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job; :func:`write_many` calls it."""
         picture = photos[""]
@@ -114,15 +132,7 @@ class Views:
         }
 
 
-def write_many(
-    jobs: Sequence[Job],
-    write: Write,
-    *,
-    workers: int,
-    overwrite: bool,
-    progress: Callable[[int, int], None],
-    executor: Executor | None = None,
-) -> dict[str, CubicfishError]:
+def write_many(jobs: Sequence[Job], write: Write, run: Run) -> dict[str, CubicfishError]:
     """Write the results of many photos, shots or videos; one that fails does not stop the others.
 
     Every output appears whole or not at all, also when this is interrupted.
@@ -130,26 +140,25 @@ def write_many(
     Args:
         jobs: the photos.
         write: writes the results of one.
-        workers: photos to work on at a time.
-        overwrite: whether existing outputs may be replaced.
-        progress: called with the numbers of photos done and of all photos.
-        executor: does the work instead of this process; ``write`` must then be picklable, and
-            ``workers`` is ignored. It may replace outputs that it finds: a machine wrote them and
-            was lost before it could report them.
+        run: how the work is done. For its executor ``write`` must be picklable, and an executor may
+            replace outputs that it finds: a machine wrote them and was lost before it could report
+            them.
 
     Returns:
         The name of each job that failed, in the order of ``jobs``, and why.
 
     Raises:
-        ClusterError: ``executor`` cannot do the work.
+        ClusterError: the executor cannot do the work.
 
     """
-    if executor is not None:
-        answers = _by_executor(partial(write, overwrite=True), jobs, executor)
+    progress = run.listener.counting("Undistorting")
+    workers = run.jobs or os.cpu_count() or 1
+    if run.executor is not None and jobs:
+        answers = _by_executor(partial(write, overwrite=True), jobs, run.executor)
     elif workers == 1 or len(jobs) == 1:
-        answers = ((number, write(job, overwrite=overwrite)) for number, job in enumerate(jobs))
+        answers = ((number, write(job, overwrite=run.overwrite)) for number, job in enumerate(jobs))
     else:
-        answers = _by_threads(partial(write, overwrite=overwrite), jobs, workers)
+        answers = _by_threads(partial(write, overwrite=run.overwrite), jobs, workers)
     problems: dict[int, CubicfishError | None] = {}
     progress(0, len(jobs))
     with closing(answers):
@@ -237,7 +246,7 @@ def _by_executor(
 
 def _make_absolute(job: Job) -> Job:
     photos, outputs = (
-        {key: Path(abspath(path)) for key, path in paths.items()}
+        {key: Path(os.path.abspath(path)) for key, path in paths.items()}
         for paths in (job.photos, job.outputs)
     )
     return replace(job, photos=photos, outputs=outputs)

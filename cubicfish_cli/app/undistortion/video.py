@@ -28,11 +28,16 @@ from cubicfish_cli.app.films.source import (
     missing_frames,
     opened,
 )
+from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import shown
+from cubicfish_cli.app.undistortion.batch import Job, Size, Views
 from cubicfish_cli.app.undistortion.images import naming, remap
-from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
+from cubicfish_cli.app.undistortion.options import ViewOptions
+from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, ViewError
 from cubicfish_cli.core.files import whole_file
+from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.views.maps import OUTSIDE, UndistortMap
+from cubicfish_cli.core.views.view import View
 
 if TYPE_CHECKING:
     import av
@@ -54,6 +59,69 @@ _CENTRED = frozenset(["mjpeg"])
 _RGB = "gbrp"
 
 
+def video_size(path: Path) -> Size:
+    """(width, height) of a video's frames.
+
+    Raises:
+        PhotoError: the file cannot be read, or holds no video.
+        OutputError: the extra ``video`` is not installed.
+
+    """
+    with opened(path) as (_, stream):
+        return stream.width, stream.height
+
+
+class VideoViews(Views):
+    """The view of a camera's videos."""
+
+    size_of = staticmethod(video_size)
+
+    def __init__(
+        self,
+        camera: CubicCamera,
+        wanted: View | ViewOptions | None,
+        interpolation: str,
+        crf: int,
+        listener: Listener,
+    ) -> None:
+        """Prepare for videos of this camera, as :class:`Views` does for photos.
+
+        Args:
+            camera: the camera.
+            wanted: the view, or its options.
+            interpolation: how pixels are interpolated.
+            crf: as for :func:`undistort_video`.
+            listener: is told of progress, and how far players turn a video.
+
+        """
+        super().__init__(camera, wanted, interpolation)
+        self._crf, self._listener = crf, listener
+
+    def write(self, job: Job, *, quality: int | None, overwrite: bool) -> CubicfishError | None:
+        """Write a video; one that is cut short is an error, and what there is of it is written."""
+        output = job.outputs[""]
+        try:
+            done = undistort_video(
+                job.source,
+                output,
+                lambda size: self.maps(job.source, size)[""],
+                self.interpolation,
+                crf=self._crf,
+                overwrite=overwrite,
+                progress=self._listener.counting(job.name),
+            )
+        except CubicfishError as problem:
+            return problem
+        if done.turned_deg:
+            self._listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
+        if not done.missing:
+            return None
+        return PhotoError(
+            f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} frames "
+            f"and has {done.frames:,}, which {shown(output)} holds: copy it again if you can"
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class VideoResult:
     """What became of a video.
@@ -68,18 +136,6 @@ class VideoResult:
     frames: int
     missing: int
     turned_deg: int
-
-
-def video_size(path: Path) -> tuple[int, int]:
-    """(width, height) of a video's frames.
-
-    Raises:
-        PhotoError: the file cannot be read, or holds no video.
-        OutputError: the extra ``video`` is not installed.
-
-    """
-    with opened(path) as (_, stream):
-        return stream.width, stream.height
 
 
 def undistort_video(

@@ -87,7 +87,7 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
 
     """
     from cubicfish_cli.app.undistortion.choose import chosen_view
-    from cubicfish_cli.commands.pictures import plan_jobs, write_pictures
+    from cubicfish_cli.commands.pictures import plan_pictures, write_pictures
     from cubicfish_cli.extensions.rigs.mosaic import Body
     from cubicfish_cli.extensions.rigs.rig import load_rig, rig_file
     from cubicfish_cli.extensions.rigs.shots import RigViews, body_for_photos, shots_of
@@ -98,13 +98,13 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
     shots = shots_of(sources, names, run.listener)
     suffix = next(iter(next(iter(shots.values())).values())).suffix
     jobs = {name: (f"{name}{suffix}", own) for name, own in shots.items()}
-    planned = plan_jobs("shot", jobs, Path(options.output), options, run, alone=len(shots) == 1)
+    plan = plan_pictures("shot", jobs, Path(options.output), options, run, alone=len(shots) == 1)
     view = options.view or ViewOptions()
     if isinstance(view, ViewOptions) and view.kind is None:
         view = replace(view, kind="equirectangular")
     body = body_for_photos(Body(cameras=known.cameras, distance=options.distance), shots)
     views = RigViews(body, chosen_view(body, view), options.interpolation)
-    return write_pictures("shot", planned, views, options, run, model=model)
+    return write_pictures(plan, views, model=model)
 
 
 @as_command(

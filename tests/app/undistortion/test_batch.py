@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from synthetic import lens_of_size
 
+from cubicfish_cli.app.listener import SILENT, Listener
+from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.app.undistortion.images import remap_picture
 from cubicfish_cli.core.errors import PhotoError, ViewError
@@ -33,16 +35,25 @@ def render(job, photos):
     return {part: remap_picture(photos[""], MAP) for part in job.outputs}
 
 
-def run(jobs, render=render, workers=2, progress=lambda done, total: None):
-    write = partial(write_one, render=render)
-    return write_many(jobs, write, workers=workers, overwrite=False, progress=progress)
+class Counting(Listener):
+    def __init__(self):
+        self.seen = []
+
+    def progress(self, step, done=0, total=0, now=""):
+        if total:
+            self.seen.append((done, total))
+
+
+def run(jobs, render=render, workers=2, listener=SILENT):
+    how = Run(jobs=workers, listener=listener)
+    return write_many(jobs, partial(write_one, render=render), how)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 5])
 def test_every_photo_is_done_and_counted(tmp_path, workers):
-    jobs, seen = jobs_of(tmp_path, 12), []
-    assert run(jobs, workers=workers, progress=lambda *counts: seen.append(counts)) == {}
-    assert seen == [(done, 12) for done in range(13)]
+    jobs, listener = jobs_of(tmp_path, 12), Counting()
+    assert run(jobs, workers=workers, listener=listener) == {}
+    assert listener.seen == [(done, 12) for done in range(13)]
     for number, job in enumerate(jobs):
         assert cv2.imread(str(job.outputs[""]), cv2.IMREAD_UNCHANGED).max() == number
 

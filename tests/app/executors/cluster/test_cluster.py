@@ -8,7 +8,8 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +22,8 @@ from running import SAMPLE, Run
 
 from cubicfish_cli.app.executors import cluster
 from cubicfish_cli.app.executors.cluster import connect, do_one, versions_here
+from cubicfish_cli.app.listener import Listener
+from cubicfish_cli.app.run import RUN
 from cubicfish_cli.app.undistortion.batch import Job, write_many, write_one
 from cubicfish_cli.core.errors import ClusterError, PhotoError
 
@@ -128,16 +131,21 @@ def jobs_of(folder: Path, count: int, out: str = "out") -> list[Job]:
     return jobs
 
 
+class Counting(Listener):
+    """Calls a function with the counts of a step."""
+
+    def __init__(self, call: Callable[[float, float], object]) -> None:
+        self.call = call
+
+    def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
+        if total:
+            self.call(done, total)
+
+
 def undistort(jobs: Sequence[Job], address: str, render, wait_s=PATIENCE_S, **options) -> dict:
     with connect(address, wait_s=wait_s) as executor:
-        return write_many(
-            jobs,
-            partial(write_one, render=render),
-            workers=1,
-            overwrite=options.get("overwrite", False),
-            progress=options.get("progress", lambda done, total: None),
-            executor=executor,
-        )
+        how = replace(RUN, executor=executor, **options)
+        return write_many(jobs, partial(write_one, render=render), how)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -201,19 +209,14 @@ def test_planes_find_their_poses_there(
 @pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(processes: Processes, tmp_path: Path) -> None:
     jobs, seen = jobs_of(tmp_path, 12), []
-    write_many(
-        jobs_of(tmp_path, 12, "here"),
-        partial(write_one, render=distant_work.render),
-        workers=1,
-        overwrite=False,
-        progress=lambda done, total: None,
-    )
+    here = jobs_of(tmp_path, 12, "here")
+    write_many(here, partial(write_one, render=distant_work.render), replace(RUN, jobs=1))
     address = processes.have(2)
     failures = undistort(
         jobs,
         address,
         distant_work.render_and_end,
-        progress=lambda done, total: seen.append((done, total)),
+        listener=Counting(lambda *counts: seen.append(counts)),
     )
     assert failures == {}
     assert (tmp_path / "ended").exists()
@@ -388,14 +391,14 @@ def test_a_scheduler_that_is_lost_is_one_line(
     try:
         jobs, address = jobs_of(tmp_path, 60), own.have(1)
 
-        def progress(done: int, total: int) -> None:
+        def end_early(done: float, total: float) -> None:
             if done == 3:
                 own.close()
 
         with pytest.raises(
             ClusterError, match=r"does not answer any more \(\d+ of 60 done\).*skip"
         ):
-            undistort(jobs, address, distant_work.render_slowly, progress=progress)
+            undistort(jobs, address, distant_work.render_slowly, listener=Counting(end_early))
     finally:
         own.close()
 
