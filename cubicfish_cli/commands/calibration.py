@@ -9,7 +9,7 @@ from typing import Any, get_args
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, FitError
-from cubicfish_cli.core.files import write_text
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.fit import calibrate as fitting
 from cubicfish_cli.core.fit import evaluate as evaluation
 from cubicfish_cli.core.fit.calibration import Calibration
@@ -147,4 +147,4 @@ def save_target(path: str | os.PathLike[str], target: Target, *, overwrite: bool
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    write_text(Path(path), target_text(target), overwrite=overwrite)
+    write_files({Path(path): target_text(target)}, overwrite=overwrite)

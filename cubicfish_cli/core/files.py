@@ -50,7 +50,20 @@ def refuse_existing(*paths: Path, overwrite: bool, can_skip: bool = False) -> No
 
     """
     for path in paths:
-        _refuse_existing(path, overwrite=overwrite, can_skip=can_skip)
+        if os.path.isdir(path):
+            raise OutputError("is a folder: give the name of a file", about=str(path))
+        if not overwrite and os.path.lexists(path):
+            raise OutputError(
+                "exists already",
+                do="choose another name or add {overwrite}" + " or {skip_existing}" * can_skip,
+                about=str(path),
+                arguments={"overwrite": "overwrite=True", "skip_existing": "skip_existing=True"},
+            )
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise OutputError(
+                "is no plain file, and is not replaced: choose another name", about=str(path)
+            )
+        _refuse_unwritable(path)
 
 
 def refuse_outside(folder: Path, paths: Iterable[Path]) -> None:
@@ -65,23 +78,6 @@ def refuse_outside(folder: Path, paths: Iterable[Path]) -> None:
                 "in the files that are read",
                 about=str(path),
             )
-
-
-def _refuse_existing(path: Path, *, overwrite: bool, can_skip: bool) -> None:
-    if os.path.isdir(path):
-        raise OutputError("is a folder: give the name of a file", about=str(path))
-    if not overwrite and os.path.lexists(path):
-        raise OutputError(
-            "exists already",
-            do="choose another name or add {overwrite}" + " or {skip_existing}" * can_skip,
-            about=str(path),
-            arguments={"overwrite": "overwrite=True", "skip_existing": "skip_existing=True"},
-        )
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise OutputError(
-            "is no plain file, and is not replaced: choose another name", about=str(path)
-        )
-    _refuse_unwritable(path)
 
 
 _writable: set[Path] = set()
@@ -315,11 +311,6 @@ def _move_to_free_name(source: Path, path: Path) -> None:
     except OSError:  # a file system without hard links: check once more, then rename
         refuse_existing(path, overwrite=False)
         os.replace(source, path)
-
-
-def write_text(path: Path, text: str, *, overwrite: bool) -> None:
-    """Write ``text`` as UTF-8 to ``path``, whole or not at all."""
-    write_files({path: text}, overwrite=overwrite)
 
 
 def write_files(

@@ -18,7 +18,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_written_file_is_all_that_is_left(tmp_path: Path) -> None:
-    files.write_text(tmp_path / "new" / "a.txt", "é\n", overwrite=False)
+    files.write_files({tmp_path / "new" / "a.txt": "é\n"}, overwrite=False)
     assert (tmp_path / "new" / "a.txt").read_bytes() == "é\n".encode()
     assert names(tmp_path / "new") == ["a.txt"]
 
@@ -27,9 +27,9 @@ def test_an_existing_file_is_kept_unless_overwriting(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
     with pytest.raises(OutputError, match=r"a\.txt exists already: .*overwrite=True"):
-        files.write_text(path, "new", overwrite=False)
+        files.write_files({path: "new"}, overwrite=False)
     assert path.read_text() == "old"
-    files.write_text(path, "new", overwrite=True)
+    files.write_files({path: "new"}, overwrite=True)
     assert path.read_text() == "new"
     assert names(tmp_path) == ["a.txt"]
 
@@ -56,7 +56,7 @@ def test_without_hard_links_the_name_is_checked_and_renamed(
 
     monkeypatch.setattr(os, "link", no_links)
     path = tmp_path / "a.txt"
-    files.write_text(path, "first", overwrite=False)
+    files.write_files({path: "first"}, overwrite=False)
     assert path.read_text() == "first"
     with pytest.raises(OutputError), files.whole_file(path, overwrite=False):
         pass
@@ -84,11 +84,11 @@ def test_an_error_that_says_what_is_wrong_passes_through(tmp_path: Path) -> None
 def test_an_unwritable_place_names_the_file_and_the_cause(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"a\.txt cannot be written: .*file is a file, not a"):
-        files.write_text(tmp_path / "file" / "a.txt", "x", overwrite=False)
+        files.write_files({tmp_path / "file" / "a.txt": "x"}, overwrite=False)
     with pytest.raises(OutputError, match=r"a\.txt cannot be written: .*file is a file, not a"):
-        files.write_text(tmp_path / "file" / "b" / "a.txt", "x", overwrite=False)
+        files.write_files({tmp_path / "file" / "b" / "a.txt": "x"}, overwrite=False)
     with pytest.raises(OutputError, match=r"cannot be written \(File name too long\)"):
-        files.write_text(tmp_path / ("n" * 300), "x", overwrite=False)
+        files.write_files({tmp_path / ("n" * 300): "x"}, overwrite=False)
 
 
 def test_the_temporary_name_keeps_the_suffix_and_fits_long_names(tmp_path: Path) -> None:
@@ -305,7 +305,7 @@ def test_a_signal_while_temporary_files_are_removed_leaves_none(
 
     monkeypatch.setattr(Path, "unlink", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        files.write_text(tmp_path / "a.txt", "x", overwrite=False)
+        files.write_files({tmp_path / "a.txt": "x"}, overwrite=False)
     assert names(tmp_path) == ["a.txt"]
 
 
@@ -313,7 +313,7 @@ def test_only_plain_files_are_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/null")):
         with pytest.raises(OutputError, match=r"is no plain file, and is not replaced"):
-            files.write_text(path, "x", overwrite=True)
+            files.write_files({path: "x"}, overwrite=True)
 
 
 def test_the_temporary_name_fits_long_names_of_other_scripts(tmp_path: Path) -> None:
@@ -356,7 +356,7 @@ def test_what_a_killed_process_left_goes_with_the_next_and_nothing_else(tmp_path
         assert alive.stdout is not None
         assert alive.stdout.readline() == "there\n"
         (living,) = (name for name in names(tmp_path) if name.startswith(".lives."))
-        files.write_text(tmp_path / "b.txt", "x", overwrite=False)
+        files.write_files({tmp_path / "b.txt": "x"}, overwrite=False)
         assert set(names(tmp_path)) == {*others, living, "b.txt"}
         alive.communicate("")
     assert (tmp_path / "lives.txt").read_text() == "half"

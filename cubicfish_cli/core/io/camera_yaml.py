@@ -21,7 +21,7 @@ from cubicfish_cli.core.assess.camera_facts import CameraFacts
 from cubicfish_cli.core.assess.fit_record import ErrorStatistics, FitRecord, fit_record
 from cubicfish_cli.core.assess.uncertainty import UncertaintyGrid
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError
-from cubicfish_cli.core.files import write_text
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.io.camera_keys import (
     FORMAT_VERSION,
     RADIAL_KEYS,
@@ -84,7 +84,7 @@ class CameraRecord(CameraFacts):
             CameraFileError: ``made_by`` is not plain data.
 
         """
-        write_text(Path(path), self.text(made_by), overwrite=overwrite)
+        write_files({Path(path): self.text(made_by)}, overwrite=overwrite)
 
     def __str__(self) -> str:
         """The camera's key figures and the verdict."""

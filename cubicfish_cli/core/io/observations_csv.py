@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cubicfish_cli.core.errors import CorrespondenceError
-from cubicfish_cli.core.files import write_text
+from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.reading import MAX_COORDINATE, MAX_SIDE
 from cubicfish_cli.core.tables import Table, csv_text, read_table
@@ -86,7 +86,7 @@ def save_corners(path: Path | str, corners: Observations, *, overwrite: bool = F
         OutputError: the file exists and ``overwrite`` is false, or it cannot be written.
 
     """
-    write_text(Path(path), corners_text(corners), overwrite=overwrite)
+    write_files({Path(path): corners_text(corners)}, overwrite=overwrite)
 
 
 def corners_text(corners: Observations) -> str:

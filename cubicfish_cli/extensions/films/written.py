@@ -4,13 +4,13 @@ The sheet is no picture file, since a folder's pictures are the photos to calibr
 """
 
 import shutil
-from collections.abc import Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 
 from cubicfish_cli.app.photos import data_uri, read_picture, thumbnail
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.core.files import whole_files, write_text
+from cubicfish_cli.core.files import Content, write_files
 from cubicfish_cli.core.frame_names import film_and_time
 from cubicfish_cli.extensions.films.frames import Chosen, names_of
 
@@ -46,27 +46,25 @@ def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
         OutputError: a file exists and ``overwrite`` is false, or cannot be written.
 
     """
-    paths = [folder / SHEET, *(folder / frame.photo.name for frame in chosen.taken)]
+    files: dict[Path, Content] = {folder / SHEET: _sheet(chosen)}
+    for frame in chosen.taken:
+        files[folder / frame.photo.name] = partial(shutil.copyfile, frame.photo.path)
     films = {one.film.label for one in chosen.measured}
     obsolete = [
         path
         for path in folder.glob("*.png")
-        if overwrite and path not in paths and (film_and_time(path.name) or ("",))[0] in films
+        if overwrite and path not in files and (film_and_time(path.name) or ("",))[0] in films
     ]
-    written = whole_files(paths, overwrite=overwrite, obsolete=obsolete, folder=folder)
-    with written as (page, *pictures):
-        for picture, frame in zip(pictures, chosen.taken, strict=True):
-            shutil.copyfile(frame.photo.path, picture)
-        write_text(page, _sheet(chosen, pictures), overwrite=False)
+    write_files(files, overwrite=overwrite, obsolete=obsolete, folder=folder)
 
 
-def _sheet(chosen: Chosen, pictures: Sequence[Path]) -> str:
+def _sheet(chosen: Chosen) -> str:
     """Make the contact sheet: chosen frames, small and side by side, in one page."""
     films, taken = chosen.measured, chosen.taken
     figures = []
-    for frame, path in zip(taken, pictures, strict=True):
+    for frame in taken:
         seen, film = frame.seen, films[frame.film]
-        picture = data_uri(thumbnail(read_picture(path), _LONGEST), _QUALITY)
+        picture = data_uri(thumbnail(read_picture(frame.photo.path), _LONGEST), _QUALITY)
         head = f"{film.film.label} " * (len(films) > 1) + f"{film.time[frame.index]:.3f} s"
         figures.append(
             f'<figure><img alt="" src="{picture}"><figcaption><b>{escape(head)}</b><br>'

@@ -13,7 +13,7 @@ from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import print_report
 from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 
 @record
@@ -60,7 +60,7 @@ def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
 
     run.listener.progress("Making the report")
     facts = facts_of_files(model, target=target, photos=list(map(Path, options.photos)))
-    write_text(path, report_html(facts), overwrite=run.overwrite)
+    write_files({path: report_html(facts)}, overwrite=run.overwrite)
     return ReportFiles(page=path, model=model, verdict=facts.known.verdict, absent=facts.absent)
 
 

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import Photo, read_grey
 from cubicfish_cli.app.run import Run
 from cubicfish_cli.core.errors import CubicfishError, DetectionError, PhotoError
-from cubicfish_cli.core.files import refuse_existing, whole_files, write_text
+from cubicfish_cli.core.files import Content, refuse_existing, write_files
 from cubicfish_cli.core.frame_names import frame_name
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.tables import csv_text
@@ -232,10 +233,9 @@ def _write(
             )
     table = folder / "shots.csv"
     rows = [(one.shot, one.camera, one.picture.name) for one in frames]
-    with whole_files([table, *sources], overwrite=overwrite, folder=folder) as temporaries:
-        write_text(temporaries[0], csv_text([("shot", "camera", "image"), *rows]), overwrite=False)
-        for temporary, source in zip(temporaries[1:], sources.values(), strict=True):
-            shutil.copyfile(source, temporary)
+    files: dict[Path, Content] = {table: csv_text([("shot", "camera", "image"), *rows])}
+    files |= {path: partial(shutil.copyfile, source) for path, source in sources.items()}
+    write_files(files, overwrite=overwrite, folder=folder)
     return frames
 
 

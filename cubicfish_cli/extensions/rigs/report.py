@@ -13,7 +13,7 @@ from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import print_report
 from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.core.files import StrPath, refuse_existing, write_text
+from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 from cubicfish_cli.extensions.rigs.options import rig_argument
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
 
     loaded = load_rig(rig)
     run.listener.progress("Making the report")
-    write_text(page, rig_html(loaded), overwrite=run.overwrite)
+    write_files({page: rig_html(loaded)}, overwrite=run.overwrite)
     return loaded.verdict
 
 
