@@ -165,6 +165,8 @@ class DeformableTarget:
     @cached_property
     def points(self) -> FloatArray:
         """(N, 3) world point of each pair."""
+        if not self.free:
+            return self.nominal
         points = self.nominal.copy()
         if len(self.corner):
             points += self.offsets[self.corner]

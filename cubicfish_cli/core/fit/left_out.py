@@ -6,6 +6,7 @@ out at the price of a small linear system, where a new fit costs tens of iterati
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -73,10 +74,11 @@ class LeaveOneOut:
 
         The empirical influence of a group (Jaeckel's infinitesimal jackknife).
         """
+        still = np.zeros((len(self._fit.poses), 6, 1))
         steps = np.empty((len(self._groups), len(self._fit.normal.shared)))
         for step, group in zip(steps, self._groups, strict=True):
-            shared, pose, corner = (part[..., None] for part in self._sum_up(group).gradient)
-            step[:] = self._equations_of_all.steps(-shared, np.zeros_like(pose), -corner)[0][:, 0]
+            shared, _, corner = (part[..., None] for part in self._sum_up(group).gradient)
+            step[:] = self._equations_of_all.steps(-shared, still, -corner)[0][:, 0]
         return steps
 
     def _subtract(self, group: IntArray) -> NormalEquations:
@@ -92,11 +94,16 @@ class LeaveOneOut:
         return fit.pairs.select(own), State(fit.lens, fit.poses, fit.world.select(own))
 
     def _sum_up(self, group: IntArray) -> NormalEquations:
-        """Sum up the contribution of the pairs that are seen from some poses to the equations."""
+        """Sum up the contribution of the pairs that are seen from some poses to the equations.
+
+        Only these poses are among its unknowns, in ascending order.
+        """
         pairs, state = self._select(group)
-        normal = NormalEquations.zeros(*state.size)
+        shared, _, corners = state.size
+        normal, own = NormalEquations.zeros(shared, len(group), corners), np.sort(group)
         for run, terms in linearise(state, pairs, self._fit.huber_px):
-            normal.add(terms, state.world.corner[run])
+            among = replace(terms, pose=np.searchsorted(own, terms.pose))
+            normal.add(among, state.world.corner[run])
         return normal
 
     def _refit(

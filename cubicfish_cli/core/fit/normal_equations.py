@@ -7,6 +7,7 @@ by the Schur complement, so the work grows linearly with the photos.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 # Shares of the diagonal: the damping that stands for none, and the least pivot.
 _UNDAMPED, _LEAST_PIVOT = 1e-14, 1e-12
+# Numbers at once of the coupling of eliminated blocks to the rest, which is a large array.
+_NUMBERS_AT_ONCE = 600_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,8 +131,14 @@ class NormalEquations:
             put_in: the contribution of the pairs that are seen from these.
 
         """
-        parts = vars(put_in)
-        left = NormalEquations(**{name: one - parts[name] for name, one in vars(self).items()})
+        left = NormalEquations(
+            shared=self.shared - put_in.shared,
+            pose=self.pose.copy(),
+            pose_shared=self.pose_shared.copy(),
+            corner=self.corner - put_in.corner,
+            corner_shared=self.corner_shared - put_in.corner_shared,
+            pose_corner=self.pose_corner.copy(),
+        )
         left.pose[poses] = np.eye(6)
         left.pose_shared[poses] = 0
         left.pose_corner[poses] = 0
@@ -168,12 +177,12 @@ class NormalEquations:
         """
         pose = damped(self.pose, np.maximum(damping, of_pose)), self.pose_shared[:, :, :-1]
         corner = damped(self.corner, damping), self.corner_shared[:, :, :-1]
-        both = self.pose_corner.reshape(6 * len(self.pose), 3 * len(self.corner))
-        keeps_poses = 0 < both.shape[0] <= both.shape[1]
+        across = self.pose_corner.reshape(6 * len(self.pose), 3 * len(self.corner))
+        keeps_poses = 0 < across.shape[0] <= across.shape[1]
         if keeps_poses:
-            (kept, kept_shared), (gone, gone_shared), across = pose, corner, both.T
+            (kept, kept_shared), (gone, gone_shared), across = pose, corner, across.T
         else:
-            (kept, kept_shared), (gone, gone_shared), across = corner, pose, both
+            (kept, kept_shared), (gone, gone_shared) = corner, pose
         count, shared = len(self.shared), damped(self.shared[:, :-1], damping)
         matrix = np.zeros((count + kept.size // kept.shape[1],) * 2)
         matrix[:count, :count] = shared
@@ -181,11 +190,16 @@ class NormalEquations:
         matrix[:count, count:] = matrix[count:, :count].T
         places = count + np.arange(len(matrix) - count).reshape(kept.shape[:2])
         matrix[places[:, :, None], places[:, None, :]] = kept
-        right = np.hstack([gone_shared.reshape(len(across), count), across])
-        inverse: FloatArray = np.asarray(np.linalg.inv(gone), float)
-        back = (inverse @ right.reshape(*gone.shape[:2], len(matrix))).reshape(right.shape)
-        matrix -= right.T @ back
-        return Eliminated(matrix=matrix, inverse=inverse, back=back, keeps_poses=keeps_poses)
+        equations = Eliminated(
+            matrix=matrix,
+            inverse=np.asarray(np.linalg.inv(gone), float),
+            gone_shared=gone_shared,
+            across=across,
+            keeps_poses=keeps_poses,
+        )
+        for _, coupling, back in equations.couplings():
+            matrix -= coupling.T @ back
+        return equations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -195,15 +209,35 @@ class Eliminated:
     Attributes:
         matrix: (D, D), the K shared unknowns first.
         inverse: (n, b, b) of each block that was eliminated.
-        back: (nb, D) these inverses times the blocks' coupling to the rest.
+        gone_shared: (n, b, K) the coupling of these blocks to the shared unknowns.
+        across: (nb, D - K) their coupling to the blocks that remain.
         keeps_poses: whether the corners were eliminated, not the poses.
 
     """
 
     matrix: FloatArray
     inverse: FloatArray
-    back: FloatArray
+    gone_shared: FloatArray
+    across: FloatArray
     keeps_poses: bool
+
+    def couplings(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """The coupling of the eliminated blocks to the rest, some blocks after the others.
+
+        Yields:
+            The rows of these blocks among all that were eliminated; (r, D) their coupling; and
+            (r, D) their inverses times it.
+
+        """
+        blocks, size, count = self.gone_shared.shape
+        at_once = max(1, _NUMBERS_AT_ONCE // max(size * len(self.matrix), 1))
+        for first in range(0, blocks, at_once):
+            some = slice(first, min(first + at_once, blocks))
+            rows = slice(size * some.start, size * some.stop)
+            across, inverse = self.across[rows], self.inverse[some]
+            coupling = np.hstack([self.gone_shared[some].reshape(len(across), count), across])
+            back = inverse @ coupling.reshape(*inverse.shape[:2], len(self.matrix))
+            yield rows, coupling, back.reshape(coupling.shape)
 
     def steps(
         self,
@@ -223,7 +257,9 @@ class Eliminated:
         """
         kept, gone = (pose, corner) if self.keeps_poses else (corner, pose)
         flat = gone.reshape(-1, shared.shape[1])
-        right = np.vstack([shared, kept.reshape(-1, shared.shape[1])]) - self.back.T @ flat
+        right = np.vstack([shared, kept.reshape(-1, shared.shape[1])])
+        for rows, _, back in self.couplings():
+            right -= back.T @ flat[rows]
         if changes is None:
             step = -solve_scaled(self.matrix, right)
         else:  # the unchanged part is eliminated once
@@ -236,7 +272,9 @@ class Eliminated:
             whole = self.matrix[own, own] - cross.T @ followed + changes
             first = -solve_scaled(whole, slope)[:, :, 0].T
             step = np.vstack([first, -followed @ first - left])
-        other = -(self.inverse @ gone).reshape(flat.shape) - self.back @ step
+        other = -(self.inverse @ gone).reshape(flat.shape)
+        for rows, _, back in self.couplings():
+            other[rows] -= back @ step
         count = len(shared)
         kept, gone = step[count:].reshape(kept.shape), other.reshape(gone.shape)
         return step[:count], *((kept, gone) if self.keeps_poses else (gone, kept))
