@@ -16,7 +16,8 @@ LENS = synthetic_lens("equisolid")
 
 @pytest.fixture(scope="module")
 def exact():
-    return simulated_corners(LENS, TARGET, 6, errors=EXACT)
+    poses = tuple(synthetic.poses_around(TARGET, 6, distance=(0.3, 0.6), off_axis_deg=30))
+    return simulated_corners(LENS, TARGET, 6, errors=EXACT, poses=poses)
 
 
 @pytest.mark.slow

@@ -110,19 +110,13 @@ def field_seen(camera: CubicCamera) -> FieldSeen:
     width, height = camera.image_size
     left, right, top, bottom = -0.5, width - 0.5, -0.5, height - 0.5
     x, y = camera.project(np.array([0.0, 0.0, 1.0]))
-
-    def extent(to_x: float, to_y: float) -> float:
-        """The largest angle from the axis on the way to a place on the photo's edge, degrees."""
-        share = np.linspace(0, 1, _STEPS)[:, None]
-        way = (1 - share) * [x, y] + share * [to_x, to_y]
-        rays = np.concatenate([camera.unproject(way), camera.photo_rays(way[-1:])])
-        angle = np.rad2deg(angle_from_axis(rays[np.isfinite(rays[:, 0])]))
-        return float(angle.max()) if len(angle) else 0.0
-
-    return FieldSeen(
-        horizontal=extent(left, y) + extent(right, y),
-        vertical=extent(x, top) + extent(x, bottom),
-        diagonal=max(
-            extent(left, top) + extent(right, bottom), extent(left, bottom) + extent(right, top)
-        ),
-    )
+    edges = [(left, y), (right, y), (x, top), (x, bottom)]
+    corners = [(left, top), (right, bottom), (left, bottom), (right, top)]
+    ends = np.array(edges + corners)
+    share = np.linspace(0, 1, _STEPS)[:, None, None]
+    ways = (1 - share) * [x, y] + share * ends
+    rays = np.concatenate([camera.unproject(ways), camera.photo_rays(ends)[None]])
+    angles = np.rad2deg(angle_from_axis(rays))
+    extent = np.where(np.isfinite(angles), angles, 0.0).max(axis=0)  # the largest on each way
+    horizontal, vertical, *diagonals = (extent[::2] + extent[1::2]).tolist()
+    return FieldSeen(horizontal=horizontal, vertical=vertical, diagonal=max(diagonals))

@@ -294,14 +294,12 @@ def test_the_explanation_names_the_cause(box):
 @cache
 def drawn_board(gap=0.0, side=24):
     """A 9x6 board, drawn at five times its size, whose dark squares draw back by half a gap."""
-    y, x = (np.indices((240 * 5, 320 * 5), np.float32) + 0.5) / 5 - 0.5
-    i, j = (x - 60.1) / side, (y - 60.3) / side
-    inside = (i > -1) & (i < 9) & (j > -1) & (j < 6)
+    x, y = ((np.arange(5 * length, dtype=np.float32) + 0.5) / 5 - 0.5 for length in (320, 240))
+    i, j = ((x - 60.1) / side)[None, :], ((y - 60.3) / side)[:, None]
     edge = gap / 2 / side
-    within = (np.abs(i - np.floor(i) - 0.5) < 0.5 - edge) & (
-        np.abs(j - np.floor(j) - 0.5) < 0.5 - edge
-    )
-    dark = inside & within & ((np.floor(i) + np.floor(j)) % 2 == 0)
+    across = (i > -1) & (i < 9) & (np.abs(i - np.floor(i) - 0.5) < 0.5 - edge)
+    down = (j > -1) & (j < 6) & (np.abs(j - np.floor(j) - 0.5) < 0.5 - edge)
+    dark = across & down & ((np.floor(i) + np.floor(j)) % 2 == 0)
     light = np.where(dark, np.float32(40), np.float32(255))
     for one in (light, i, j):
         one.flags.writeable = False  # they are handed out again
@@ -362,12 +360,13 @@ def moved(light, length_px, towards_deg):
     steps = np.linspace(-0.5, 0.5, 23)[:, None] * 5 * length_px  # of a pixel
     angle = np.radians(towards_deg)
     still = np.float64([[1, 0, 0], [0, 1, 0]])
-    light = light.astype(np.float32)
-    mean = np.zeros_like(light)
+    light = light.astype(np.uint8)
+    total = np.zeros(light.shape, np.float32)
     for shift in steps * [np.cos(angle), np.sin(angle)]:
         still[:, 2] = shift
-        mean += cv2.warpAffine(light, still, light.shape[::-1], borderMode=cv2.BORDER_REFLECT)
-    return mean / len(steps)
+        one = cv2.warpAffine(light, still, light.shape[::-1], borderMode=cv2.BORDER_REFLECT)
+        cv2.accumulate(one, total)
+    return total / len(steps)
 
 
 @pytest.mark.parametrize("towards_deg", [30, pytest.param(135, marks=pytest.mark.slow)])
