@@ -73,9 +73,13 @@ def run() -> Run:
 def nothing_from_outside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """No model and no cache of the user's, and as if the extra 'report' were absent.
 
-    What writes pages takes its time, and says so.
+    What writes pages takes its time, and says so. Other processes are started for photos only
+    where a test asks for them, or starts the program itself: each loads OpenCV and SciPy first.
     """
+    from cubicfish_cli.app.executors import pool
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pool, "_ITEMS_FOR_POOL", 1000)
         patch.delenv("CUBICFISH_MODEL", raising=False)
         patch.setenv("CUBICFISH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
         patch.setattr(

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from cubicfish_cli.app.executors.pool import by_processes
+from cubicfish_cli.app.executors import pool
+from cubicfish_cli.app.executors.pool import by_processes, workers_for
 from cubicfish_cli.core.errors import DetectionError, PhotoError
 
 
@@ -34,6 +35,15 @@ def test_workers_start_however_long_the_name_of_the_temporary_folder_is(
     )  # fmt: skip
     assert (done.stdout.strip(), done.stderr) == ("1 2", "")
     assert list(folder.iterdir()) == []
+
+
+def test_processes_are_as_many_as_are_asked_for_or_as_processors_have_work(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pool, "_ITEMS_FOR_POOL", 4)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    assert [workers_for(None, items) for items in (0, 3, 4, 9)] == [1, 1, 3, 3]
+    assert [workers_for(2, items) for items in (0, 1, 9)] == [1, 1, 2]
 
 
 def dies(fate: str) -> str:
