@@ -1,6 +1,6 @@
 """A cubic camera as the nearest lens of another model, and how near that is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -173,42 +173,32 @@ def conversion_error(
     inside = np.ones(len(rays), bool)
     if covered_deg is not None and (theta <= np.deg2rad(covered_deg)).sum() >= _FEWEST:
         inside = theta <= np.deg2rad(covered_deg)
-    miss = lens.project(rays @ turn.T) - pixel
-    parts = [where for where in (inside, ~inside) if where.any()]
-    worst = [_figures(miss[where]) for where in parts]
-    also = {}
-    for way, project in (lens.also if every_way else {}).items():
-        its = project(rays @ turn.T) - pixel
-        figures = [_figures(its[where]) for where in parts]
-        also[way] = dict(zip(("rms_px", "max_px"), figures[0], strict=True))
-        worst = [
-            (max(one[0], other[0]), max(one[1], other[1]))
-            for one, other in zip(worst, figures, strict=True)
-        ]
-    seen = inside & np.isfinite(miss).all(axis=1)
+    ways = lens.also if every_way else {}
+    misses = [project(rays @ turn.T) - pixel for project in (lens.project, *ways.values())]
+    worst = _figures([miss[inside] for miss in misses])
     end_deg = float(np.rad2deg(theta[inside].max()))
     beyond = None
-    if len(worst) > 1:
-        beyond = {
-            "from_deg": end_deg,
-            "to_deg": float(np.rad2deg(theta.max())),
-            **dict(zip(("rms_px", "max_px"), worst[1], strict=True)),
-        }
+    if not inside.all():
+        to_deg = float(np.rad2deg(theta.max()))
+        figures = _figures([miss[~inside] for miss in misses])
+        beyond = {"from_deg": end_deg, "to_deg": to_deg, **figures}
+    seen = inside & np.isfinite(misses[0]).all(axis=1)
     return ConversionError(
-        rms_px=worst[0][0],
-        max_px=worst[0][1],
+        rms_px=worst["rms_px"],
+        max_px=worst["max_px"],
         max_angle_deg=end_deg,
-        by_angle=rings(theta[seen], miss[seen]) if seen.any() else [],
-        also=also,
+        by_angle=rings(theta[seen], misses[0][seen]) if seen.any() else [],
+        also={way: _figures([its[inside]]) for way, its in zip(ways, misses[1:], strict=True)},
         beyond=beyond,
     )
 
 
-def _figures(miss: FloatArray) -> tuple[float, float]:
-    """RMS and largest of distances (N, 2); infinite where the lens does not see a ray."""
-    if not np.isfinite(miss).all():
-        return float("inf"), float("inf")
-    return rms_px(miss), float(np.linalg.norm(miss, axis=1).max())
+def _figures(misses: Sequence[FloatArray]) -> dict[str, float]:
+    """Return the worst RMS and distance of several (N, 2); infinite if a ray is not seen."""
+    if not all(np.isfinite(miss).all() for miss in misses):
+        return {"rms_px": np.inf, "max_px": np.inf}
+    largest = max(float(np.linalg.norm(miss, axis=1).max()) for miss in misses)
+    return {"rms_px": max(map(rms_px, misses)), "max_px": largest}
 
 
 def _field(

@@ -13,7 +13,7 @@ import numpy as np
 from cubicfish_cli.app.calibration_facts import Facts, facts_of_fit, matched
 from cubicfish_cli.app.pages.template import day_of, template
 from cubicfish_cli.app.words import camera as in_words
-from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord, origin_of
+from cubicfish_cli.core.assess.fit_record import DroppedCorner, origin_of
 from cubicfish_cli.core.codes import Severity
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.extensions.report.figures import all_figures, arrow_zoom
@@ -61,7 +61,6 @@ def report_html(facts: Facts) -> str:
         in_words=in_words,
         verdict=facts.known.verdict,
         words=in_words.LEVELS,
-        camera=facts.camera,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,
         tiles=_tiles(facts),
@@ -72,9 +71,9 @@ def report_html(facts: Facts) -> str:
         most_cards=MOST_CARDS,
         most_rows=_MOST_ROWS,
         zoom=zoom,
-        deformations=facts.fit.departures,
         empty=_without_corners(facts),
-        notes=_notes(facts.fit),
+        # They do not speak against the camera.
+        notes=[one.line for one in facts.fit.findings if one.severity is Severity.NOTE],
         dropped=sorted(facts.fit.dropped_corners, key=_least_off)[:_MOST_DROPPED],
         made=origin,
         day=day_of(origin),
@@ -112,11 +111,6 @@ def _boards(facts: Facts) -> dict[str, str]:
     ):
         told.setdefault(pairs.images[image], []).append(f"{pairs.boards[board]} {number}")
     return {name: ", ".join(boards) for name, boards in told.items()}
-
-
-def _notes(fit: FitRecord) -> list[str]:
-    """Return remarks that do not speak against the camera."""
-    return [one.line for one in fit.findings if one.severity is Severity.NOTE]
 
 
 def _least_off(corner: DroppedCorner) -> float:
