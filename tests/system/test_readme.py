@@ -106,6 +106,13 @@ def test_every_command_is_shown_on_some_page() -> None:
     assert shown == {*COMMANDS, *extension_commands()}
 
 
+@pytest.mark.parametrize("page", ALL, ids=lambda path: path.name)
+def test_lines_to_paste_have_no_comments(page: Path) -> None:
+    """zsh, the shell of macOS, takes them for arguments."""
+    lines = "\n".join(blocks("sh", ALL[page])).splitlines()
+    assert [line for line in lines if re.search(r"(^|\s)#", line)] == []
+
+
 def test_the_readme_is_short() -> None:
     assert len(TEXT.splitlines()) <= 170
 
