@@ -114,12 +114,12 @@ def _picture(comparison: Comparison) -> Any:
     how=("max_rms", "overwrite", "as_json"),
 )
 def command(made: ComparedFiles, given: CompareOptions, how: How) -> None:
-    """Say how far from A's pixels the camera B sees the same rays, over their common field.
+    """Measure how many pixels apart the cameras A and B see the same rays, over their common field.
 
     A and B are camera.yaml files, such as the true_camera.yaml that simulate writes beside its
-    photos. The rotation between the two camera frames that makes
-    the differences smallest is taken out first, since poses make up for it. Photos of one size, or
-    of sizes that are an exact rescale; differences are in A's pixels.
+    photos. The rotation between the two camera frames that makes the differences smallest is taken
+    out first, since poses absorb it. Both cameras have photos of the same size, or of sizes that
+    are an exact rescale; differences are in A's pixels.
     """
     if not how.print(made):
         _print(made.comparison)

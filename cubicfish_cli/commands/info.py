@@ -99,11 +99,11 @@ def info_files(options: InfoOptions, *, run: Run = RUN) -> CameraInfo:
     how=("as_json",),
 )
 def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
-    """Say what the camera in FOLDER (by default: calibration) is.
+    """Describe the camera in FOLDER (by default: calibration).
 
-    Size, focal length and principal point with one standard deviation, the field of view that a
-    photo shows, how far from the axis corners reach, the errors, the verdict, and when and from
-    what it was made. The focal length is in pixels per radian, on the axis.
+    Shows its size, focal length and principal point with one standard deviation, the field of view
+    that a photo shows, how far from the axis corners reach, the errors, the verdict, and when and
+    from what it was made. The focal length is in pixels per radian, on the axis.
     """
     if how.print(made):
         return

@@ -233,9 +233,9 @@ def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:
 def check(checked: TargetCheck, given: CheckOptions, how: How) -> None:
     """Check TARGET, a target.yaml, before you take photos.
 
-    Says which boards are where, how many photos to take, whether boards or the whole target can
-    be mistaken for something else in photos, and what looks like a slip of the pen. The exit
-    code is 1 only when the file is no usable target.
+    Says which boards are where, how many photos to take, whether boards or the whole target can be
+    mistaken for something else in photos, and what is probably a mistake in the file. The exit code
+    is 1 only where the file cannot be used as a target.
     """
     if how.print(checked):
         return

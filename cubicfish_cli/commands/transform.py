@@ -207,11 +207,11 @@ def transform_files(options: TransformOptions, *, run: Run = RUN) -> Transformed
     how=("overwrite", "as_json"),
 )
 def command(made: TransformedFile, given: TransformOptions, how: How) -> None:
-    """Write the camera in FOLDER (by default: calibration) for photos of another mode.
+    """Write the camera in FOLDER (by default: calibration) for another mode of its sensor.
 
-    They show what the calibrated ones do, cropped first and then scaled, as other modes of the same
-    sensor are. Nothing is fitted: pixels are the calibrated camera's to the last digits, the field
-    stays, and errors and uncertainty are those of the new pixels.
+    Photos of that mode show what the calibrated ones do, cropped first and then scaled. Nothing is
+    fitted: the new camera sees the same rays to the last digits and keeps its field, and its errors
+    and uncertainty are in the new pixels.
     """
     if how.print(made):
         return

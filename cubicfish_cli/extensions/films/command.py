@@ -182,10 +182,10 @@ def with_frames(
     how=("overwrite", "as_json", "jobs", "no_cache"),
 )
 def command(chosen: ChosenFrames, given: FramesOptions, how: How) -> None:
-    """Choose the frames of each FILM that a camera is best calibrated from.
+    """Choose the frames of each FILM that are best to calibrate its camera from.
 
-    They are sharp, still, and each shows something that the others do not: corners in another
-    part of the picture, or a board from another side.
+    The chosen frames are sharp and still, and each shows something that the others do not: corners
+    in another part of the picture, or a board from another side.
     """
     from cubicfish_cli.app.photos import shown
 

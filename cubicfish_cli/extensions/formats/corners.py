@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from cubicfish_cli.core.target import Target
     from cubicfish_cli.extensions.formats.vnlog import ImportedCorners
 
-_HELP = """Write the corners in FILES of another detector as corners.csv, ready for calibrate.
+_HELP = """Convert FILES with another detector's corners to corners.csv, ready for calibrate.
 
-These are mrcal's corners.vnl, as mrgingham writes them: '# filename x y', maybe with level or
+FILES are mrcal's corners.vnl, as mrgingham writes them: '# filename x y', maybe with level or
 weight, and one row for each corner of one board, dashes where it was not found. Corners are
 numbered row by row from the target's corner (0, 0); corners of a board that would be seen from
 behind are refused. The files do not say how large the photos are: --size does.
 
-What another detector writes can be made a corners.csv, a plain table.
+The corners of any other detector can be written as a corners.csv, which is a plain table.
 """
 
 

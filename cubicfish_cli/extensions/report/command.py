@@ -76,7 +76,7 @@ def report_files(options: ReportOptions, *, run: Run = RUN) -> ReportFiles:
 def command(made: ReportFiles, given: ReportOptions, how: How) -> None:
     """Write one HTML page about the calibration in FOLDER (by default: calibration).
 
-    The page stands alone: no network, no program, every picture inside. Corners, target and
+    The page holds every picture and needs no network and no other program. Corners, target and
     photos are looked for beside the camera and where the calibration found them; what is no
     longer there, or has changed, is left out, and the page says so. The errors are worked out
     again from camera.yaml and corners.csv.

@@ -312,9 +312,9 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     """Calibrate several cameras on one body: their lenses, and where each stands.
 
     Move the rig about the target, or the target about the rig. Photos of one shot have the same
-    name in each camera's folder. Of films, moments are chosen at which several cameras see the
-    target sharply, and how far their clocks differ is fitted. The cameras' fields need not overlap:
-    two cameras are connected where each sees some board of the target in the same shot.
+    name in each camera's folder. From films it chooses moments at which several cameras see the
+    target sharply, and fits how far their clocks differ. The cameras' fields need not overlap: two
+    cameras are connected where each sees some board of the target in the same shot.
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:

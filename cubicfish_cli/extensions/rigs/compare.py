@@ -78,9 +78,10 @@ def compare_rig_files(options: RigCompareOptions, *, run: Run = RUN) -> Compared
     how=("as_json",),
 )
 def command(made: ComparedRigFiles, given: RigCompareOptions, how: How) -> None:
-    """Say how far apart the cameras of the rigs A and B stand beside the first, and how surely.
+    """Say how far cameras have moved from rig A to rig B, relative to the first camera.
 
-    Cameras are compared by their names, and so are their lenses.
+    Cameras are matched by their names. Differences have their standard deviation, and lenses are
+    compared too.
     """
     if not how.print(made):
         _print_compared(made)

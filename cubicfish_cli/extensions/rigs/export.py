@@ -29,7 +29,7 @@ mrcal       a folder: a .cameramodel a camera (metres)
 nerfstudio  one transforms.json
 anipose...  one calibration.toml (metres)
 
-Each lens is fitted to its camera as 'cubicfish export' does it, which has more to say of that.
+Each lens is fitted to its camera as by 'cubicfish export', whose help says more.
 """
 
 

@@ -25,6 +25,6 @@ COMMANDS = ("calibrate", "evaluate", "compare", "info", "report", "undistort", "
 def command() -> None:
     """Calibrate several cameras on one body, and work with what they see.
 
-    A rig is a folder with rig.yaml and a folder for each camera. What is done with one of the
-    cameras alone takes its own folder: 'cubicfish undistort photo.png flat.png --model rig/left'.
+    A rig is a folder with rig.yaml and a folder for each camera. Commands for a single camera take
+    that camera's folder: 'cubicfish undistort photo.png flat.png --model rig/left'.
     """

@@ -65,6 +65,6 @@ def info_rig_files(options: RigInfoOptions, *, run: Run = RUN) -> RigInfo:
     how=("as_json",),
 )
 def command(made: RigInfo, given: RigInfoOptions, how: How) -> None:
-    """Say where the cameras of RIG (by default: rig) stand, how surely, and how well it fits."""
+    """Show where the cameras of RIG (by default: rig) stand, how surely, and how well it fits."""
     if not how.print(made):
         print_rig(made.rig)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _HELP = """Write two maps of the rig's cameras that --pair names: OUT_left.npz and OUT_right.npz.
 
-After them what one camera shows in a row the other shows in the same row. Flat
+In pictures rendered with them, both cameras show the same thing in the same row. Flat
 pictures end before 180°; --view cylindrical and equirectangular are then about the line between
 the cameras and go on all around it. OUT.stereo.yaml has what it takes to get from disparities to
 points: baseline, focal length, and of flat ones P1, P2 and Q. Maps are written as

@@ -83,6 +83,6 @@ def write_rig_page(rig: Path, page: Path, run: Run) -> Verdict:
 def command(made: ReportFiles, given: RigReportOptions, how: How) -> None:
     """Write one HTML page about RIG (by default: rig): where its cameras stand, what they see.
 
-    The page stands alone: no network, no program, every picture inside.
+    The page holds every picture and needs no network and no other program.
     """
     print_report(made, how)

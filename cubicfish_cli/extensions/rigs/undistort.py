@@ -116,12 +116,12 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
     how=("overwrite", "as_json", "jobs", "scheduler"),
 )
 def command(made: UndistortedFiles, given: RigUndistortOptions, how: How) -> None:
-    """Render one picture OUT of the photos IN of a rig's cameras, of each shot one.
+    """Render the photos IN that a rig's cameras took of one shot as one picture OUT.
 
-    A panorama in any --view (equirectangular unless another is named). A photo is of the camera
-    that its folder is called after, or that its name begins with; otherwise name one of each, in
-    the rig's order. A folder with a folder for each camera holds many shots, photos of the same
-    name being one.
+    It is a panorama in any --view (equirectangular unless another is named). A photo is of the
+    camera that its folder is called after, or that its name begins with; otherwise name one of
+    each, in the rig's order. IN may also be a folder with a folder for each camera: photos of the
+    same name are one shot, and each shot becomes one picture in the folder OUT.
     """
     if made.view is not None and not how.as_json:
         say_what_is_unseen(made.view)
