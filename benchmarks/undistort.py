@@ -243,10 +243,12 @@ def measure_memory(model: Path, folder: Path) -> None:
 def measure_video(camera: CubicCamera, folder: Path) -> None:
     import av
 
-    from cubicfish_cli.app.undistortion.video import undistort_video
+    from cubicfish_cli.app.listener import SILENT
+    from cubicfish_cli.app.undistortion.video import DEFAULT_CRF, VideoViews
 
     size = (1920, 1080)
-    made = build_map(of_size(camera, size), CentralView.with_field("perspective", 110, size))
+    view = CentralView.with_field("perspective", 110, size)
+    views = VideoViews(of_size(camera, size), view, "linear", DEFAULT_CRF, SILENT)
     source = folder / "in.mp4"
     still = photos(folder / "still", 1, (2200, 1300))[0]
     whole = cv2.cvtColor(cv2.imread(str(still)), cv2.COLOR_BGR2RGB)
@@ -272,7 +274,8 @@ def measure_video(camera: CubicCamera, folder: Path) -> None:
     flat = folder / "out.mp4"
 
     def undistort() -> None:
-        undistort_video(source, flat, lambda _: made, overwrite=True)
+        job = Job(name="film", photos={"": source}, outputs={"": flat})
+        assert views.write(job, quality=None, overwrite=True) is None
 
     undistort()
     seconds = turn_by_turn({"copy": copy, "ours": undistort}, 3)

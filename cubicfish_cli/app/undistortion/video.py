@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import errno
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ from cubicfish_cli.app.films.source import (
     missing_frames,
     opened,
 )
-from cubicfish_cli.app.listener import Event, Listener
+from cubicfish_cli.app.listener import Count, Event, Listener
 from cubicfish_cli.app.photos import shown
 from cubicfish_cli.app.undistortion.batch import Job, Size, Views
 from cubicfish_cli.app.undistortion.images import naming, remap
@@ -90,7 +89,8 @@ class VideoViews(Views):
             camera: the camera.
             wanted: the view, or its options.
             interpolation: how pixels are interpolated.
-            crf: as for :func:`undistort_video`.
+            crf: constant rate factor of the encoder; a lower number is better, and makes a larger
+                file.
             listener: is told of progress, and how far players turn a video.
 
         """
@@ -98,85 +98,42 @@ class VideoViews(Views):
         self._crf, self._listener = crf, listener
 
     def write(self, job: Job, *, quality: int | None, overwrite: bool) -> CubicfishError | None:
-        """Write a video; one that is cut short is an error, and what there is of it is written."""
-        output = job.outputs[""]
+        """Render every frame of a video; audio and timestamps are kept.
+
+        The result appears whole or not at all, also when this is interrupted. ``quality`` is of
+        photos.
+
+        Returns:
+            Why there is no result, or one that lacks frames: a :class:`PhotoError` if the video
+            cannot be read to its end or is cut short; a :class:`ViewError` if the map cannot be
+            made, or an encoder needs even sides and they are not; an :class:`OutputError` if the
+            output exists, cannot be written, cannot hold the codec or the audio, or the extra
+            ``video`` is not installed.
+
+        """
+        source, output = job.source, job.outputs[""]
+        progress = self._listener.counting(job.name)
         try:
-            done = undistort_video(
-                job.source,
-                output,
-                lambda size: self.maps(job.source, size)[""],
-                self.interpolation,
-                crf=self._crf,
-                overwrite=overwrite,
-                progress=self._listener.counting(job.name),
-            )
+            with whole_file(output, overwrite=overwrite) as temporary, opened(source) as film:
+                container, stream = film
+                with naming(source):
+                    made = self.maps(source, (stream.width, stream.height))[""]
+                writer = _Writer(temporary, output, container, stream, made, self._crf)
+                with closing(writer):
+                    codec = stream.codec_context.name
+                    remapper = _PlaneRemapper(made, self.interpolation, writer.pixel_format, codec)
+                    frames, missing = _run(source, container, stream, remapper, writer, progress)
         except CubicfishError as problem:
             return problem
-        if done.turned_deg:
-            self._listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=done.turned_deg)
-        if not done.missing:
+        if remapper.turned_deg:
+            turned_deg = remapper.turned_deg
+            self._listener.tell(Event.VIDEO_TURNED, video=output, turned_deg=turned_deg)
+        if not missing:
             return None
         return PhotoError(
-            f"{shown(job.source)} is cut short: it announces {done.frames + done.missing:,} frames "
-            f"and has {done.frames:,}, which {shown(output)} holds: copy it again if you can"
+            f"{shown(source)} is cut short: it announces {frames + missing:,} frames and has "
+            f"{frames:,}, which {shown(output)} holds: copy it again if you can"
         )
-
-
-@dataclass(frozen=True, kw_only=True)
-class VideoResult:
-    """What became of a video.
-
-    Attributes:
-        frames: how many frames were written.
-        missing: how many more frames the source announces; 0 for a few, which is common.
-        turned_deg: the angle by which the source tells players to turn it; the result does not.
-
-    """
-
-    frames: int
-    missing: int
-    turned_deg: int
-
-
-def undistort_video(
-    source: Path,
-    destination: Path,
-    make_map: Callable[[tuple[int, int]], UndistortMap],
-    interpolation: str = "linear",
-    *,
-    crf: int = DEFAULT_CRF,
-    overwrite: bool,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> VideoResult:
-    """Render the map's view of every frame of a video; audio and timestamps are kept.
-
-    The result appears whole or not at all, also when this is interrupted.
-
-    Args:
-        source: the video.
-        destination: the path of the result; its suffix says what kind of file it is.
-        make_map: frames' (width, height) -> the map for them.
-        interpolation: how pixels are interpolated.
-        crf: constant rate factor of the encoder; a lower number is better, and makes a larger file.
-        overwrite: whether ``destination`` may be replaced.
-        progress: called with the numbers of frames done and of all frames (0 when unknown).
-
-    Raises:
-        PhotoError: the video cannot be read to its end.
-        ViewError: the map cannot be made, or an encoder needs even sides and they are not.
-        OutputError: the output exists and ``overwrite`` is false, cannot be written, cannot
-            hold the codec or the audio, or the extra ``video`` is not installed.
-
-    """
-    with whole_file(destination, overwrite=overwrite) as temporary, opened(source) as film:
-        container, stream = film
-        with naming(source):
-            undistort_map = make_map((stream.width, stream.height))
-        writer = _Writer(temporary, destination, container, stream, undistort_map, crf)
-        with closing(writer):
-            codec = stream.codec_context.name
-            remapper = _PlaneRemapper(undistort_map, interpolation, writer.pixel_format, codec)
-            return _run(source, container, stream, remapper, writer, progress)
 
 
 def _run(
@@ -185,8 +142,9 @@ def _run(
     stream: Any,
     remapper: _PlaneRemapper,
     writer: _Writer,
-    progress: Callable[[int, int], None],
-) -> VideoResult:
+    progress: Count,
+) -> tuple[int, int]:
+    """Return how many frames were written, and how many more the source announces."""
     total = frame_count(container, stream)
 
     def remapped(items: Iterator[Any]) -> Iterator[Any]:
@@ -206,8 +164,7 @@ def _run(
         if not frames:
             raise PhotoError(f"{shown(source)} holds no frames: copy it again")
         writer.finish()
-    missing = missing_frames(stream, frames, end)
-    return VideoResult(frames=frames, missing=missing, turned_deg=remapper.turned_deg)
+    return frames, missing_frames(stream, frames, end)
 
 
 def _run_ahead(items: Iterator[Any]) -> Generator[Any]:

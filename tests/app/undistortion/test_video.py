@@ -1,5 +1,6 @@
 """Videos: every frame remapped, at its time, with its sound; whole or not at all."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -10,12 +11,10 @@ import pytest
 from lenses import cubic_camera
 
 from cubicfish_cli.app.films import source as source_of_frames
+from cubicfish_cli.app.listener import SILENT, Count, Listener
+from cubicfish_cli.app.undistortion.batch import Job
 from cubicfish_cli.app.undistortion.images import remap_picture
-from cubicfish_cli.app.undistortion.video import (
-    _make_chroma_maps,
-    undistort_video,
-    video_size,
-)
+from cubicfish_cli.app.undistortion.video import VideoViews, _make_chroma_maps, video_size
 from cubicfish_cli.core.errors import OutputError, PhotoError, ViewError
 from cubicfish_cli.core.views.maps import build_map, camera_for_photos
 from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
@@ -86,16 +85,22 @@ def audio_packets(path: Path) -> list[tuple[int, bytes]]:
         ]
 
 
-def run(source: Path, out: Path, interpolation="linear", made=MAP, crf=0, **options):
-    return undistort_video(
-        source,
-        out,
-        lambda size: made,
-        interpolation,
-        crf=crf,
-        overwrite=False,
-        **options,
-    )
+class Counting(Listener):
+    """Calls a function with the counts of frames."""
+
+    def __init__(self, call: Callable[[float, float], object]) -> None:
+        self.call = call
+
+    def counting(self, step: str) -> Count:
+        return self.call
+
+
+def run(source: Path, out: Path, interpolation="linear", view=VIEW, crf=0, listener=SILENT):
+    views = VideoViews(CAMERA, view, interpolation, crf, listener)
+    job = Job(name=source.name, photos={"": source}, outputs={"": out})
+    problem = views.write(job, quality=None, overwrite=False)
+    if problem is not None:
+        raise problem
 
 
 @pytest.mark.parametrize(
@@ -106,8 +111,7 @@ def test_every_frame_is_remapped_at_its_time(tmp_path, pix_fmt, top):
     source, out = tmp_path / "in.mkv", tmp_path / "out.mkv"
     write_video(source, pix_fmt=pix_fmt, audio=False)
     seen = []
-    done = run(source, out, progress=lambda *counts: seen.append(counts))
-    assert done.frames == len(TIMES)
+    run(source, out, listener=Counting(lambda *counts: seen.append(counts)))
     assert seen[-1][0] == len(TIMES)
     made = brightness_of(out)
     assert [time for time, _ in made] == TIMES
@@ -235,9 +239,9 @@ def test_a_disk_without_room_is_not_blamed_on_the_codec(tmp_path):
 def test_odd_sides_are_refused_with_even_ones(tmp_path):
     source = tmp_path / "in.mp4"
     write_video(source)
-    odd = build_map(CAMERA, CentralView.with_field("perspective", 90, (127, 95)))
+    odd = CentralView.with_field("perspective", 90, (127, 95))
     with pytest.raises(ViewError, match="--size 128x96"):
-        run(source, tmp_path / "out.mp4", made=odd)
+        run(source, tmp_path / "out.mp4", view=odd)
     assert not (tmp_path / "out.mp4").exists()
 
 
@@ -289,12 +293,12 @@ def test_an_interrupt_leaves_no_file_and_no_thread(tmp_path):
     write_video(source)
     before = threading.active_count()
 
-    def stop(done: int, total: int) -> None:
+    def stop(done: float, total: float) -> None:
         if done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(source, tmp_path / "out.mp4", progress=stop)
+        run(source, tmp_path / "out.mp4", listener=Counting(stop))
     assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
     assert threading.active_count() == before
 
