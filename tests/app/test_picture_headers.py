@@ -252,3 +252,10 @@ def test_no_note_or_one_of_no_number_changes_nothing():
     afar = note.replace(struct.pack("<HHI", 274, 3, 1), struct.pack("<HHI", 274, 3, 9))
     for data in (tiff([(256, 3, 6)]), afar, note[:14], b"II+\0\x08\0\0\0" + b"\xff" * 16, b""):
         assert as_stored(data) is data
+
+
+@pytest.mark.parametrize("marker", [0xC4, 0xC8, 0xCC])
+def test_tables_before_the_frame_of_a_jpeg_are_no_frame(marker):
+    table = bytes([0xFF, marker]) + struct.pack(">H", 19) + bytes(17)
+    photo = jpeg(64, 48)
+    assert read_size(photo[:2] + table + photo[2:]) == (64, 48)

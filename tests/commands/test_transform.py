@@ -79,6 +79,7 @@ def test_a_photo_that_is_cropped_and_scaled_is_that_of_the_camera(calibrated: Pa
         (("--crop", "0,0,0x10"), "0,0,0x10"),
         (("--crop", "1,2,3"), "1280x720"),
         (("--scale", "0.3333"), "whole"),
+        (("--scale", "1e-9"), "whole"),
         (("--scale", "0"), "--scale"),
     ],
 )

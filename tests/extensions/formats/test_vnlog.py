@@ -149,6 +149,7 @@ REFUSED = {
     "text.vnl": (VNL + "a 1 2 0\n" * 87 + "a 1 two 0\n", "line 89: y must be a finite number"),
     "dash.vnl": (VNL + "a 1 2 0\n" * 87 + "a 1 -two 0\n", "line 89: y must be a finite number"),
     "level.vnl": (VNL + "a 1 2 99\n" + "a 1 2 0\n" * 87, "line 2: level must be a whole number"),
+    "half.vnl": (VNL + "a 1 2 0.5\n" + "a 1 2 0\n" * 87, "line 2: level must be a whole number"),
     "nan.vnl": (VNL + "a 1 inf 0\n" * 88, "line 2: y must be a finite number, not 'inf'"),
     "short.vnl": (VNL + "a 1 2\n", "line 2: 3 values where 4 belong"),
     "far.vnl": (VNL + "a 5 721.5 0\n" * 88, "line 2: x 5, y 721.5 is outside the 960x720 image"),
