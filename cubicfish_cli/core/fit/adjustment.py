@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 
@@ -145,7 +145,7 @@ class Adjustment(State[L]):
         residual: (N, 2) projection less pixel, unweighted, pixels.
         cost: robust cost at the end, priors included.
         iterations: how many steps were tried.
-        normal: the normal equations at the end.
+        normal: the normal equations at the end; empty after :meth:`without_equations`.
         pairs: the pairs.
         huber_px: the distance from which on the loss was linear.
 
@@ -162,6 +162,10 @@ class Adjustment(State[L]):
     def errors(self) -> FloatArray:
         """(K, 2) residuals of the pairs whose error the fit can tell."""
         return self.residual[self.pairs.error_known]
+
+    def without_equations(self) -> Self:
+        """The same without the normal equations, most of its memory, to be continued from."""
+        return replace(self, normal=NormalEquations.zeros(0, 0, 0))
 
     def again(
         self,

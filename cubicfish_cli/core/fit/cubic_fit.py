@@ -195,6 +195,7 @@ def fit_cubic(
         )
         if relative_decrease < NEAR_DECREASE:  # to the optimum, the scale of the loss converged
             least = relative_decrease
+            fit = fit.without_equations()
             fit = fit.again(relative_decrease=least, damping=WARM_DAMPING, limit=huber_px)
         fault_deg = pole_or_fold_deg(fit.lens.P, max_angle_deg)
         if fault_deg is None:
@@ -318,6 +319,7 @@ def choose_prior(
     priors = [_PRIORS[near] for near in np.flatnonzero(steps <= farthest)]
     start = fit_cubic(reference, begun, start=start, relative_decrease=_SCAN_DECREASE)
     squares = _predict_squares(start, reference, groups, priors)
+    start = start.without_equations()
     chosen, runners_up = _choose_likeliest(priors, squares)
     # A prior that was made firmer stays so.
     prior = start.prior if chosen == begun else chosen

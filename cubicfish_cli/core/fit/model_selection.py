@@ -110,7 +110,7 @@ def _judge(fit: CameraFit, progress: Callable[[int, int], None]) -> CameraFit:
     the one of the cubic nearest to a radial lens. The fit with the least held-out error is taken.
     """
     first = held_out_error(fit, progress)
-    best = replace(fit, held_out=first)
+    best = replace(fit.without_equations(), held_out=first)
     if first is None or first.rms_px <= first.companion_rms_px:
         return best
     least_px = first.rms_px

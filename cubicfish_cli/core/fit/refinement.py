@@ -73,10 +73,10 @@ def refine_object(fit: CameraFit, level: Level, groups: Sequence[IntArray]) -> C
     # Roughly first: the reference and the joint fit follow. Residuals to the nominal target are too
     # large to set the scale of the loss by.
     lens, poses, limit = fit.lens, fit.poses, 2 * huber_px(np.full((1, 2), free.noise))
-    adjusted = adjust(
-        lens, poses, pairs, limit, world=free, relative_decrease=1e-3, damping=WARM_DAMPING
-    )
-    adjusted = estimate_spread(adjusted, pairs)
+    adjusted = estimate_spread(
+        adjust(lens, poses, pairs, limit, world=free, relative_decrease=1e-3, damping=WARM_DAMPING),
+        pairs,
+    ).without_equations()
     # With the target near its place: the reference again, the prior of P, then the joint fit.
     pairs = weighed(nominal.pairs_at(level), adjusted.residual)
     pairs = pairs.with_world(adjusted.world.points)
@@ -110,6 +110,7 @@ def estimate_spread(fit: Adjustment[L], pairs: Observations) -> Adjustment[L]:
             world = world.with_spreads(noise**2 * np.diagonal(inverse[-count:]))
         if len(world.offsets):
             world = replace(world, offset_spread=_estimate_offset_spread(fit, noise))
+        fit = fit.without_equations()
         fit = fit.again(
             pairs,
             world=world,

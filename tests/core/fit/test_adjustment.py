@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.fit import adjustment
+from cubicfish_cli.core.fit import normal_equations as equations
 from cubicfish_cli.core.fit.adjustment import State, adjust, huber_cost, huber_weight
 from cubicfish_cli.core.fit.cubic_fit import PriorChoice, fit_cubic
 from cubicfish_cli.core.fit.deformable_target import DeformableTarget, NominalTarget
@@ -220,3 +221,10 @@ def test_the_pull_of_offsets_is_in_hessian_and_gradient(pairs, cubic):
         held.corner - free.corner, np.broadcast_to(pull * np.eye(3), held.corner.shape), atol=1e-6
     )
     np.testing.assert_allclose(held.gradient[2] - free.gradient[2], 0.003 * pull)
+
+
+def test_a_step_is_the_same_however_many_photos_are_eliminated_at_once(cubic, monkeypatch):
+    whole = cubic.normal.solve(1e-3)
+    monkeypatch.setattr(equations, "_NUMBERS_AT_ONCE", 2 * 6 * len(cubic.normal.shared))
+    for part, wanted in zip(cubic.normal.solve(1e-3), whole, strict=True):
+        np.testing.assert_allclose(part, wanted, atol=1e-9 * np.abs(wanted).max(initial=0))
