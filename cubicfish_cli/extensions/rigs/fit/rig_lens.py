@@ -47,8 +47,13 @@ class PhotoTimes:
 
     def select(self, views: IntArray) -> PhotoTimes:
         """The same of some views."""
-        names = ("late", "stated", "hold", "path")
-        return replace(self, **{name: getattr(self, name)[views] for name in names})
+        return replace(
+            self,
+            late=self.late[views],
+            stated=self.stated[views],
+            prior_weight=self.prior_weight[views],
+            path=self.path[views],
+        )
 
     def along(self) -> tuple[FloatArray, FloatArray]:
         """(V, 6) how far the target moved in each view, and (V, 6) its speed then."""
