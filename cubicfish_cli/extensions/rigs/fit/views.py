@@ -32,6 +32,8 @@ from cubicfish_cli.extensions.rigs.rig import half_field_deg
 
 _ROUGH_DECREASE = 1e-5
 # P3 is held so much more firmly than in a fit of one camera, whose corners leave it nearly free.
+# Hardly anything depends on by how much: with 1, 30, 100 and 300 times, errors of places in 16
+# simulated rigs (triggered, and running free) differ by 2 %.
 _FIRM = 100.0
 
 
