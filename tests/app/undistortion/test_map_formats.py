@@ -3,6 +3,7 @@
 import shlex
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -20,10 +21,10 @@ from cubicfish_cli.app.undistortion.map_formats import (
     stmap,
     write_exr,
 )
-from cubicfish_cli.core.errors import OutputError, UsageError
+from cubicfish_cli.core.errors import OutputError, UsageError, ViewError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.views.maps import UndistortMap, build_map
-from cubicfish_cli.core.views.view import CentralView, rotation_from_angles
+from cubicfish_cli.core.views.view import MAX_SIDE, CentralView, rotation_from_angles
 
 CAMERA = cubic_camera(100.0)  # 960x720
 VIEW = CentralView.with_field("perspective", 150, (192, 108), rotation_from_angles(yaw_deg=25))
@@ -168,3 +169,9 @@ def test_the_way_back_is_exact_by_the_camera():
 def test_unknown_suffixes_are_refused():
     with pytest.raises(UsageError, match=r"m\.tif"):
         map_paths(Path("m.tif"))
+
+
+@pytest.mark.parametrize("size", [(MAX_SIDE + 1, 10), (10, MAX_SIDE + 1)])
+def test_photos_larger_than_opencv_remaps_are_not_rendered_again(size):
+    with pytest.raises(ViewError, match=f"{MAX_SIDE} pixels at most"):
+        build_redistort_map(replace(CAMERA, image_size=size), VIEW)

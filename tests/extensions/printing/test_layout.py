@@ -50,7 +50,8 @@ def test_sizes_of_paper(text, short, long):
     ("text", "said"),
     [
         ("A44", "did you mean 'A4'"),
-        ("80x90mm", "at least"),
+        ("90x200mm", "at least"),
+        ("120x130mm", "at least"),
         ("9000x1000mm", "at most"),
         ("", "known:"),
     ],
