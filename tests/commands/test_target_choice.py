@@ -101,6 +101,9 @@ def test_what_does_not_go_together_is_wrong_usage(run: Run, calibrated: Path) ->
     both = ("-t", SAMPLE / "target.yaml", "--board", "9x6", "--square", "1in")
     assert "leave --board out" in run(*line, *both, code=2).stderr
     assert "no length" in run(*line, "--board", "9x6", "--square", "wide", code=1).stderr
+    for counts in ("1x6", "9x1", "101x6", "9x101", "9"):
+        wrong = run(*line, "--board", counts, "--square", "1in", code=2).stderr
+        assert "not two numbers from 2 to 100" in wrong.replace("\n", " ")
     for name, more in (("calibrate", ()), ("detect", ()), ("evaluate", ("-m", calibrated))):
         said = run(name, SAMPLE / "photos", *more, code=2).stderr
         assert "cubicfish target print" in said

@@ -226,6 +226,12 @@ def test_paper_that_is_too_small_for_an_object():
         lay_out(checkerboard("a", 9, 6, 25.0), paper("A4"), margin=90.0)
 
 
+def test_a_page_lies_as_its_board_does():
+    for columns, rows in ((9, 6), (6, 9)):
+        page = lay_out(checkerboard("a", columns, rows, 12.0), paper("A4"), margin=MARGIN)
+        assert (page.width > page.height) == (columns > rows)
+
+
 def test_a_common_board_fits_common_paper_beside_its_strip():
     board = checkerboard("a", 9, 6, 25.0)
     page = lay_out(board, paper("A4"), margin=MARGIN)
