@@ -82,7 +82,7 @@ def check_inputs(
         Whether they are 2D-3D pairs, which have no target.
 
     Raises:
-        UsageError: the inputs do not go together, or something is asked that would not be done.
+        UsageError: the inputs do not go together, or an option would have no effect.
         CubicfishError: one is not there.
 
     """

@@ -84,7 +84,7 @@ class _Shown(Listener):
         self.interrupt()
 
     def interrupt(self) -> None:
-        """Wipe the line away; before anything else it is said which camera is taken."""
+        """Wipe the line away, and say once which camera is used."""
         if self._line is not None:
             self._line.close()
         self._step = self._line = None

@@ -141,7 +141,7 @@ def calibrate_rig_files(options: RigOptions, *, run: Run = RUN) -> RigFiles:
     """Calibrate several cameras on one body from files, as ``cubicfish rig calibrate`` does.
 
     Raises:
-        UsageError: what is asked does not go together.
+        UsageError: the options do not go together.
         CubicfishError: an input cannot be used, a file exists and may not be replaced, or no rig
             can be fitted.
 

@@ -37,7 +37,7 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
         Whether one has 2D-3D pairs, which have no target.
 
     Raises:
-        UsageError: the inputs do not go together, or something is asked that would not be done.
+        UsageError: the inputs do not go together, or an option would have no effect.
         CubicfishError: one is not there.
 
     """

@@ -42,7 +42,7 @@ class RigMapOptions:
         output: a name in .npz, .exr, .png or .pgm, with which theirs begin.
         rig: its rig.yaml, or the folder of that.
         pair: names of the cameras; None for a rig of two.
-        view: what they show, or what is asked of it; by default flat.
+        view: the view, or options of one; by default flat.
         photo_size: (width, height) of photos, an exact rescale of the calibrated ones.
 
     """

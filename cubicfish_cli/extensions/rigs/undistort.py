@@ -80,7 +80,7 @@ def undistort_rig_files(options: RigUndistortOptions, *, run: Run = RUN) -> Undi
         The ``files`` that were written, what was ``skipped``, and what ``failed`` and why.
 
     Raises:
-        UsageError: what is asked does not go together, or it is not known whose a photo is.
+        UsageError: the options do not go together, or it is not known whose a photo is.
         PhotoError: there are none.
         OutputError: a result exists, and it may be neither replaced nor left.
         CubicfishError: the rig or the executor cannot be used.
