@@ -30,7 +30,6 @@ from cubicfish_cli.core.fit.subset import select
 from cubicfish_cli.core.io.camera_yaml import CameraRecord, load_any_camera
 from cubicfish_cli.core.io.observations_csv import load_corners, load_correspondences
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.placement import best_named
 from cubicfish_cli.core.target import Target
@@ -39,6 +38,7 @@ from cubicfish_cli.core.wording import quoted
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.lenses.point_fit import PointCalibration
+    from cubicfish_cli.core.lenses.point import PointCamera
 
 REFINED = ("shape", "points")
 """What ``refine_target`` of a fit's record says where the target was fitted too."""
@@ -206,7 +206,7 @@ def _residuals(
     NaN in photos whose place is not on record.
     """
     points, poses = np.full(pairs.world.shape, np.nan), fit.poses
-    if isinstance(camera, PointCamera) and camera.frame == "world":
+    if not isinstance(camera, CubicCamera) and camera.frame == "world":
         poses = {photo.image: (np.zeros(3), np.zeros(3)) for photo in fit.per_image}
     for photo, name in enumerate(pairs.images):
         if name in poses:
@@ -225,7 +225,7 @@ def _errors(
     if fit.refine_target == "points":
         # A corner that may be another one than it is named as had a point of its own in the fit.
         kept &= pairs.certain
-    if isinstance(camera, PointCamera) and 0 < fit.corners < kept.sum():
+    if not isinstance(camera, CubicCamera) and 0 < fit.corners < kept.sum():
         # Which corners this fit dropped is not on record: they were the worst.
         order = np.argsort(np.where(kept, length, np.inf), kind="stable")
         kept[order[fit.corners :]] = False

@@ -1,5 +1,7 @@
 """Pictures, in memory or in files -> named corners, with what became of each; and their files."""
 
+from __future__ import annotations
+
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +36,6 @@ from cubicfish_cli.core.files import StrPath, refuse_outside
 from cubicfish_cli.core.finding import Finding
 from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target
-from cubicfish_cli.corners.detection.markers import MarkedCorners
 from cubicfish_cli.corners.identification.identified import (
     FEWEST_CORNERS,
     Detection,
@@ -49,6 +50,9 @@ from cubicfish_cli.corners.identification.second_pass import (
     predicted_corners,
     with_added,
 )
+
+if TYPE_CHECKING:
+    from cubicfish_cli.corners.detection.markers import MarkedCorners
 
 Image = npt.NDArray[Any]
 

@@ -74,6 +74,21 @@ class CameraFormat:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Input:
+    """What a camera is calibrated from beside photos, such as films; functions are ``module:name``.
+
+    Attributes:
+        among: inputs -> those of them that are of this kind.
+        photos: (those, folder, target, best, run) -> photos of them, at most ``best``, which go
+            into the folder; and why there are no more, in a sentence.
+
+    """
+
+    among: str
+    photos: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Output:
     """What is made of a calibration while it is at hand, and written beside camera.yaml.
 
@@ -96,9 +111,7 @@ class Extension:
     Attributes:
         commands: of ``cubicfish``: name -> ``module:command``, which is imported when it is named;
             ``target print`` is one of the group ``target``.
-        inputs: ``module:name`` of functions (inputs, folder, target, best, run) -> (inputs, why)
-            that put photos, which go into the folder, in the place of inputs that are theirs, and
-            say why no more were chosen; None where none is theirs.
+        inputs: what a camera may be calibrated from beside photos.
         formats: a file of :class:`CameraFormat` by their names, in which other tools keep cameras.
         outputs: what ``--report`` adds to a calibration: kind -> what it is.
         words: a file of its sentences, as words/catalogue.toml has them.
@@ -106,7 +119,7 @@ class Extension:
     """
 
     commands: Mapping[str, str] = field(default_factory=dict)
-    inputs: Sequence[str] = ()
+    inputs: Sequence[Input] = ()
     formats: Path | None = None
     outputs: Mapping[str, Output] = field(default_factory=dict)
     words: Path | None = None

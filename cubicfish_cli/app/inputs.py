@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cubicfish_cli.app.films.recordings import is_recording
 from cubicfish_cli.app.fingerprint import Fingerprint, fingerprint
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.paths import holds_world_points, named_photos, tables_among
+from cubicfish_cli.app.paths import holds_world_points, is_recording, named_photos, tables_among
 from cubicfish_cli.app.photos import VIDEO_SUFFIXES
 from cubicfish_cli.app.run import Run
 from cubicfish_cli.app.target_source import TargetSource

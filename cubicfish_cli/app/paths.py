@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cubicfish_cli.app.run import Run
     from cubicfish_cli.app.target_source import TargetSource
 
+RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _WITH_TOPIC = re.compile(r"(?P<file>.+?):(?P<topic>/.*)")
 
 
@@ -132,6 +133,16 @@ def holds_world_points(path: Path) -> bool:
         return False  # the reader says what is wrong with it
     header = lines[1] if lines[0].startswith("#") else lines[0]
     return {"X", "Y", "Z"} <= {cell.strip() for cell in header.split(",")}
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a name means a recording, with or without topic: ``run.bag:/cam0/image``."""
+    file, _ = file_and_topic(path)
+    if file.is_dir():
+        return (file / "metadata.yaml").is_file() and any(
+            part.suffix.lower() in RECORDING_SUFFIXES for part in file.iterdir()
+        )
+    return file.suffix.lower() in RECORDING_SUFFIXES
 
 
 def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:

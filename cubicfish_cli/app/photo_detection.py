@@ -5,12 +5,15 @@ again. An entry is named by the SHA-256 of the photo's bytes and by what searche
 the package and of its finder's source. What the photo shows does not depend on its name or place.
 """
 
+from __future__ import annotations
+
 import hashlib
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cache, lru_cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,8 +29,10 @@ from cubicfish_cli.corners import detection, mosaic
 from cubicfish_cli.corners.detection.diagnose import explain_no_grids
 from cubicfish_cli.corners.detection.finder import MOST_PIXELS, find_grids
 from cubicfish_cli.corners.detection.grids import FoundGrids, Grid, round_pixels
-from cubicfish_cli.corners.detection.markers import MarkedCorners, find_marked_corners
 from cubicfish_cli.corners.detection.partial_grids import complete_grids, is_part
+
+if TYPE_CHECKING:
+    from cubicfish_cli.corners.detection.markers import MarkedCorners
 
 _OF_GRID = [field.name for field in fields(Grid)]
 
@@ -199,5 +204,7 @@ def _detect_markers(
 ) -> PhotoDetection:
     if not target.has_markers:
         return PhotoDetection(grids=grids)
+    from cubicfish_cli.corners.detection.markers import find_marked_corners  # for them alone
+
     marked = find_marked_corners(picture(), target, grids, closely=closely)
     return PhotoDetection(grids=grids, marked=replace(marked, pixel=round_pixels(marked.pixel)))

@@ -16,7 +16,7 @@ from cubicfish_cli.app import drawing as extra
 from cubicfish_cli.app.extensions import Output, extensions
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.pages.report_files import PAGE
+from cubicfish_cli.app.pages import PAGE
 from cubicfish_cli.app.paths import check_inputs, path_or_none, paths_of, tables_among
 from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
 from cubicfish_cli.app.target_source import TargetSource
@@ -221,10 +221,12 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
             "choose another folder with -o"
         )
     photos, chosen = paths, None
-    for reader in (place for one in extensions() for place in one.inputs):
-        read_photos = resolve_name(reader)
-        photos, ended = read_photos(photos, folder / "frames", source, options.most, run)
-        chosen = ended or chosen
+    for others_kind in (kind for one in extensions() for kind in one.inputs):
+        others = resolve_name(others_kind.among)(photos)
+        if others:
+            make_photos = resolve_name(others_kind.photos)
+            made, chosen = make_photos(others, folder / "frames", source, options.most, run)
+            photos = [*(path for path in photos if path not in others), *made]
     loaded = load_inputs(
         photos, source, run, correspondences=pairs, image_size=options.image_size, most=options.most
     )

@@ -1,19 +1,19 @@
 """Fitting a camera to corners, measuring it on others, and saving it."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.app.listener import SILENT, Listener
 from cubicfish_cli.core.errors import CameraFileError, CorrespondenceError, FitError
 from cubicfish_cli.core.files import write_files
 from cubicfish_cli.core.fit import calibrate as fitting
-from cubicfish_cli.core.fit import evaluate as evaluation
 from cubicfish_cli.core.fit.calibration import Calibration
-from cubicfish_cli.core.fit.evaluate import Evaluation
 from cubicfish_cli.core.fit.model_selection import RefineTarget
 from cubicfish_cli.core.io.camera_yaml import Calibrated, CameraFile
 from cubicfish_cli.core.lenses.cubic import CubicCamera
@@ -21,6 +21,9 @@ from cubicfish_cli.core.observations import Observations
 from cubicfish_cli.core.target import Target, target_text
 from cubicfish_cli.core.wording import did_you_mean, quoted
 from cubicfish_cli.corners.identification.identified import Detection
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.fit.evaluate import Evaluation
 
 
 def observed(given: Observations | Detection, target: Target | None) -> Observations:
@@ -108,7 +111,9 @@ def evaluate(
             or no corner lies in the camera's field.
 
     """
-    return evaluation.evaluate(camera, observed(corners, target))
+    from cubicfish_cli.core.fit.evaluate import evaluate as measure  # for this alone
+
+    return measure(camera, observed(corners, target))
 
 
 def save_camera(

@@ -20,7 +20,6 @@ from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 
 Picture = npt.NDArray[Any]
 
-SUFFIXES = (".bag", ".mcap", ".db3")
 _PLAIN, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _NANOSECOND = Fraction(1, 10**9)
 # Encoding -> bytes per number, numbers per pixel, and how OpenCV makes grey or BGR of it.
@@ -44,16 +43,6 @@ _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     "yuv422_yuy2": (1, 2, cv2.COLOR_YUV2BGR_YUY2),
     "yuyv": (1, 2, cv2.COLOR_YUV2BGR_YUY2),
 }
-
-
-def is_recording(path: Path) -> bool:
-    """Return whether a name means a recording, with or without topic: ``run.bag:/cam0/image``."""
-    file, _ = file_and_topic(path)
-    if file.is_dir():
-        return (file / "metadata.yaml").is_file() and any(
-            part.suffix.lower() in SUFFIXES for part in file.iterdir()
-        )
-    return file.suffix.lower() in SUFFIXES
 
 
 def label_of(path: Path) -> str:

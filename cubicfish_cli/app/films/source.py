@@ -12,7 +12,8 @@ from os.path import realpath
 from pathlib import Path
 from typing import Any
 
-from cubicfish_cli.app.films.recordings import Recording, is_recording, label_of
+from cubicfish_cli.app.films.recordings import Recording, label_of
+from cubicfish_cli.app.paths import is_recording
 from cubicfish_cli.app.photos import MAX_PIXELS, shown
 from cubicfish_cli.core.errors import MISSING, OutputError, PhotoError
 

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cubicfish_cli.core.assess.verdict import Verdict
 
-PAGE = "report.html"
-
 
 @dataclass(frozen=True, kw_only=True)
 class ReportFiles:

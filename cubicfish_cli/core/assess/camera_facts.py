@@ -1,11 +1,13 @@
 """Key figures of a camera, for every command that names one."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +16,9 @@ from cubicfish_cli.core.assess.fit_record import FitRecord, Origin, origin_of
 from cubicfish_cli.core.assess.verdict import Verdict, verdict
 from cubicfish_cli.core.codes import words
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.point import PointCamera
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.lenses.point import PointCamera
 
 _STEPS = 512  # pixels that are tested between the axis and an edge
 _ROUNDED_DEG = 1.0

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from cubicfish_cli.core.angles import angle_from_axis
-from cubicfish_cli.core.assess.departure import departures
 from cubicfish_cli.core.assess.fit_record import DroppedCorner, FitRecord
 from cubicfish_cli.core.assess.pupil import pupil_effect
 from cubicfish_cli.core.errors import FitError
@@ -15,7 +14,7 @@ from cubicfish_cli.core.fit import coverage, rejection
 from cubicfish_cli.core.fit.alignment import in_references_frame
 from cubicfish_cli.core.fit.calibration import Calibration, Diagnose, FailedFit, FitEvidence
 from cubicfish_cli.core.fit.cubic_fit import CameraFit
-from cubicfish_cli.core.fit.deformable_target import LEVELS
+from cubicfish_cli.core.fit.deformable_target import LEVELS, departures
 from cubicfish_cli.core.fit.fit_lens import nearest_lens
 from cubicfish_cli.core.fit.folds import repeated_groups
 from cubicfish_cli.core.fit.lenses import CubicFit

@@ -4,8 +4,11 @@ Squares of the picture show which of its parts hold corners. At the rim, where a
 corners are few, squares are too coarse: each direction from the axis is examined by itself there.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +17,11 @@ from cubicfish_cli.core.assess.fit_record import CoverageExtent
 from cubicfish_cli.core.assess.uncertainty import CERTAIN_PX, of_size
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.lenses.cubic import CubicCamera
-from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.lenses.sphere import ray_at
 from cubicfish_cli.core.types import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.lenses.point import PointCamera
 
 # Cells along the photo's shorter side by which coverage is counted.
 _CELLS = 8

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,9 +33,11 @@ from cubicfish_cli.core.io.camera_keys import (
 )
 from cubicfish_cli.core.lenses.cubic import CubicCamera
 from cubicfish_cli.core.lenses.lift import SIZE
-from cubicfish_cli.core.lenses.point import PointCamera
 from cubicfish_cli.core.plain_yaml import plain_yaml_text
 from cubicfish_cli.core.types import FloatArray
+
+if TYPE_CHECKING:
+    from cubicfish_cli.core.lenses.point import PointCamera
 
 
 class CameraRecord(CameraFacts):
@@ -161,7 +163,7 @@ def camera_text(
     """The text of a camera.yaml; ``comment`` is a line for people at its top."""
     own: dict[str, Any]
     P = unit_norm(camera.P).tolist()
-    if isinstance(camera, PointCamera):
+    if not isinstance(camera, CubicCamera):
         own = {
             "lift": "point",
             "frame": camera.frame,
@@ -233,13 +235,15 @@ def load_any_camera(path: Path | str) -> CameraFile | PointCameraFile:
     file = read_keys(path)
     camera = _make_point_camera(file) if file.data["lift"] == "point" else make_ray_camera(file)
     fit, made_by = fit_record(file.inner("fit").data), file.inner("made_by").data
-    if isinstance(camera, PointCamera):
+    if not isinstance(camera, CubicCamera):
         return PointCameraFile(camera=camera, fit=fit, made_by=made_by)
     _refuse_negative(file, fit.uncertainty)
     return CameraFile(camera=camera, fit=fit, made_by=made_by)
 
 
 def _make_point_camera(file: Keys) -> PointCamera:
+    from cubicfish_cli.core.lenses.point import PointCamera  # of few cameras
+
     return PointCamera(
         image_size=file.image_size(),
         P=file.cubics(),

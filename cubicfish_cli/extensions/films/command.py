@@ -140,37 +140,31 @@ def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
     return [match for every in matches.values() for match in every]
 
 
-def with_frames(
-    inputs: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
-) -> tuple[Sequence[Path], str | None]:
-    """Choose frames of the films among the inputs, and put them in the films' place.
+def frames_of(
+    films: Sequence[Path], folder: Path, target: TargetSource, best: int | None, run: Run
+) -> tuple[Sequence[Path], str]:
+    """Choose frames of films that a camera is calibrated from.
 
     Args:
-        inputs: photos and films.
+        films: the films.
         folder: the folder for the frames.
         target: the calibration target.
         best: how many frames to choose at most; None for the usual number.
         run: how the work is done.
 
     Returns:
-        The inputs, and why no more frames were chosen, in a sentence; None if there is no film.
+        The frames' files, and why no more were chosen, in a sentence.
 
     Raises:
         CubicfishError: a film cannot be used.
 
     """
-    from cubicfish_cli.app.inputs import films_among
-
-    films = films_among(inputs)
-    if not films:
-        return inputs, None
     target = replace(target, told=False)  # it is told where corners are found
     options = FramesOptions(films=films, folder=folder, target=target, most=best or MOST)
     chosen = choose_frames(options, run=run)
     told = {"chosen": len(chosen.photos), "frames": chosen.frames, "folder": folder}
     run.listener.tell(Event.FRAMES_CHOSEN, **told, ended=chosen.ended)
-    photos = [path for path in inputs if path not in films]
-    return [*photos, *chosen.photos], chosen.ended
+    return chosen.photos, chosen.ended
 
 
 @as_command(

@@ -1,8 +1,13 @@
 """The extension's entry."""
 
-from cubicfish_cli.app.extensions import Extension
+from cubicfish_cli.app.extensions import Extension, Input
 
 EXTENSION = Extension(
     commands={"frames": "cubicfish_cli.extensions.films.command:command"},
-    inputs=("cubicfish_cli.extensions.films.command:with_frames",),
+    inputs=(
+        Input(
+            among="cubicfish_cli.app.inputs:films_among",
+            photos="cubicfish_cli.extensions.films.command:frames_of",
+        ),
+    ),
 )

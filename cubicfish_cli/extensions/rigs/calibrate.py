@@ -11,7 +11,7 @@ import click
 
 from cubicfish_cli.app.films import MOST
 from cubicfish_cli.app.listener import Event
-from cubicfish_cli.app.pages.report_files import PAGE
+from cubicfish_cli.app.pages import PAGE
 from cubicfish_cli.app.paths import in_folder, paths_of
 from cubicfish_cli.app.run import RUN, Run, made_at, made_by_record
 from cubicfish_cli.app.target_source import TargetSource

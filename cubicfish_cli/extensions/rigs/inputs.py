@@ -6,10 +6,10 @@ from dataclasses import replace
 from glob import has_magic
 from pathlib import Path
 
-from cubicfish_cli.app.films.recordings import is_recording, label_of
+from cubicfish_cli.app.films.recordings import label_of
 from cubicfish_cli.app.fingerprint import fingerprint
 from cubicfish_cli.app.inputs import Inputs, load_inputs
-from cubicfish_cli.app.paths import check_inputs, tables_among
+from cubicfish_cli.app.paths import check_inputs, is_recording, tables_among
 from cubicfish_cli.app.photos import VIDEO_SUFFIXES
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import TargetSource

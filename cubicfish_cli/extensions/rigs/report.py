@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cubicfish_cli.app import drawing as extra
-from cubicfish_cli.app.pages.report_files import PAGE, ReportFiles
+from cubicfish_cli.app.pages import PAGE
+from cubicfish_cli.app.pages.report_files import ReportFiles
 from cubicfish_cli.app.paths import path_or_none
 from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters

@@ -8,7 +8,7 @@ import synthetic
 
 from cubicfish_cli.app.diagnosis.diagnose import HYPOTHESES
 from cubicfish_cli.app.diagnosis.wrong_nominal import doubted_boards
-from cubicfish_cli.core.assess.departure import Departure
+from cubicfish_cli.core.assess.fit_record import Departure
 from cubicfish_cli.core.codes import Code, Severity
 from cubicfish_cli.core.finding import Finding
 

@@ -18,8 +18,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from running import run_cli
 
-from cubicfish_cli.app.films.recordings import Recording, is_recording
-from cubicfish_cli.app.paths import check_inputs, file_and_topic
+from cubicfish_cli.app.films.recordings import Recording
+from cubicfish_cli.app.paths import check_inputs, file_and_topic, is_recording
 from cubicfish_cli.app.run import RUN
 from cubicfish_cli.app.target_source import TargetSource
 from cubicfish_cli.core.errors import CubicfishError, PhotoError
