@@ -35,7 +35,7 @@ from synthetic_films import Film, FilmOptions, hand_path
 from synthetic_lenses import SyntheticLens, synthetic_lens
 
 from cubicfish_cli.app.comparison import aligned_difference
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.films.source import decode, opened
 from cubicfish_cli.app.photos import Photo, find_photos
@@ -125,12 +125,12 @@ def measured(
     usual, one = decoding(film), decoding(film, threads=1)
     table = folder / ("all_corners.csv" if every == 1 else f"all_corners_{every}.csv")
     if not table.exists():
-        save_corners(table, detect_corners(photos_of(film, every), target, Work(jobs=1)).corners)
+        save_corners(table, first_pass(photos_of(film, every), [target], Work(jobs=1)).corners)
     pairs = load_corners(table, target)
     chosen = find_photos([out])
     equal = [int(one) for one in np.linspace(0, len(pairs.images) - 1, most).round()]
     fits = [
-        fitted(detect_corners(chosen, target, Work(jobs=1)).corners.with_target(target), target),
+        fitted(first_pass(chosen, [target], Work(jobs=1)).corners.with_target(target), target),
         fitted(pairs, target),
         fitted(select_photos(pairs, np.unique(equal)), target),
     ]

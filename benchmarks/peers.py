@@ -53,12 +53,10 @@ def corners_of(data: Path, corners: Path | None, target: Target) -> Observations
     """The pairs, from a file or from the photos."""
     if corners is not None:
         return load_corners(corners, target)
-    from cubicfish_cli.app.detection import detect_corners
+    from cubicfish_cli.app.detection import first_pass
     from cubicfish_cli.app.photos import find_photos
 
-    return detect_corners(find_photos([data / "images"]), target, Work()).corners.with_target(
-        target
-    )
+    return first_pass(find_photos([data / "images"]), [target], Work()).corners.with_target(target)
 
 
 def grid_of(pairs: Observations, target: Target) -> FloatArray:

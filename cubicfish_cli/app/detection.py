@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -168,28 +166,33 @@ def first_pass(
 ) -> Detection:
     """Find and name the corners of the one of several targets that explains most of them.
 
+    Photos that cannot be read, or are not of the size that most have, are reported and passed
+    over. The result does not depend on who does the work.
+
     Args:
         photos: the photos.
-        targets: at least one; ``corners.target`` of the result says which it is.
+        targets: at least one, with the same boards but for their colours; ``corners.target`` of
+            the result says which it is.
         work: who searches the photos.
-        cache: a folder in which what is found in files is kept.
+        cache: a folder in which what is found in files is kept; None searches them all.
 
     Raises:
-        DetectionError: no corner could be named by any of them; the text is that of the last.
+        ClusterError: the executor cannot do the work.
+        DetectionError: no corner could be named by any of them; the text is that of the last, and
+            says what to check.
 
     """
-    with ExitStack() as stack:
-        if cache is None and len(targets) > 1:  # photos are searched once for all targets
-            cache = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
-        grids = None if cache is None else GridCache(folder=Path(cache).absolute())
-        found: list[Detection] = []
-        for number, target in enumerate(targets, start=1):
-            try:
-                found.append(detect_corners(photos, target, work, grids))
-            except DetectionError:  # the last says why, where none does better
-                if number == len(targets) and not found:
-                    raise
-    return max(found, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
+    kept = None if cache is None else GridCache(folder=Path(cache).absolute())
+    detect_one = partial(detect_in_photo, target=targets[0], cache=kept)
+    found = work.done(detect_one, _reachable(photos, work))
+    named: list[Detection] = []
+    for number, target in enumerate(targets, start=1):
+        try:
+            named.append(_name_corners(photos, found, target))
+        except DetectionError:  # the last says why, where none does better
+            if number == len(targets) and not named:
+                raise
+    return max(named, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
 
 
 def _photos(
@@ -220,30 +223,15 @@ _NOT_NAMED = "no corner can be named"
 _REFUSED = (Code.ANOTHER_TARGET, Code.CORNER_COUNT, Code.NOTHING_NAMED, Code.NO_MARKERS)
 
 
-def detect_corners(
-    photos: Sequence[Photo],
-    target: Target,
-    work: Work,
-    cache: GridCache | None = None,
+def _name_corners(
+    photos: Sequence[Photo], found: Sequence[PhotoDetection], target: Target
 ) -> Detection:
-    """Find and name the corners of ``target`` in photos.
-
-    Photos that cannot be read, or are not of the size that most have, are reported and passed
-    over. The result does not depend on who does the work.
-
-    Args:
-        photos: where the photos are.
-        target: the calibration target.
-        work: who searches the photos.
-        cache: what was found in photos that were searched before; None searches them all.
+    """Name the corners of ``target`` that were found in photos.
 
     Raises:
-        ClusterError: the executor cannot do the work.
         DetectionError: no corner could be named in any photo; the text says what to check.
 
     """
-    detect_one = partial(detect_in_photo, target=target, cache=cache)
-    found = work.done(detect_one, _reachable(photos, work))
     size = _common_size(found)
     if size is None:
         raise _refused(_nothing_read(found))

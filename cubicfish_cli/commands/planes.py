@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.photos import Photo
 from cubicfish_cli.app.run import Run
@@ -72,7 +72,7 @@ class PlaneViews(Views):
             return
         run.listener.tell(Event.WITHOUT_POSE, photos=len(missing))
         photos = [Photo(name=source.name, path=source) for source in missing]
-        found = detect_corners(photos, self._target, run.work("Finding corners"))
+        found = first_pass(photos, [self._target], run.work("Finding corners"))
         self._poses |= _poses_of(FitRecord(per_image=evaluate(camera, found.corners).photos))
 
     def chosen(self, source: Path, size: Size) -> ChosenView:

@@ -116,7 +116,7 @@ def test_existing_corners_are_refused_before_the_work(
     def fail(*_: object, **__: object) -> None:
         pytest.fail("the work must not start")
 
-    monkeypatch.setattr("cubicfish_cli.app.detection.detect_corners", fail)
+    monkeypatch.setattr("cubicfish_cli.app.detection.first_pass", fail)
     path = tmp_path / "corners.csv"
     path.write_text("old")
     said = run("detect", *PHOTOS, "-t", TARGET, "-o", path, code=1).stderr

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from synthetic import checkerboard
 
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app import detection as passes
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.codes import Code
@@ -38,7 +39,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def detection(folder, target):
-    return detect_corners(find_photos([folder]), target, Work(jobs=1))
+    return first_pass(find_photos([folder]), [target], Work(jobs=1))
 
 
 @pytest.mark.slow
@@ -94,7 +95,7 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
     for name in ("y.png", "z.png"):
         cv2.imwrite(str(tmp_path / name), cv2.rotate(picture, cv2.ROTATE_90_CLOCKWISE))
     cv2.imwrite(str(tmp_path / "x.png"), picture[::2, ::2])
-    photos = detect_corners(find_photos([tmp_path]), target, Work(jobs=1)).photos
+    photos = first_pass(find_photos([tmp_path]), [target], Work(jobs=1)).photos
     height, width = picture.shape
     refused = [one for photo in photos for one in photo.findings]
     assert [(one.code, one.case) for one in refused] == [
@@ -112,8 +113,8 @@ def test_photos_that_are_turned_are_told_from_photos_of_another_size(folder, tar
 @pytest.mark.slow
 def test_jobs_change_nothing_but_the_time(detection, folder, target):
     calls = []
-    again = detect_corners(
-        find_photos([folder]), target, Work(jobs=2, progress=lambda *at: calls.append(at))
+    again = first_pass(
+        find_photos([folder]), [target], Work(jobs=2, progress=lambda *at: calls.append(at))
     )
     np.testing.assert_array_equal(again.corners.pixel, detection.corners.pixel)
     np.testing.assert_array_equal(again.corners.column, detection.corners.column)
@@ -143,15 +144,30 @@ def flat_photo(tmp_path_factory):
 
 
 def test_a_flat_board_seen_straight_on_is_named(flat_photo):
-    found = detect_corners(find_photos([flat_photo]), flat(8, 5), Work()).corners
+    found = first_pass(find_photos([flat_photo]), [flat(8, 5)], Work()).corners
     assert len(found.pixel) == 80
     first = (found.image == 0) & (found.column == 0) & (found.row == 0)
     np.testing.assert_allclose(found.pixel[first][0], [269.5, 239.5], atol=0.1)
 
 
+def test_photos_are_searched_once_for_boards_of_either_colour(flat_photo, monkeypatch):
+    searched, search = [], passes.detect_in_photo
+
+    def counted(photo, **how):
+        searched.append(photo.name)
+        return search(photo, **how)
+
+    monkeypatch.setattr(passes, "detect_in_photo", counted)
+    target = flat(8, 5)
+    other = target.with_boards({0: target.boards[0].with_other_colours()})
+    found = first_pass(find_photos([flat_photo]), [target, other], Work(jobs=1))
+    assert found.corners.target is target
+    assert len(searched) == 2
+
+
 def test_counted_squares_are_refused_with_both_counts(flat_photo):
     with pytest.raises(DetectionError, match=r"found 8x5 .* target says 9x6: were squares counted"):
-        detect_corners(find_photos([flat_photo]), flat(9, 6), Work())
+        first_pass(find_photos([flat_photo]), [flat(9, 6)], Work())
 
 
 def test_a_board_larger_than_the_targets_says_so(flat_photo):
@@ -160,7 +176,7 @@ def test_a_board_larger_than_the_targets_says_so(flat_photo):
         r"another size \(b 6x4\): give the target that the photos show"
     )
     with pytest.raises(DetectionError, match=said):
-        detect_corners(find_photos([flat_photo]), flat(6, 4), Work())
+        first_pass(find_photos([flat_photo]), [flat(6, 4)], Work())
 
 
 def test_photos_without_a_board_say_what_to_check(tmp_path, target):
@@ -171,7 +187,7 @@ def test_photos_without_a_board_say_what_to_check(tmp_path, target):
     with pytest.raises(
         DetectionError, match=r"2 photos, no checkerboard: too blurred .*; focus"
     ) as caught:
-        detect_corners(find_photos([tmp_path]), target, Work())
+        first_pass(find_photos([tmp_path]), [target], Work())
     assert "\n" not in str(caught.value)
 
 
@@ -179,6 +195,6 @@ def test_unreadable_photos_say_why(tmp_path, target):
     (tmp_path / "a.png").write_bytes(b"")
     (tmp_path / "b.png").write_bytes(b"")
     with pytest.raises(DetectionError, match=r"no photo can be used: .*a\.png is empty.* 1 more"):
-        detect_corners(find_photos([tmp_path]), target, Work())
+        first_pass(find_photos([tmp_path]), [target], Work())
     with pytest.raises(DetectionError, match="no photo was given"):
-        detect_corners([], target, Work())
+        first_pass([], [target], Work())

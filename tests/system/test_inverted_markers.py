@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.core.errors import DetectionError
@@ -95,7 +95,7 @@ def photos_of(tmp_path, *pictures):
 
 @pytest.mark.slow
 def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
-    detection = detect_corners(photos_of(tmp_path, photo_of(INVERTED)), PLAIN, Work(jobs=1))
+    detection = first_pass(photos_of(tmp_path, photo_of(INVERTED)), [PLAIN], Work(jobs=1))
     assert 0 not in detection.corners.board
     (finding,) = detection.findings
     assert (finding.code, finding.boards) == ("inverted", ("front0",))
@@ -108,7 +108,7 @@ def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
     target = Target(units="mm", boards=INVERTED.boards[:1])
     only = Target(units="mm", boards=PLAIN.boards[:1])
     with pytest.raises(DetectionError, match=r"dark on light .* say inverted: false and first_sq"):
-        detect_corners(photos_of(tmp_path, photo_of(only)), target, Work(jobs=1))
+        first_pass(photos_of(tmp_path, photo_of(only)), [target], Work(jobs=1))
 
 
 @pytest.mark.slow
@@ -116,8 +116,8 @@ def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
 def test_mirrored_markers_are_told(tmp_path, target):
     mirrored = photos_of(tmp_path, photo_of(target)[:, ::-1])
     with pytest.raises(DetectionError, match=r"are mirrored .*mirrored: true at the top of target"):
-        detect_corners(mirrored, target, Work(jobs=1))
-    assert len(detect_corners(mirrored, target.in_mirror(), Work(jobs=1)).corners.pixel) > 50
+        first_pass(mirrored, [target], Work(jobs=1))
+    assert len(first_pass(mirrored, [target.in_mirror()], Work(jobs=1)).corners.pixel) > 50
 
 
 @pytest.mark.slow
@@ -126,7 +126,7 @@ def test_markers_that_are_nowhere_are_not_explained(tmp_path):
         units="mm", boards=(wall("front", "charuco", (6, 5), 24.0, dictionary="DICT_6X6_50"),)
     )
     with pytest.raises(DetectionError, match="none of the target's markers"):
-        detect_corners(photos_of(tmp_path, photo_of(PLAIN)), other, Work(jobs=1))
+        first_pass(photos_of(tmp_path, photo_of(PLAIN)), [other], Work(jobs=1))
 
 
 @pytest.mark.slow

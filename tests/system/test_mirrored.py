@@ -13,7 +13,7 @@ from seen import grid_evidence
 from synthetic import IMAGE_SIZE, checkerboard, corner_of_three
 
 from cubicfish_cli.app.board_faces import board_face
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.diagnosis.object_faults import find_wrong_layout
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
@@ -113,7 +113,7 @@ def test_the_note_about_colours_says_what_to_write(tmp_path, said, mirrored, sho
     target = Target.from_data(
         {"units": "mm", "mirrored": mirrored, "boards": [{**board, "first_square": said}]}
     )
-    detection = detect_corners(find_photos([tmp_path]), target, Work())
+    detection = first_pass(find_photos([tmp_path]), [target], Work())
     assert len(detection.corners.pixel) == 35
     (finding,) = detection.findings
     assert finding.severity == "note"

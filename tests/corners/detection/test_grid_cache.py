@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cubicfish_cli.app import photo_detection
-from cubicfish_cli.app.detection import detect_corners
+from cubicfish_cli.app.detection import first_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photo_detection import GridCache
 from cubicfish_cli.app.photos import find_photos
@@ -90,12 +90,12 @@ def test_unchanged_photos_are_not_searched_again(cache, tmp_path, monkeypatch):
     searched = []
     search = photo_detection.find_grids
     monkeypatch.setattr(photo_detection, "find_grids", lambda p: searched.append(1) or search(p))
-    first = detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
+    first = first_pass(find_photos([folder]), [TARGET], Work(jobs=1), cache.folder)
     assert len(searched) == 2
     (folder / "corner_03.jpg").rename(folder / "renamed.jpg")
-    again = detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
+    again = first_pass(find_photos([folder]), [TARGET], Work(jobs=1), cache.folder)
     assert len(searched) == 2
     np.testing.assert_array_equal(again.corners.pixel, first.corners.pixel)
     shutil.copy(SAMPLE / "photos" / "corner_02.jpg", folder / "corner_01.jpg")
-    detect_corners(find_photos([folder]), TARGET, Work(jobs=1), cache)
+    first_pass(find_photos([folder]), [TARGET], Work(jobs=1), cache.folder)
     assert len(searched) == 3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from cubicfish_cli.app.detection import detect_corners, second_pass
+from cubicfish_cli.app.detection import first_pass, second_pass
 from cubicfish_cli.app.executors.pool import Work
 from cubicfish_cli.app.photos import find_photos
 from cubicfish_cli.app.viewpoints.truth import project_corners
@@ -71,7 +71,7 @@ def distances(corners, truth):
 @pytest.mark.slow
 def test_every_kind_of_board_is_named_and_calibrates(photos):
     target, files, truth = photos
-    first = detect_corners(files, target, Work(jobs=1))
+    first = first_pass(files, [target], Work(jobs=1))
     assert set(np.unique(first.corners.board)) == {0, 1}
     assert all(report.problem is None for report in first.photos)
     assert sum(report.corners for report in first.photos) == len(first.corners.pixel)
@@ -97,16 +97,16 @@ def test_the_wrong_family_is_said(photos):
     other = replace(charuco.markers, dictionary="DICT_7X7_50")
     wrong = replace(target, boards=(replace(charuco, markers=other),))
     with pytest.raises(DetectionError, match=r"DICT_7X7_50.*which show.*correct dictionary"):
-        detect_corners(files[:2], wrong, Work(jobs=1))
+        first_pass(files[:2], [wrong], Work(jobs=1))
 
 
 @pytest.mark.slow
 def test_only_marked_boards(photos):
     target, files, _ = photos
     alone = replace(target, boards=target.boards[:1])
-    found = detect_corners(files, alone, Work(jobs=1))
+    found = first_pass(files, [alone], Work(jobs=1))
     assert set(np.unique(found.corners.board)) == {0}
-    whole = detect_corners(files, target, Work(jobs=1)).corners
+    whole = first_pass(files, [target], Work(jobs=1)).corners
     ours = {tuple(pixel) for pixel in found.corners.pixel.round(2)}
     theirs = {tuple(pixel) for pixel in whole.pixel[whole.board == 0].round(2)}
     assert len(ours & theirs) > 0.95 * len(theirs)
