@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Generic, Self, TypeVar
 
@@ -90,43 +91,13 @@ def linearise(
 ) -> Iterator[tuple[slice, Linearised]]:
     """Linearise all pairs by everything that is free, in runs of one camera's pairs each.
 
-    Yields the pairs of a run and their derivatives.
+    Yields the pairs of a run and their derivatives, one run after the other.
 
     ``pairs`` and ``huber_px`` are those of :func:`~cubicfish_cli.core.fit.adjustment.adjust`.
     """
-    body, world = state.lens, state.world
-    views = body.views(state.poses)
-    for run in _cut_runs(state, pairs):
-        image = pairs.image[run]
-        # Working on one coordinate of all points after the other is fastest.
-        rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
-        rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
-        points = (rotated + views.translation.T[:, image]).T
-        pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
-        by_point = d_point.transpose(1, 2, 0)
-        d_corner = np.zeros((len(image), 2, 3))
-        if world.free:
-            d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
-        d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
-        d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
-        residual = pixel - pairs.pixel[run]
-        length = np.hypot(residual[:, 0], residual[:, 1])
-        root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
-        d_shared = np.concatenate([d_body, world.chain(d_corner, run)], axis=2)
-        weight = root[:, None, None]
-        yield (
-            run,
-            Linearised(
-                residual=residual,
-                root=root,
-                miss=residual * root[:, None],
-                by_shared=d_shared * weight,
-                columns=np.r_[own, len(body.parameters) : state.size[0]],
-                by_pose=d_pose * weight,
-                by_corner=d_corner * weight,
-                pose=body.shot_of(image),
-            ),
-        )
+    runs = _cut_runs(state, pairs)
+    one = partial(_linearise_run, state.lens.views(state.poses), state, pairs, huber_px)
+    return zip(runs, map(one, runs), strict=True)
 
 
 def _cut_runs(state: State[L], pairs: Observations) -> list[slice]:
@@ -135,6 +106,40 @@ def _cut_runs(state: State[L], pairs: Observations) -> list[slice]:
     size = max(_RUN_PAIRS, _RUN_PAIRS * _RUN_UNKNOWNS // (state.size[0] + 6))
     cuts = np.union1d(np.arange(0, len(camera), size), np.flatnonzero(np.diff(camera)) + 1)
     return [slice(*ends) for ends in pairwise([*cuts.tolist(), len(camera)])]
+
+
+def _linearise_run(
+    views: Poses, state: State[L], pairs: Observations, huber_px: float, run: slice
+) -> Linearised:
+    """Linearise a run of one camera's pairs by everything that is free."""
+    body, world = state.lens, state.world
+    image = pairs.image[run]
+    # Working on one coordinate of all points after the other is fastest.
+    rotation = views.rotation.transpose(1, 2, 0)[:, :, image]
+    rotated = np.einsum("ijn,jn->in", rotation, world.points[run].T)
+    points = (rotated + views.translation.T[:, image]).T
+    pixel, d_point, d_lens = body.lens_of(int(image[0])).pixel_and_slopes(points)
+    by_point = d_point.transpose(1, 2, 0)
+    d_corner = np.zeros((len(image), 2, 3))
+    if world.free:
+        d_corner = np.einsum("ain,ijn->ajn", by_point, rotation).transpose(2, 0, 1)
+    d_view = np.concatenate([cross(rotated, by_point).transpose(2, 0, 1), d_point], axis=2)
+    d_body, own, d_pose = body.by_body(image, state.poses, d_lens, d_view)
+    residual = pixel - pairs.pixel[run]
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    root = np.sqrt(pairs.weight[run] * huber_weight(length, huber_px))
+    d_shared = np.concatenate([d_body, world.chain(d_corner, run)], axis=2)
+    weight = root[:, None, None]
+    return Linearised(
+        residual=residual,
+        root=root,
+        miss=residual * root[:, None],
+        by_shared=d_shared * weight,
+        columns=np.r_[own, len(body.parameters) : state.size[0]],
+        by_pose=d_pose * weight,
+        by_corner=d_corner * weight,
+        pose=body.shot_of(image),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
