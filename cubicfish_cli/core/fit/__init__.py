@@ -29,8 +29,8 @@ which held-out photos gain. Before corners are fitted one by one, `orientation.p
 round photos show a target that looks the same after a turn (`core/placement.py`), and
 `extensions/rigs/fit/names.py` makes a rig's cameras agree. `uncertainty.py` propagates the corners'
 noise through the normal equations to pixels, `photo_spread.py` adds the effect of errors that the
-corners of a photo share, `coverage.py` says where corners are, and `core/assess/departure.py`
-measures how far a fitted target departs from the nominal one.
+corners of a photo share, `coverage.py` says where corners are, and `departures` how far a
+fitted target departs from the nominal one.
 
 The fit knows nothing of diagnosis. It hands its evidence (`FitEvidence`, or `FailedFit` where there
 is no fit; `calibration.py`) to a function that its caller gives it, and takes findings back:
