@@ -275,7 +275,7 @@ def measure_video(camera: CubicCamera, folder: Path) -> None:
 
     def undistort() -> None:
         job = Job(name="film", photos={"": source}, outputs={"": flat})
-        assert views.write(job, quality=None, overwrite=True) is None
+        assert views.write(job, overwrite=True) is None
 
     undistort()
     seconds = turn_by_turn({"copy": copy, "ours": undistort}, 3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -219,10 +218,9 @@ def write_pictures(plan: Plan, views: Views, *, model: Path | None) -> Undistort
             files = {path: content for path, content in files.items() if not path.is_file()}
         refuse_existing(*files, overwrite=run.overwrite, can_skip=not options.skip_existing)
     extras = write_files(files, overwrite=run.overwrite)
-    write = partial(views.write, quality=options.quality)
     if plan.kind == "video":  # one after the other, and each reports its own progress
         run = replace(run, jobs=1, listener=SILENT)
-    failures = write_many(plan.jobs, write, run)
+    failures = write_many(plan.jobs, views.writer(options.quality), run)
     done = [job for job in plan.jobs if job.name not in failures]
     return UndistortedFiles(
         kind=plan.kind,

@@ -119,9 +119,9 @@ class Views:
         """The view of a job's photo, which is looked at for its size."""
         return self.chosen(job.source, self.size_of(job.source))
 
-    def write(self, job: Job, *, quality: int | None, overwrite: bool) -> CubicfishError | None:
-        """Write the pictures of a job, as :func:`write_one`."""
-        return write_one(job, self, quality=quality, overwrite=overwrite)
+    def writer(self, quality: int | None) -> Write:
+        """The function that writes the results of a job; the quality is that of pictures."""
+        return partial(write_one, render=self, quality=quality)
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The pictures of a job; :func:`write_many` calls it."""

@@ -29,7 +29,7 @@ from cubicfish_cli.app.films.source import (
 )
 from cubicfish_cli.app.listener import Count, Event, Listener
 from cubicfish_cli.app.photos import shown
-from cubicfish_cli.app.undistortion.batch import Job, Size, Views
+from cubicfish_cli.app.undistortion.batch import Job, Size, Views, Write
 from cubicfish_cli.app.undistortion.images import naming, remap
 from cubicfish_cli.app.undistortion.options import ViewOptions
 from cubicfish_cli.core.errors import CubicfishError, OutputError, PhotoError, ViewError
@@ -97,11 +97,14 @@ class VideoViews(Views):
         super().__init__(camera, wanted, interpolation)
         self._crf, self._listener = crf, listener
 
-    def write(self, job: Job, *, quality: int | None, overwrite: bool) -> CubicfishError | None:
+    def writer(self, quality: int | None) -> Write:
+        """The function that writes a video; the quality is that of pictures."""
+        return self.write
+
+    def write(self, job: Job, *, overwrite: bool) -> CubicfishError | None:
         """Render every frame of a video; audio and timestamps are kept.
 
-        The result appears whole or not at all, also when this is interrupted. ``quality`` is of
-        photos.
+        The result appears whole or not at all, also when this is interrupted.
 
         Returns:
             Why there is no result, or one that lacks frames: a :class:`PhotoError` if the video

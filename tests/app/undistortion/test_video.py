@@ -98,7 +98,7 @@ class Counting(Listener):
 def run(source: Path, out: Path, interpolation="linear", view=VIEW, crf=0, listener=SILENT):
     views = VideoViews(CAMERA, view, interpolation, crf, listener)
     job = Job(name=source.name, photos={"": source}, outputs={"": out})
-    problem = views.write(job, quality=None, overwrite=False)
+    problem = views.write(job, overwrite=False)
     if problem is not None:
         raise problem
 
