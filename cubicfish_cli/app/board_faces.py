@@ -61,7 +61,9 @@ def board_face(board: Board, *, margin: float) -> Face:
         face = board_face(board.in_mirror(), margin=margin)
         last = board.plane_points(board.columns - 1, 0)[0]
         return replace(face, x=last - face.x[::-1], dark=face.dark[:, ::-1])
-    start, pitch, steps, blocks, last = _tags(board) if board.per_cell == 2 else _squares(board)
+    start, pitch, steps, blocks, last = (
+        _lay_out_tags(board) if board.per_cell == 2 else _lay_out_squares(board)
+    )
     rows, columns = (count * len(steps) - last for count in blocks.shape[::2])
     x, y = (
         ((np.arange(count // len(steps) + 1) + start)[:, None] * pitch + steps).ravel()[: count + 1]
@@ -76,7 +78,7 @@ _Blocks = tuple[int, float, FloatArray, BoolArray, int]
 (R, B, C, B) which are black, and how many of the last block are not there."""
 
 
-def _squares(board: Board) -> _Blocks:
+def _lay_out_squares(board: Board) -> _Blocks:
     """Blocks that are squares, whose markers have white or black around them."""
     row, column = np.indices((board.rows + 1, board.columns + 1))
     squares = (row + column) % 2 == (board.first_square == "light")
@@ -91,7 +93,7 @@ def _squares(board: Board) -> _Blocks:
     return -1, board.square, steps, blocks, 0
 
 
-def _tags(board: Board) -> _Blocks:
+def _lay_out_tags(board: Board) -> _Blocks:
     """Blocks that are a gap and a tag; one more gap follows the last. Gaps cross in black."""
     if board.markers is None:
         raise TargetError(f"board {board.name!r} has no markers: it cannot be drawn")

@@ -170,12 +170,12 @@ def gather(
             pairs = best_named(
                 pairs,
                 target,
-                lambda one: np.square(_residuals(camera, fit, one)[1]).sum(axis=1),
+                lambda one: np.square(_measure_residuals(camera, fit, one)[1]).sum(axis=1),
             )
-        errors, lack = _errors(camera, fit, pairs)
+        errors, lack = _measure_errors(camera, fit, pairs)
         pixels = tuple(
             (pairs.images[pairs.image[index]], pairs.pixel[index])
-            for index in np.flatnonzero(_among(pairs, fit))
+            for index in np.flatnonzero(_find_dropped(pairs, fit))
         )
     if lack is not None:
         hint = "'cubicfish report --target FILE' names another target"
@@ -198,7 +198,7 @@ def gather(
     )
 
 
-def _residuals(
+def _measure_residuals(
     camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
 ) -> tuple[FloatArray, FloatArray]:
     """(N, 3) corners in the camera's frame, and (N, 2) projection less pixel.
@@ -215,13 +215,13 @@ def _residuals(
     return points, camera.project(points, near=True) - pairs.pixel
 
 
-def _errors(
+def _measure_errors(
     camera: CubicCamera | PointCamera, fit: FitRecord, pairs: Observations
 ) -> tuple[ErrorFacts | None, str | None]:
     """Every used corner's error, or why there is none."""
-    points, residual = _residuals(camera, fit, pairs)
+    points, residual = _measure_residuals(camera, fit, pairs)
     length = np.hypot(*residual.T)
-    kept = np.isfinite(length) & ~_among(pairs, fit)
+    kept = np.isfinite(length) & ~_find_dropped(pairs, fit)
     if fit.refine_target == "points":
         # A corner that may be another one than it is named as had a point of its own in the fit.
         kept &= pairs.certain
@@ -250,7 +250,7 @@ def _errors(
     return ErrorFacts(pairs=used, residual=residual, angle_deg=angle, cells=cells), None
 
 
-def _among(pairs: Observations, fit: FitRecord) -> BoolArray:
+def _find_dropped(pairs: Observations, fit: FitRecord) -> BoolArray:
     """Which pairs are corners that the fit dropped."""
     if not fit.dropped_corners:
         return np.zeros(len(pairs.pixel), bool)
@@ -300,13 +300,13 @@ def facts_of_files(
     folder = camera_file.parent
     absent: list[str] = []
     refined = loaded.fit.refine_target in REFINED
-    nominal = target or _recorded(origin.target, folder) or _beside(folder, _TARGET)
+    nominal = target or _find_recorded(origin.target, folder) or _find_beside(folder, _TARGET)
     if refined:
-        nominal = _beside(folder, _REFINED) or target
+        nominal = _find_beside(folder, _REFINED) or target
     thing = None if nominal is None else target_in(nominal)
     size = loaded.camera.image_size
-    pairs = _pairs(corners or folder / _CORNERS, folder, origin, thing, size)
-    lack = _lack(folder, origin, thing, refined=refined) if pairs is None else None
+    pairs = _load_pairs(corners or folder / _CORNERS, folder, origin, thing, size)
+    lack = _explain_lack(folder, origin, thing, refined=refined) if pairs is None else None
     names = [photo.image for photo in loaded.fit.per_image]
     digests = {Path(one.file): one.sha256 for one in origin.inputs}
     recorded = matched(names, [*digests])
@@ -349,7 +349,7 @@ def facts_of_fit(
     return gather(fitted, pairs=pairs, target=target, files=files)
 
 
-def _pairs(
+def _load_pairs(
     beside: Path,
     folder: Path,
     origin: Origin,
@@ -358,7 +358,7 @@ def _pairs(
 ) -> Observations | None:
     if target is not None and beside.is_file():
         return load_corners(beside, target, image_size=size)
-    table = _recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
+    table = _find_recorded(origin.inputs[0], folder) if len(origin.inputs) == 1 else None
     if table is None or table.suffix.lower() != ".csv":
         return None
     if origin.target is None:
@@ -366,7 +366,7 @@ def _pairs(
     return None if target is None else load_corners(table, target, image_size=size)
 
 
-def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:
+def _explain_lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool) -> str:
     """What is missing of the corners, or of what they are of."""
     has_corners = (folder / _CORNERS).is_file()
     if target is None and (has_corners or (origin.inputs and origin.target is not None)):
@@ -383,12 +383,12 @@ def _lack(folder: Path, origin: Origin, target: Target | None, *, refined: bool)
     return f"there is no {_CORNERS} beside the camera, and {source}"
 
 
-def _beside(folder: Path, name: str) -> Path | None:
+def _find_beside(folder: Path, name: str) -> Path | None:
     path = folder / name
     return path if path.is_file() else None
 
 
-def _recorded(record: FileRecord | None, folder: Path) -> Path | None:
+def _find_recorded(record: FileRecord | None, folder: Path) -> Path | None:
     """The file that a record names, if it is there and still the same."""
     if record is None:
         return None

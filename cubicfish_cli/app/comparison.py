@@ -98,16 +98,16 @@ def compare(first: CubicCamera, second: CubicCamera) -> Comparison:
             the cameras have no field in common.
 
     """
-    scale = _scale(first.image_size, second.image_size)
+    scale = _compute_scale(first.image_size, second.image_size)
     pixel = pixel_grid(first.image_size, _PIXELS)
     rays = first.unproject(pixel)
     if np.isfinite(rays[:, 0]).sum() < _FEW_PIXELS:  # a narrow field falls between them
-        pixel = _near_axis(first)
+        pixel = _spread_near_axis(first)
         rays = first.unproject(pixel)
     seen = np.flatnonzero(np.isfinite(rays[:, 0]))
     some = seen[:: max(1, len(seen) // _ALIGNING_PIXELS)]
     project, near = partial(_project_scaled, second, scale), (rays[some], pixel[some])
-    _, rotation = turned_onto(project, *near, _frames_turn(project, *near))
+    _, rotation = turned_onto(project, *near, _fit_turn(project, *near))
     miss = project(rays[seen] @ rotation.T) - pixel[seen]
     common = np.isfinite(miss[:, 0])
     if not common.any():
@@ -146,10 +146,10 @@ def aligned_difference(
 
     """
     wanted = second.project(rays)
-    return turned_onto(first.project, rays, wanted, _frames_turn(first.project, rays, wanted))
+    return turned_onto(first.project, rays, wanted, _fit_turn(first.project, rays, wanted))
 
 
-def _frames_turn(project: Project, rays: FloatArray, wanted: FloatArray) -> Rotation:
+def _fit_turn(project: Project, rays: FloatArray, wanted: FloatArray) -> Rotation:
     """Turn each ray onto that ray whose pixel in a lens is nearest to its own (Wahba 1965)."""
     # Rays of the whole sphere: the lens may look along any axis of its frame.
     probes = all_around(max(4 * len(rays), 4000))
@@ -172,7 +172,7 @@ def _frames_turn(project: Project, rays: FloatArray, wanted: FloatArray) -> Rota
     return rotation
 
 
-def _near_axis(camera: CubicCamera) -> FloatArray:
+def _spread_near_axis(camera: CubicCamera) -> FloatArray:
     """Pixels (N, 2) spread evenly over the part of the photo that a camera of narrow field sees."""
     angle = np.deg2rad(np.geomspace(1e-3, 90, 200))[:, None]
     around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
@@ -197,7 +197,7 @@ def pixel_grid(image_size: tuple[int, int], count: int) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _scale(first: tuple[int, int], second: tuple[int, int]) -> float:
+def _compute_scale(first: tuple[int, int], second: tuple[int, int]) -> float:
     if first[0] * second[1] != first[1] * second[0]:
         raise FitError(
             "the cameras are for photos of {}x{} and {}x{} pixels, and neither size is the other "

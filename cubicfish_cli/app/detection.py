@@ -90,7 +90,7 @@ def detect(
     """
     kept = None if cache is None else Path(cache)
     run = Run(jobs=jobs, cache=kept, listener=listener)
-    return find_corners(_photos(photos), [target], run)
+    return find_corners(_make_photos(photos), [target], run)
 
 
 def find_corners(photos: Sequence[Photo], targets: Sequence[Target], run: Run) -> Detection:
@@ -147,7 +147,7 @@ def second_pass(
         The detection with the added corners; the same one where nothing is expected.
 
     """
-    seen = {photo.name: photo for photo in _reachable(photos, work)}
+    seen = {photo.name: photo for photo in _make_paths_absolute(photos, work)}
     again = [_Expected(photo=seen[name], expected=one) for name, one in expected.items()]
     return with_added(detection, work.done(_search_again, again)) if again else detection
 
@@ -156,7 +156,7 @@ def _search_again(one: _Expected) -> Observations:
     return one.expected.seen_in(one.photo.read_grey())
 
 
-def _reachable(photos: Sequence[Photo], work: Work) -> Sequence[Photo]:
+def _make_paths_absolute(photos: Sequence[Photo], work: Work) -> Sequence[Photo]:
     """The photos by paths that hold wherever the work is done."""
     return photos if work.executor is None else [photo.absolute() for photo in photos]
 
@@ -195,7 +195,7 @@ def first_pass(
     return max(named, key=lambda one: (len(one.corners.pixel), -len(one.findings)))
 
 
-def _photos(
+def _make_photos(
     photos: StrPath | Mapping[str, Image] | Iterable[Image] | Iterable[StrPath],
 ) -> list[Photo]:
     if isinstance(photos, str | os.PathLike):
@@ -234,9 +234,11 @@ def _name_corners(
     """
     size = _common_size(found)
     if size is None:
-        raise _refused(_nothing_read(found))
-    with_boards = [_shows_boards(one) for one in found]
-    found = [_of_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)]
+        raise _make_error(_explain_nothing_read(found))
+    with_boards = [_is_showing_boards(one) for one in found]
+    found = [
+        _refuse_other_size(one, photo.name, size) for one, photo in zip(found, photos, strict=True)
+    ]
     usable = [index for index, one in enumerate(found) if one.grids is not None]
     detections = [found[index] for index in usable]
     grids = [detected.grids for detected in detections if detected.grids is not None]
@@ -249,7 +251,7 @@ def _name_corners(
             PhotoReport(
                 name=name,
                 refusal=detected.refusal,
-                remarks=_twice_in_view(own, name, target),
+                remarks=_report_twice_in_view(own, name, target),
                 found=replace(shown, grids=()),
             )
             for detected, own, shown, name in zip(detections, marked, grids, names, strict=True)
@@ -300,7 +302,7 @@ def _name_corners(
     )
     _refuse(findings, named=len(corners.pixel) > 0)
     if not len(corners.pixel):
-        raise _no_checkerboard(found)
+        raise _explain_no_checkerboard(found)
     return Detection(
         corners=corners.only_seen()[0],
         photos=tuple(reports),
@@ -313,24 +315,24 @@ def _refuse(findings: Sequence[Finding], *, named: bool) -> None:
     """Refuse corners that would have the names of others; or none, where that is explained."""
     for finding in findings:
         if finding.severity is Severity.BAD and finding.code in _REFUSED:
-            raise _refused(finding)
+            raise _make_error(finding)
         if finding.severity is not Severity.NOTE and not named:
             raise DetectionError(_NOT_NAMED, do=finding.line)
 
 
-def _shows_boards(detected: PhotoDetection) -> bool:
+def _is_showing_boards(detected: PhotoDetection) -> bool:
     """Whether a photo shows squares in rows, and so many that they are likely a board's."""
     grids = () if detected.grids is None else detected.grids.grids
     return any(len(grid) >= FEWEST_CORNERS for grid in grids)
 
 
-def _common_size(found: Sequence[PhotoDetection]) -> tuple[int, int] | None:
+def _find_common_size(found: Sequence[PhotoDetection]) -> tuple[int, int] | None:
     """The size that most photos have; of equally frequent ones the first."""
     sizes = Counter(one.grids.image_size for one in found if one.grids is not None)
     return sizes.most_common(1)[0][0] if sizes else None
 
 
-def _of_size(one: PhotoDetection, name: str, size: tuple[int, int]) -> PhotoDetection:
+def _refuse_other_size(one: PhotoDetection, name: str, size: tuple[int, int]) -> PhotoDetection:
     if one.grids is None or one.grids.image_size == size:
         return one
     width, height = one.grids.image_size
@@ -339,16 +341,16 @@ def _of_size(one: PhotoDetection, name: str, size: tuple[int, int]) -> PhotoDete
     return PhotoDetection(grids=None, refusal=make_refusal(name, Code.OTHER_SIZE, case, **figures))
 
 
-def _twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:
+def _report_twice_in_view(marked: MarkedCorners, name: str, target: Target) -> tuple[Finding, ...]:
     twice = partial(Finding, code=Code.TWICE_IN_VIEW, severity=Severity.CARE, images=(name,))
     return tuple(twice(boards=(target.boards[one].name,)) for one in marked.contradictory)
 
 
-def _refused(finding: Finding) -> DetectionError:
+def _make_error(finding: Finding) -> DetectionError:
     return DetectionError(finding.why, do=finding.do)
 
 
-def _nothing_read(found: Sequence[PhotoDetection]) -> Finding:
+def _explain_nothing_read(found: Sequence[PhotoDetection]) -> Finding:
     if not found:
         return Finding(code=Code.NO_PHOTO, severity=Severity.BAD)
     first = next(one.refusal.line for one in found if one.refusal)
@@ -357,7 +359,7 @@ def _nothing_read(found: Sequence[PhotoDetection]) -> Finding:
     return Finding(code=Code.NO_PHOTO, case=case, severity=Severity.BAD, figures=figures)
 
 
-def _no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
+def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
     """Why no photo shows anything: what most of them say."""
     refusals = [one.refusal for one in found if one.refusal]
     lines = Counter(refusal.line for refusal in refusals)

@@ -38,11 +38,11 @@ def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Pi
         most = float(np.percentile(magnitude[known], 99)) if known.any() else 1.0
         top = max(round_up(most), _SMALLEST_TOP)
     share = np.where(known, np.clip(magnitude, 0, top), 0) / top
-    picture = _coloured(share)
+    picture = _colour_shares(share)
     picture[~known] = _WHITE
     width = magnitude.shape[1]
     bar = max(8, width // 30)
-    scale = _coloured(np.tile(np.linspace(0, 1, width), (bar, 1)))
+    scale = _colour_shares(np.tile(np.linspace(0, 1, width), (bar, 1)))
     text = np.full_like(scale, 255)
     for words, left in (("0", 0.01), (f"{top:g} px", 0.8)):
         place = (int(left * width), bar - bar // 4)
@@ -50,7 +50,7 @@ def difference_picture(magnitude: FloatArray, *, top: float | None = None) -> Pi
     return np.vstack([picture, scale, text])
 
 
-def _coloured(share: FloatArray) -> Picture:
+def _colour_shares(share: FloatArray) -> Picture:
     """(H, W, 3) colours of shares from 0 to 1: lightness grows, also to the colour-blind."""
     levels = np.round(255 * share).astype(np.uint8)
     return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS), np.uint8)

@@ -59,7 +59,7 @@ def draw_found(picture: Picture, report: PhotoReport, corners: Observations) -> 
     """
     canvas = _Canvas(picture)
     boards = _find_boards(report, corners)
-    for row, (text, colour) in enumerate(_caption(report, boards)):
+    for row, (text, colour) in enumerate(_write_caption(report, boards)):
         canvas.write(text, np.array([0.0, (row + 1) * canvas.line]), colour)
     for grid, fate in zip(report.found.grids if report.found else (), report.grids, strict=True):
         if not fate.named:
@@ -86,21 +86,21 @@ class _Canvas:
 
     def __init__(self, picture: Picture) -> None:
         """Dim ``picture``, (H, W) of 8 or 16 bits."""
-        self.pixels: ColourPicture = np.repeat(_dimmed(picture)[..., None], 3, axis=2)
+        self.pixels: ColourPicture = np.repeat(_dim(picture)[..., None], 3, axis=2)
         self.unit = max(max(picture.shape) / 1000, 1.0)
         self.line = 20 * self.unit
 
     def lines(self, paths: FloatArray, colour: Colour, *, width: float = 1.0,
               closed: bool = False) -> None:  # fmt: skip
         """Draw (N, K, 2) paths of pixels, so many units wide, with a dark seam."""
-        fixed = list(_fixed(paths))
+        fixed = list(_convert_to_fixed(paths))
         for own, more in ((BLACK, 1.5), (colour, 0.0)):
             thick = max(round((width + more) * self.unit), 1)
             cv2.polylines(self.pixels, fixed, closed, own, thick, cv2.LINE_AA, _SHIFT)
 
     def disc(self, pixel: FloatArray, colour: Colour, radius: float, thick: int = -1) -> None:
         """Draw a filled disc, or a ring so thick."""
-        x, y = _fixed(pixel).tolist()
+        x, y = _convert_to_fixed(pixel).tolist()
         size = round(radius * (1 << _SHIFT))
         cv2.circle(self.pixels, (x, y), size, colour, thick, cv2.LINE_AA, _SHIFT)
 
@@ -135,7 +135,7 @@ def _draw_board(canvas: _Canvas, board: _Board) -> None:
     for letter, step in (("x", [1, 0]), ("y", [0, 1])):
         ahead = np.flatnonzero((board.cells == board.cells[first] + step).all(axis=1))
         if len(ahead):
-            start, tip = (_fixed(board.pixel[one]).tolist() for one in (first, ahead[0]))
+            start, tip = (_convert_to_fixed(board.pixel[one]).tolist() for one in (first, ahead[0]))
             cv2.arrowedLine(canvas.pixels, start, tip, colour, round(3 * canvas.unit),
                             cv2.LINE_AA, _SHIFT, 0.3)  # fmt: skip
             canvas.write(letter, board.pixel[ahead[0]], WHITE)
@@ -144,7 +144,7 @@ def _draw_board(canvas: _Canvas, board: _Board) -> None:
     canvas.write(board.name, board.pixel.mean(axis=0) + np.array([0, canvas.line]), colour)
 
 
-def _dimmed(picture: Picture) -> ColourPicture:
+def _dim(picture: Picture) -> ColourPicture:
     """The photo from black to half bright, its dark parts raised."""
     full = 65_535 if picture.dtype == np.uint16 else 255
     step = max(min(picture.shape) // 500, 1)
@@ -155,7 +155,7 @@ def _dimmed(picture: Picture) -> ColourPicture:
     return np.asarray(levels[picture])
 
 
-def _fixed(pixel: FloatArray) -> npt.NDArray[np.int32]:
+def _convert_to_fixed(pixel: FloatArray) -> npt.NDArray[np.int32]:
     return np.round(np.asarray(pixel) * (1 << _SHIFT)).astype(np.int32)
 
 
@@ -225,7 +225,7 @@ def _find_boards(report: PhotoReport, corners: Observations) -> list[_Board]:
     return boards
 
 
-def _caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[str, Colour]]:
+def _write_caption(report: PhotoReport, boards: Sequence[_Board]) -> list[tuple[str, Colour]]:
     """The photo's name and how much of everything is drawn, in the colours it is drawn in."""
     count = sum(len(board.cells) for board in boards)
     added = sum(int(board.added.sum()) for board in boards)

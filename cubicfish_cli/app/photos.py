@@ -142,19 +142,19 @@ def find_photos(
         for path in _expand(argument, missed):
             if not _is_plain(path.name):
                 if str(path) == argument:
-                    raise _not_plain(path.name, "file")
+                    raise _explain_not_plain(path.name, "file")
                 missed.append(path)
                 continue
             paths.setdefault(os.path.realpath(path), path)
     if not paths:
-        raise _not_plain(missed[0].name, "file")
+        raise _explain_not_plain(missed[0].name, "file")
     if remarks is not None and missed:
-        remarks.append(_missed(missed))
+        remarks.append(_describe_missed(missed))
     ordered = sorted(paths.values(), key=lambda path: natural_key(path.as_posix()))
-    names = _names(ordered)
+    names = _make_names(ordered)
     for name in names:
         if not _is_plain(name):  # a folder's name is part of it
-            raise _not_plain(name, "folder")
+            raise _explain_not_plain(name, "folder")
     return [Photo(name=name, path=path) for name, path in zip(names, ordered, strict=True)]
 
 
@@ -162,11 +162,11 @@ def _is_plain(name: str) -> bool:
     return name.isprintable() and name == name.strip()
 
 
-def _not_plain(name: str, what: str) -> PhotoError:
+def _explain_not_plain(name: str, what: str) -> PhotoError:
     return PhotoError(f"{quoted(name)}: a photo's name must be plain text: rename the {what}")
 
 
-def _missed(paths: Sequence[Path]) -> str:
+def _describe_missed(paths: Sequence[Path]) -> str:
     """A line about the files that were passed over."""
     names = [shown(path.name) for path in dict.fromkeys(paths)]
     files = f"{len(names)} file{'s' * (len(names) > 1)}"
@@ -190,7 +190,7 @@ def _expand(argument: str, missed: list[Path]) -> list[Path]:
         raise PhotoError("a photo's name is empty: give a folder, files or a pattern")
     try:
         if path.is_dir():
-            return _in_folder(path, missed)
+            return _find_in_folder(path, missed)
         matches = expanded(argument)
     except PhotoError:  # an OSError too
         raise
@@ -213,7 +213,7 @@ def _may_be_missed(path: Path) -> bool:
     return path.suffix.lower() in _MISSED_SUFFIXES and not path.name.startswith(".")
 
 
-def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
+def _find_in_folder(folder: Path, missed: list[Path]) -> list[Path]:
     entries = sorted(folder.iterdir(), key=lambda path: natural_key(path.name))
     files = [path for path in entries if not path.is_dir()]
     photos = [path for path in files if is_photo_name(path)]
@@ -228,7 +228,7 @@ def _in_folder(folder: Path, missed: list[Path]) -> list[Path]:
     return photos
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
+def _make_names(paths: Sequence[Path]) -> list[str]:
     names = [path.name for path in paths]
     if len(set(names)) == len(names):
         return names
@@ -274,7 +274,7 @@ def decode_picture(path: Path, data: bytes, *, floats: bool = False) -> Picture:
             picture = cv2.imdecode(np.frombuffer(as_stored(data), np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error as problem:
             if "CV_IO_MAX_IMAGE" in str(problem):
-                raise _too_large(path) from problem
+                raise _explain_too_large(path) from problem
             picture = None
     if picture is None or picture.size == 0:
         raise PhotoError(_DAMAGED, about=shown(path))
@@ -409,27 +409,27 @@ def _check(path: Path, data: bytes) -> None:
         )
     width, height = read_size(data) or (0, 0)
     if width * height > MAX_PIXELS:
-        raise _too_large(path)
+        raise _explain_too_large(path)
 
 
-def _too_large(path: Path) -> PhotoError:
+def _explain_too_large(path: Path) -> PhotoError:
     return PhotoError(
         f"claims more than the {MAX_PIXELS / 1e6:g} million pixels allowed: is it a photo?",
         about=shown(path),
     )
 
 
-def _one_thread() -> int:
+def _limit_to_one_thread() -> int:
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     return before
 
 
-one_opencv_thread = Shared(_one_thread, cv2.setNumThreads)
+one_opencv_thread = Shared(_limit_to_one_thread, cv2.setNumThreads)
 """``with one_opencv_thread():`` several pictures are at work: none takes several threads."""
 
 
-def _stderr_nowhere() -> int | None:
+def _silence_stderr() -> int | None:
     try:
         kept = os.dup(2)
     except OSError:  # there is no stderr
@@ -439,13 +439,13 @@ def _stderr_nowhere() -> int | None:
     return kept
 
 
-def _stderr_again(kept: int | None) -> None:
+def _restore_stderr(kept: int | None) -> None:
     if kept is not None:
         os.dup2(kept, 2)
         os.close(kept)
 
 
-quiet_stderr = Shared(_stderr_nowhere, _stderr_again)
+quiet_stderr = Shared(_silence_stderr, _restore_stderr)
 """``with quiet_stderr():`` what C libraries write to stderr goes nowhere, as decoders do."""
 
 

@@ -97,12 +97,12 @@ def made_by_record(
         "date": made_at(),
         **({} if command is None else {"command": command}),
         "options": dict(options),
-        "target": _of(target) if target else None,
-        "inputs": [_of(file) for file in files],
+        "target": _record_file(target) if target else None,
+        "inputs": [_record_file(file) for file in files],
     }
 
 
-def _of(file: Fingerprint) -> dict[str, str]:
+def _record_file(file: Fingerprint) -> dict[str, str]:
     return {"file": as_text(str(file.path)), "sha256": file.sha256}
 
 

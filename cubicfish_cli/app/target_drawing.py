@@ -32,8 +32,8 @@ def object_svg(target: Target) -> bytes:
     backs are dashed.
     """
     printed = [board for board in target.boards if board.points is None]
-    up = _up(printed)
-    way = _way(printed, up)
+    up = _find_up(printed)
+    way = _find_viewing_direction(printed, up)
     right = np.cross(-way, up)
     right /= np.linalg.norm(right)
     rows = np.stack([right, np.cross(right, -way)])
@@ -41,7 +41,7 @@ def object_svg(target: Target) -> bytes:
         figure = Figure(figsize=_SIZE, layout="constrained")
         axes = figure.add_subplot(aspect="equal", xlabel=target.units)
         # A label goes with its board, so that what hides the one hides the other.
-        for board in sorted(target.boards, key=lambda one: float(_middle(one) @ way)):
+        for board in sorted(target.boards, key=lambda one: float(_find_middle(one) @ way)):
             _draw(axes, board, rows, way)
         for along, name, colour in zip(rows.T, "xyz", _AXIS_COLOURS, strict=True):
             arrow = {"arrowstyle": "<-", "color": colour}
@@ -80,11 +80,11 @@ def draw_board(
         pieces: how many the paper is drawn in along a side; where it is one, edges are straight.
 
     """
-    squares = _dark_squares(board)
-    squares = board.origin + (_bent(squares) if pieces > 1 else squares) @ board.axes[:2]
+    squares = _list_dark_squares(board)
+    squares = board.origin + (_bend_edges(squares) if pieces > 1 else squares) @ board.axes[:2]
     prints = [squares] if len(squares) <= _MOST_SQUARES else []
     for polygons, colour in zip(
-        [_paper(board, pieces), *prints], ("white", "#3d434d"), strict=False
+        [_lay_out_paper(board, pieces), *prints], ("white", "#3d434d"), strict=False
     ):
         place = project(polygons)
         whole = place[np.isfinite(place).all(axis=(1, 2))]
@@ -98,7 +98,7 @@ def draw_board(
         axes.add_collection(PolyCollection(list(whole), rasterized=pieces > 1, gid=gid, **look))
 
 
-def _dark_squares(board: Board) -> FloatArray:
+def _list_dark_squares(board: Board) -> FloatArray:
     """(N, 4, 2) the corners of dark squares, or of tags, in the board's plane."""
     if board.per_cell == 2:
         row, column = np.indices((board.rows // 2, board.columns // 2)).reshape(2, -1)
@@ -111,7 +111,7 @@ def _dark_squares(board: Board) -> FloatArray:
     return board.plane_points(corner[..., 0], corner[..., 1])
 
 
-def _paper(board: Board, pieces: int = 1) -> FloatArray:
+def _lay_out_paper(board: Board, pieces: int = 1) -> FloatArray:
     """(pieces², 4, 3) world points of a print, in pieces."""
     end = board.plane_points(board.columns - 1, board.rows - 1) + board.rim
     share = np.linspace(0, 1, pieces + 1)[:-1]
@@ -120,7 +120,7 @@ def _paper(board: Board, pieces: int = 1) -> FloatArray:
     return board.origin + (-board.rim + (low + step) * (end + board.rim)) @ board.axes[:2]
 
 
-def _bent(polygons: FloatArray, steps: int = 3) -> FloatArray:
+def _bend_edges(polygons: FloatArray, steps: int = 3) -> FloatArray:
     """(N, K, 2) -> (N, K steps, 2), with points between: edges are bent in the picture."""
     share = np.arange(steps)[:, None] / steps
     start, end = polygons[:, :, None], np.roll(polygons, -1, 1)[:, :, None]
@@ -139,7 +139,7 @@ def _draw(axes: Axes, board: Board, rows: FloatArray, way: FloatArray) -> None:
         axes.scatter(x, y, s=9, color="#ae3ec9", gid="dots")
     else:
         outline = PolyCollection(
-            [*project(_paper(board))], facecolor="none", edgecolor="#888", zorder=2
+            [*project(_lay_out_paper(board))], facecolor="none", edgecolor="#888", zorder=2
         )
         if -board.axes[2] @ way > 0:
             draw_board(axes, board, project)
@@ -155,7 +155,7 @@ def _draw(axes: Axes, board: Board, rows: FloatArray, way: FloatArray) -> None:
         axes.plot(*project(origin), "o", color=_ORIGIN_COLOUR, gid=f"origin of {board.name}")
     axes.annotate(
         name,
-        tuple(project(_middle(board))),
+        tuple(project(_find_middle(board))),
         ha="center",
         zorder=2,
         parse_math=False,
@@ -163,19 +163,19 @@ def _draw(axes: Axes, board: Board, rows: FloatArray, way: FloatArray) -> None:
     )
 
 
-def _middle(board: Board) -> FloatArray:
-    points = _paper(board)[0] if board.points is None else board.points
+def _find_middle(board: Board) -> FloatArray:
+    points = _lay_out_paper(board)[0] if board.points is None else board.points
     return np.asarray(points.mean(axis=0))
 
 
-def _up(boards: list[Board]) -> FloatArray:
+def _find_up(boards: list[Board]) -> FloatArray:
     """The world axis along which rows run down most; z where none does more."""
     down = sum((board.y_axis for board in boards), np.zeros(3))
     axes = np.concatenate([np.eye(3)[::-1], -np.eye(3)[::-1]])
     return axes[np.argmax(np.round(-axes @ down, 6))]
 
 
-def _way(boards: list[Board], up: FloatArray) -> FloatArray:
+def _find_viewing_direction(boards: list[Board], up: FloatArray) -> FloatArray:
     """The direction towards a viewer who sees most faces well, a little from above and aside."""
     ways = all_around(_DIRECTIONS)
     ways = ways[np.abs(ways @ up) < 0.9]

@@ -141,11 +141,11 @@ def load_targets(path: Path) -> list[Target]:
 
     data = load_target_data(path)
     if isinstance(data, dict) and "target_type" in data:
-        return colourings(Target.from_data(_of_kalibr(str(path), data), str(path)))
+        return colourings(Target.from_data(_convert_kalibr(str(path), data), str(path)))
     return [Target.from_data(data, str(path))]
 
 
-def _of_kalibr(where: str, data: dict[str, Any]) -> dict[str, Any]:
+def _convert_kalibr(where: str, data: dict[str, Any]) -> dict[str, Any]:
     """What target.yaml would hold for a target file of Kalibr's, which counts inner corners too."""
     board: dict[str, Any] = {"name": "board", "type": data["target_type"]}
     if board["type"] == "aprilgrid":

@@ -257,13 +257,13 @@ def calibrate_files(options: CalibrateOptions, *, run: Run = RUN) -> CalibratedF
     if nominal is not None:
         made_by["target"] = recorded_as(nominal, goals["drawn"])
     fitted = replace(fitted, made_by=made_by)
-    contents = _contents(fitted, loaded.corners if with_corners else None, nominal)
+    contents = _make_contents(fitted, loaded.corners if with_corners else None, nominal)
     if contents.get("map") is None and options.lift == "ray":
         width, height = fitted.camera.image_size
         run.listener.tell(Event.NO_MAP, width=width, height=height)
     for kind, one in more.items():
         if kinds[kind]:
-            contents[kind] = _output(one, fitted, loaded, run)
+            contents[kind] = _make_output(one, fitted, loaded, run)
     run.listener.progress("Writing")
     files = {kind: path for kind, path in goals.items() if contents.get(kind) is not None}
     others = [goals[kind] for kind in (*_ITS_OWN, *more) if kind not in files]
@@ -290,7 +290,7 @@ def _is_among(inputs: Sequence[Path], path: Path) -> bool:
     return path.exists() and any(one.exists() and path.samefile(one) for one in inputs)
 
 
-def _contents(
+def _make_contents(
     fitted: Calibration | PointCalibration,
     corners: Observations | None,
     nominal: str | None,
@@ -307,13 +307,13 @@ def _contents(
     if corners is not None:
         contents["corners"] = corners_text(corners)
     if isinstance(fitted, Calibration):
-        contents["map"] = _map(fitted.camera)
+        contents["map"] = _make_map(fitted.camera)
         if fitted.refined != "off" and fitted.target is not None:
             contents["target"] = target_text(fitted.target)
     return contents
 
 
-def _map(camera: CubicCamera) -> Content | None:
+def _make_map(camera: CubicCamera) -> Content | None:
     from cubicfish_cli.app.photos import MAX_PIXELS
     from cubicfish_cli.app.undistortion.choose import build_view
     from cubicfish_cli.app.undistortion.map_formats import write_npz
@@ -324,7 +324,7 @@ def _map(camera: CubicCamera) -> Content | None:
     return lambda path: write_npz(path, build_map(camera, build_view(camera)))
 
 
-def _output(
+def _make_output(
     wanted: Output, fitted: Calibration | PointCalibration, loaded: Inputs, run: Run
 ) -> Content | None:
     """Return the content that an extension makes of a fit, such as a page.
@@ -366,18 +366,18 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     """
     fitted, printed = made.fitted, how.print(made)
     say_left_out(fitted.unfit)
-    _say_findings(fitted.fit)
+    _report_findings(fitted.fit)
     if not printed:
         apart()
         result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
         _print_calibration(made)
     for path in made.removed:
         say(f"removed {path}, which was of an earlier calibration")
-    _say_if_no_page(made.files, wanted=given.report)
+    _report_missing_page(made.files, wanted=given.report)
     figures.hold_gate(fitted.fit.rms_px, how.max_rms)
 
 
-def _say_if_no_page(files: Mapping[str, Path], *, wanted: bool) -> None:
+def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:
     """Say how to get a page if there is none, and that an old page is out of date."""
     if "report" in files:
         return
@@ -389,7 +389,7 @@ def _say_if_no_page(files: Mapping[str, Path], *, wanted: bool) -> None:
         say(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
-def _say_findings(fit: FitRecord) -> None:
+def _report_findings(fit: FitRecord) -> None:
     """Say what is odd about a fit, on stderr."""
     for one in fit.dropped_corners:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
@@ -497,16 +497,16 @@ def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | N
     if judged.level == "bad":
         lines.append(judged.reasons[0].do)
         if judged.reasons[0].asks_for_photos:
-            lines.append(f"cubicfish advise{_folder(camera)}")
+            lines.append(f"cubicfish advise{_name_folder(camera)}")
     else:
         name = "PHOTO" if photo is None else shlex.quote(str(photo))
         flat = f"flat{photo.suffix.lower()}" if photo is not None else "flat.png"
-        option = f" --model{_folder(camera)}" if camera != DEFAULT_MODEL else ""
+        option = f" --model{_name_folder(camera)}" if camera != DEFAULT_MODEL else ""
         lines.append(f"cubicfish undistort {name} {flat}{option}")
     if report is not None:
         lines.append(f"open {shlex.quote(str(report))}")
     print_next(*lines)
 
 
-def _folder(camera: Path) -> str:
+def _name_folder(camera: Path) -> str:
     return "" if camera == DEFAULT_MODEL else f" {shlex.quote(str(camera.parent))}"

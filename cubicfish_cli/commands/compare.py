@@ -86,11 +86,11 @@ def compare_files(options: CompareOptions, *, run: Run = RUN) -> ComparedFiles:
     both = (read_camera(in_folder(Path(given))) for given in (options.first, options.second))
     comparison = compare(*both)
     if path is not None:
-        write_picture(path, _picture(comparison), overwrite=run.overwrite)
+        write_picture(path, _draw_picture(comparison), overwrite=run.overwrite)
     return ComparedFiles(comparison=comparison, picture=path)
 
 
-def _picture(comparison: Comparison) -> Any:
+def _draw_picture(comparison: Comparison) -> Any:
     """Draw the length of the difference at every pixel of the first camera, in colours."""
     import numpy as np
 

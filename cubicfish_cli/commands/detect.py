@@ -143,11 +143,11 @@ def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
     if not printed:
         corners = detection.corners
         found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
-        figures.print_photo_table(_rows(detection), corners.boards)
+        figures.print_photo_table(_list_rows(detection), corners.boards)
         result(f"\nwrote {given.table}: {found}")
 
 
-def _rows(detection: Detection) -> list[figures.PhotoRow]:
+def _list_rows(detection: Detection) -> list[figures.PhotoRow]:
     by_board = figures.corners_by_board(detection.corners)
     rows = []
     for photo in detection.photos:

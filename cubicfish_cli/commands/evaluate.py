@@ -99,7 +99,7 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFile
     run.listener.progress("Fitting poses")
     evaluation = evaluate(file.camera, loaded.pairs)
     sigma = file.fit.uncertainty.over(evaluation.pairs.pixel)
-    fit = _with_this_target(file, loaded, source)
+    fit = _match_target(file, loaded, source)
     return EvaluatedFiles(
         evaluation=evaluation,
         inputs=loaded,
@@ -109,7 +109,7 @@ def evaluate_files(options: EvaluateOptions, *, run: Run = RUN) -> EvaluatedFile
     )
 
 
-def _with_this_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> FitRecord:
+def _match_target(file: CameraFile, loaded: Inputs, source: TargetSource) -> FitRecord:
     """Return the camera's fit, and its error on a target as little known as this one.
 
     If the target was refined, the nominal one leaves errors that are not the camera's.

@@ -61,7 +61,7 @@ class Exported(PlacedLens):
             return None
         start = beyond["from_deg"]
         return (
-            f"beyond {start:.1f}°, where no corner was, {_figures(beyond)}: do not rely on it "
+            f"beyond {start:.1f}°, where no corner was, {_write_px(beyond)}: do not rely on it "
             f"there, or leave that out with --max-angle {start:.1f}"
         )
 
@@ -101,15 +101,15 @@ def export_camera(
     )
     conversion = convert(max_angle_deg=max_angle_deg)
     if not conversion.error.max_px <= max_error:
-        angle = _near_within(convert, conversion, max_error)
-        raise FitError(_too_far(conversion, to, max_error, angle))
+        angle = _find_near_angle(convert, conversion, max_error)
+        raise FitError(_explain_too_far(conversion, to, max_error, angle))
     trusted = min(max_angle_deg or 180.0, camera.max_angle_deg)
     turn = conversion.lens_from_camera
     return Exported(
         to=to,
         lens=conversion.lens,
         conversion=conversion,
-        note=_note(conversion, to, calibrated.made_by, trusted),
+        note=_write_note(conversion, to, calibrated.made_by, trusted),
         poses={
             photo: (turn @ rotation_matrix(vector), turn @ np.asarray(translation))
             for photo, (vector, translation) in calibrated.fit.poses.items()
@@ -117,13 +117,13 @@ def export_camera(
     )
 
 
-def _figures(figures: Mapping[str, float]) -> str:
+def _write_px(figures: Mapping[str, float]) -> str:
     if figures["max_px"] == float("inf"):
         return "the lens does not see all of it"
     return f"RMS {figures['rms_px']:.4f} px, largest {figures['max_px']:.4f} px"
 
 
-def _note(
+def _write_note(
     conversion: Conversion, name: str, made_by: Mapping[str, Any], trusted_deg: float
 ) -> list[str]:
     error = conversion.error
@@ -137,9 +137,9 @@ def _note(
     if error.beyond is not None:
         farthest = error.beyond["to_deg"]
         lines.append(
-            f"from there to {farthest:.1f} degrees, where no corner was: {_figures(error.beyond)}"
+            f"from there to {farthest:.1f} degrees, where no corner was: {_write_px(error.beyond)}"
         )
-    lines += [f"{way}: {_figures(figures)}" for way, figures in error.also.items()]
+    lines += [f"{way}: {_write_px(figures)}" for way, figures in error.also.items()]
     lines.append(f"{OWN_FIELD} {trusted_deg:.3f} degrees from the axis")
     reader = written_formats()[name].written[name].get("front_only")
     if farthest >= _BEHIND_DEG and reader is not None:
@@ -152,7 +152,7 @@ def _note(
     return lines
 
 
-def _near_within(
+def _find_near_angle(
     convert: Callable[..., Conversion], conversion: Conversion, max_error: float
 ) -> int | None:
     """Find an angle, whole degrees, up to which the lens is near enough without the rest.
@@ -174,13 +174,13 @@ def _near_within(
     return near or None
 
 
-def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | None) -> str:
+def _explain_too_far(conversion: Conversion, name: str, max_error: float, angle: int | None) -> str:
     error, ways = conversion.error, []
     if angle is not None:
         ways.append(f"leave the rim out with --max-angle {angle}")
     what = f"does not see all that the camera sees up to {error.max_angle_deg:.0f}°"
     if error.max_px < math.inf:
-        ways.append(f"write it all the same with --max-error {_rounded_up(error.max_px)}")
+        ways.append(f"write it all the same with --max-error {_round_up(error.max_px)}")
         what = (
             f"misses the camera by up to {error.max_px:.2f} px (RMS {error.rms_px:.2f} px up to "
             f"{error.max_angle_deg:.0f}°), more than the {max_error:g} px of --max-error"
@@ -192,7 +192,7 @@ def _too_far(conversion: Conversion, name: str, max_error: float, angle: int | N
     return f"the lens of {name} {what}: {' or '.join([*ways, f'export to {others}'])}"
 
 
-def _rounded_up(value: float) -> str:
+def _round_up(value: float) -> str:
     """To two digits, and no less: what ``--max-error`` takes is what is written here."""
     scale = 10.0 ** (1 - math.floor(math.log10(value)))
     return f"{math.ceil(value * scale) / scale:g}"

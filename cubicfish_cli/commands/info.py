@@ -108,14 +108,14 @@ def command(made: CameraInfo, given: InfoOptions, how: How) -> None:
     if how.print(made):
         return
     result(made.known.line + "\n")
-    for name, words in _rows(made.known):
+    for name, words in _list_rows(made.known):
         result(f"{name:<18}{words}")
     if made.known.is_measured:
         result()
         print_verdict(made.known.verdict)
 
 
-def _rows(known: CameraRecord) -> list[tuple[str, str]]:
+def _list_rows(known: CameraRecord) -> list[tuple[str, str]]:
     """Return rows (name, words) of all known figures."""
     from cubicfish_cli.app.words.camera import lens_rows, pictures_of
 

@@ -63,13 +63,13 @@ class UndistortedFiles:
             "images": len(self.written),
             "files": self.files,
             "skipped": self.skipped,
-            "failed": [_failure_record(name, why) for name, why in self.failures.items()],
+            "failed": [_record_failure(name, why) for name, why in self.failures.items()],
             "view": self.view and self.view.as_record(),
             "extra_files": self.extras,
         }
 
 
-def _failure_record(name: str, error: CubicfishError) -> dict[str, Any]:
+def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
     from cubicfish_cli.app.words.catalogue import say_error
     from cubicfish_cli.core.codes import Code, Severity

@@ -52,7 +52,7 @@ class PlaneViews(Views):
             board_with_plane(self._target, options.board)
         except ViewError as problem:
             raise UsageError(str(problem)) from None
-        self._poses = _poses_of(fit)
+        self._poses = _read_poses(fit)
         self._photos = {Path(photo.image).name for photo in fit.per_image}
 
     def find_poses(self, sources: Sequence[Path], run: Run) -> None:
@@ -77,7 +77,7 @@ class PlaneViews(Views):
 
     def chosen(self, source: Path, size: Size) -> ChosenView:
         """Return the board's plane in this photo."""
-        camera, rotation, translation = self._placed(source, size)
+        camera, rotation, translation = self._find_placed(source, size)
         plane = build_plane(
             camera,
             self._target,
@@ -88,7 +88,7 @@ class PlaneViews(Views):
         )
         return ChosenView(views={"": plane}, camera=camera, unit=self._target.units)
 
-    def _placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
+    def _find_placed(self, source: Path, size: Size) -> tuple[PointProjector, Any, Any]:
         """Return a camera, and the rotation and the translation from the world to its frame."""
         camera = self._seen_by
         if not isinstance(camera, CubicCamera):
@@ -115,6 +115,6 @@ class PlaneViews(Views):
         return camera, matrix_of_rotation(vector), translation
 
 
-def _poses_of(fit: FitRecord) -> dict[str, tuple[Any, Any]]:
+def _read_poses(fit: FitRecord) -> dict[str, tuple[Any, Any]]:
     """Return rotation vector and translation by the photo's file name, without folders."""
     return {Path(name).name: pose for name, pose in fit.poses.items()}

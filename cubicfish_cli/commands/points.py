@@ -71,7 +71,7 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
 
     name = "stdin" if str(path) == "-" else str(path)
     if _A_POINT.fullmatch(name) and not path.exists():
-        row = _numbers(name)
+        row = _read_numbers(name)
         if row is None or len(row) != len(columns):
             raise CorrespondenceError(f"{name} is no point: write {','.join(columns)}")
         return Points(values=np.array([row]), has_header=False)
@@ -92,7 +92,7 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
                 raise CorrespondenceError(f"{name}, line {number}: too long: is it the right file?")
             if not line.strip() or line.startswith("#"):
                 continue
-            row = _numbers(line)
+            row = _read_numbers(line)
             if row is None and (numbers or has_header):
                 raise CorrespondenceError(
                     f"{name}, line {number}: {quoted(line.rstrip())} does not hold numbers only"
@@ -117,7 +117,7 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
     return Points(values=values, has_header=has_header)
 
 
-def _numbers(line: str) -> list[float] | None:
+def _read_numbers(line: str) -> list[float] | None:
     try:
         return [float(cell) for cell in line.replace(",", " ").replace(";", " ").split()]
     except ValueError:

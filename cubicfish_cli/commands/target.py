@@ -83,9 +83,9 @@ class TargetCheck:
         """Return plain data for JSON."""
         return {
             "units": self.target.units,
-            "boards": [_board_record(board) for board in self.target.boards],
+            "boards": [_record_board(board) for board in self.target.boards],
             **{name: getattr(self.facts, name) for name in _FACTS},
-            "symmetries": list(map(_turn_record, self.facts.symmetries)),
+            "symmetries": list(map(_record_turn, self.facts.symmetries)),
             "advice": [{"about": label, "text": text} for label, text in self.advice],
             **({} if self.drawing is None else {"drawing": self.drawing}),
         }
@@ -114,7 +114,7 @@ def print_size(board: Board) -> list[float]:
     return [round(float(side), 6) for side in end]
 
 
-def _board_record(board: Board) -> dict[str, Any]:
+def _record_board(board: Board) -> dict[str, Any]:
     return {
         **board.as_record(),
         "columns": board.columns,
@@ -125,7 +125,7 @@ def _board_record(board: Board) -> dict[str, Any]:
     }
 
 
-def _turn_record(turn: Turn) -> dict[str, Any]:
+def _record_turn(turn: Turn) -> dict[str, Any]:
     return {
         "angle_deg": turn.angle_deg,
         "axis": turn.axis,
@@ -249,7 +249,7 @@ def _print(checked: TargetCheck) -> None:
     print_table(
         ("board", "type", "corners", "square", "print", "corner (0, 0)", "columns", "rows",
          "faces"),
-        list(map(_row, target.boards)),
+        list(map(_make_row, target.boards)),
     )  # fmt: skip
     result(f"\nlengths in {target.units}; the print includes the outer squares\n")
     planes = plural(facts.planes, "plane")
@@ -260,10 +260,10 @@ def _print(checked: TargetCheck) -> None:
         before = label
 
 
-def _row(board: Board) -> tuple[str, ...]:
+def _make_row(board: Board) -> tuple[str, ...]:
     size = " x ".join(f"{side:g}" for side in print_size(board))
     if board.points is not None:
-        first = _vector(board.points[0])
+        first = _write_vector(board.points[0])
         return (board.name, board.kind, str(board.columns), "-", size, first, "-", "-", "-")
     return (
         board.name,
@@ -271,24 +271,24 @@ def _row(board: Board) -> tuple[str, ...]:
         f"{board.columns}x{board.rows}",
         f"{board.square:g}",
         size,
-        _vector(board.origin),
-        _direction(board.x_axis),
-        _direction(board.y_axis),
-        _direction(-board.axes[2]),
+        _write_vector(board.origin),
+        _write_direction(board.x_axis),
+        _write_direction(board.y_axis),
+        _write_direction(-board.axes[2]),
     )
 
 
-def _vector(values: Iterable[float]) -> str:
+def _write_vector(values: Iterable[float]) -> str:
     return ", ".join(f"{round(float(value), 3) + 0.0:g}" for value in values)
 
 
-def _direction(axis: Iterable[float]) -> str:
+def _write_direction(axis: Iterable[float]) -> str:
     """Return ``+x`` for a world axis, else the three numbers."""
     values = list(axis)
     for name, value in zip("xyz", values, strict=True):
         if abs(value) > 1 - 5e-7:
             return f"{'+' if value > 0 else '-'}{name}"
-    return _vector(values)
+    return _write_vector(values)
 
 
 @common_options

@@ -39,7 +39,7 @@ class Crop:
         return f"{self.x},{self.y},{self.width}x{self.height}"
 
 
-def _crop(text: str) -> Crop:
+def _read_crop(text: str) -> Crop:
     found = re.fullmatch(r"([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6})x([0-9]{1,6})", text)
     if found is None:
         raise ViewError("write X,Y,WIDTHxHEIGHT in whole pixels, such as 320,180,1280x720")
@@ -63,7 +63,7 @@ class TransformOptions:
     crop: Crop | None = option(
         "--crop X,Y,WIDTHxHEIGHT",
         "What is left of the photo: its first pixel, and its size. [default: all]",
-        Parsed("X,Y,WIDTHxHEIGHT", _crop),
+        Parsed("X,Y,WIDTHxHEIGHT", _read_crop),
     )
     scale: float = option(
         "--scale S",
@@ -137,7 +137,7 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
         radial=replace(radial, image_size=size, fx=fx, fy=fy, cx=cx, cy=cy),
     )
     pixels = math.sqrt(float(factor.prod()))
-    fit = fit_record(_scaled(camera.fit.as_record(), pixels))
+    fit = fit_record(_scale_record(camera.fit.as_record(), pixels))
     grid = fit.uncertainty
     if grid.has_grid:
         across, down = (
@@ -164,13 +164,15 @@ def transform_camera(camera: CameraFile, *, crop: Crop | None, scale: float) -> 
     return CameraFile(camera=moved, fit=fit, made_by=camera.made_by)
 
 
-def _scaled(value: Any, factor: float, key: str = "") -> Any:
+def _scale_record(value: Any, factor: float, key: str = "") -> Any:
     """Return a fit's plain record with all figures in pixels scaled."""
     if isinstance(value, Mapping):
         own = key == "held_out_by_level"
-        return {name: _scaled(one, factor, "_px" if own else name) for name, one in value.items()}
+        return {
+            name: _scale_record(one, factor, "_px" if own else name) for name, one in value.items()
+        }
     if isinstance(value, list | tuple):
-        return [_scaled(one, factor, key) for one in value]
+        return [_scale_record(one, factor, key) for one in value]
     counts = key.endswith("_px") and isinstance(value, float)
     return value * factor if counts else value
 

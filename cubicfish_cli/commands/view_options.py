@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _PLANE = "plane:"
 
 
-def _numbers(text: str, between: str) -> tuple[float | str, ...]:
+def _read_numbers(text: str, between: str) -> tuple[float | str, ...]:
     """Return the numbers of a text; any other text stays, and the view refuses it by its name."""
     try:
         return tuple(map(float, re.split(between, text)))
@@ -44,7 +44,7 @@ class _KindOrPlane(click.Choice):
         return str(value if is_plane else super().convert(value, param, ctx))
 
 
-def _view_of(
+def _make_options(
     kind: str | None,
     size: tuple[int, int] | None,
     field: str | None,
@@ -56,12 +56,12 @@ def _view_of(
     if kind is None or not kind.startswith(_PLANE):
         if target is not None:
             raise UsageError("--target goes with --view plane:BOARD: leave it out")
-        across, *down = _numbers(field, "[xX×]") if field else (None,)
-        turn = _numbers(rotate, ",") if rotate else ()
+        across, *down = _read_numbers(field, "[xX×]") if field else (None,)
+        turn = _read_numbers(rotate, ",") if rotate else ()
         limits: dict[str, Any] = {
             "hfov_deg": across,
             "vfov_deg": down[0] if len(down) == 1 else down or None,
-            "fit": _numbers(fit, "$")[0] if fit else None,
+            "fit": _read_numbers(fit, "$")[0] if fit else None,
             "rotate_deg": (*turn, *(0.0,) * (3 - len(turn))),
         }
         return ViewOptions(kind=kind, size=size, focal=scale, **limits)
@@ -103,7 +103,7 @@ def view_bundle(
     shares = "inner|outer|whole|SHARE" if whole else "inner|outer|SHARE"
     unseen = "; or the whole photo, extrapolated where the camera is not calibrated" * whole
     return bundle(
-        _view_of,
+        _make_options,
         kind=option(
             "--view KIND",
             f"What the result is: {kinds}{f'{plane_kind}--target' if planes else ''}. "

@@ -17,7 +17,7 @@ from cubicfish_cli.app.extensions import (
     written_formats,
 )
 from cubicfish_cli.commands.export import FORMATS
-from cubicfish_cli.commands.exporting import _rounded_up, export_camera, printed
+from cubicfish_cli.commands.exporting import _round_up, export_camera, printed
 from cubicfish_cli.core.errors import FitError
 from cubicfish_cli.core.geometry import inside_polygon
 from cubicfish_cli.core.io.camera_yaml import load_camera
@@ -276,7 +276,7 @@ def test_what_is_said_to_be_near_enough_within_an_angle_is(calibrated, name):
     ],
 )
 def test_the_error_that_would_pass_is_short_and_no_less(value, written):
-    assert _rounded_up(value) == written
+    assert _round_up(value) == written
     assert float(written) >= value
 
 

@@ -240,7 +240,7 @@ def _find_fewer(identified: Identified, target: Target, boards: list[int]) -> di
             ends = scene.ends(own, index) if scene.poses[index] is not None else None
             if ends is None or not _is_full(grid):
                 continue
-            ended = _ends_in_view(ends)[axes]
+            ended = _find_ends_in_view(ends)[axes]
             if not alone:
                 cells = grid.cells @ turn.T + [place.column, place.row]
                 ended = np.where(turn.sum(axis=1)[:, None] < 0, ended[:, ::-1], ended)
@@ -278,7 +278,7 @@ def _is_full(grid: Grid) -> bool:
     return bool(len(grid) >= _FILLED * (grid.cells.max(axis=0) + 1).prod())
 
 
-def _ends_in_view(ends: Ends) -> BoolArray:
+def _find_ends_in_view(ends: Ends) -> BoolArray:
     """(2, 2) before and after the grid along i and j: whether a next line is missing in view."""
     missing = np.array([ends.table[tuple(room)] for room in np.eye(4, dtype=np.intp)])
     return np.asarray(missing.reshape(2, 2) >= _LINE_CORNERS)

@@ -66,7 +66,7 @@ def otherwise_laid_out(evidence: MarkerEvidence) -> list[Finding]:
         for picture, grids in photos:
             counts = np.maximum(counts, agreeing_markers(picture, layouts, index, grids))
         best = int(counts.argmax())
-        if _lies_alike(boards[best], board):
+        if _is_laid_out_alike(boards[best], board):
             continue
         longer = np.array([other.columns != boards[best].columns for other in boards])
         if counts[best] < max(_LEAST_MARKERS, _CLEARLY * int(counts[longer].max(initial=0))):
@@ -118,7 +118,7 @@ def _lay_out_rows(board: Board, length: int, first: FirstSquare) -> Board | None
     )
 
 
-def _lies_alike(one: Board, other: Board) -> bool:
+def _is_laid_out_alike(one: Board, other: Board) -> bool:
     return one.columns == other.columns and one.first_square == other.first_square
 
 

@@ -171,13 +171,13 @@ def _compare_refined(nominal_fit: CameraFit, refined: CameraFit) -> list[Finding
     for index in np.unique(nominal.pairs.board).tolist():
         measured[index] = real.boards[index].world_points(*target.boards[index].places())
     fault = object_fault(target, measured)
-    if fault is None or (before < _TIMES_WORSE * after and not _stands_out(fault)):
+    if fault is None or (before < _TIMES_WORSE * after and not _does_stand_out(fault)):
         return []
     figures = {"before_px": before, "after_px": after, **fault.finding.figures}
     return [replace(fault.finding, because="refined", figures=figures)]
 
 
-def _stands_out(fault: Fault) -> bool:
+def _does_stand_out(fault: Fault) -> bool:
     """Whether a fault is large, and little else is wrong with the nominal target beside it."""
     extent = np.linalg.norm(np.ptp(np.concatenate(list(fault.points.values())), axis=0))
     return bool(

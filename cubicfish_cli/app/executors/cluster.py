@@ -74,7 +74,7 @@ class Cluster:
         try:
             threads = self._client.nthreads().values()
         except (OSError, RuntimeError, concurrent.futures.TimeoutError, *CANCELLED) as problem:
-            raise self._lost(so_far) from problem
+            raise self._explain_loss(so_far) from problem
         self.workers, self.threads = len(threads), sum(threads)
         self._polled = time.monotonic()
         if self.workers:
@@ -125,18 +125,18 @@ class Cluster:
                         answer = told[0]
                     else:  # of what failed: its type, the exception and its traceback
                         why = told if isinstance(told, BaseException) else told[1]
-                        answer = self._explained(why, so_far)
+                        answer = self._explain_failure(why, so_far)
                     yield numbers.pop(future), answer
         except CANCELLED as problem:
-            raise self._lost(so_far) from problem
+            raise self._explain_loss(so_far) from problem
 
-    def _explained(self, problem: BaseException, so_far: str) -> ClusterError:
+    def _explain_failure(self, problem: BaseException, so_far: str) -> ClusterError:
         """What became of a task that gave no answer, where the others may go on."""
         from distributed import KilledWorker
         from distributed.comm import CommClosedError
 
         if isinstance(problem, CommClosedError):
-            raise self._lost(so_far) from problem
+            raise self._explain_loss(so_far) from problem
         if isinstance(problem, KilledWorker):
             return ClusterError(
                 "each worker that tried it was ended from outside, as happens when memory runs "
@@ -150,7 +150,7 @@ class Cluster:
             ) from problem
         raise problem
 
-    def _lost(self, so_far: str) -> ClusterError:
+    def _explain_loss(self, so_far: str) -> ClusterError:
         return ClusterError(
             f"the scheduler at {self._address} does not answer any more{so_far}: start it and its "
             "workers, and run this again"
@@ -186,7 +186,7 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
             Client, address, timeout=_CONNECT_S, set_as_default=False, name="cubicfish"
         )
         try:
-            client = _within(_CONNECT_S + _SLACK_S, connect)
+            client = _call_within(_CONNECT_S + _SLACK_S, connect)
         except Exception as problem:  # whatever the other side does not understand
             said = " ".join(str(problem).split()) or "it is silent"
             raise ClusterError(
@@ -205,7 +205,7 @@ def _close(client: Any) -> None:
         client.close(timeout=_CLOSE_S)
 
 
-def _within(limit_s: float, start: Callable[[], Any]) -> Any:
+def _call_within(limit_s: float, start: Callable[[], Any]) -> Any:
     """Call a function that may never return, as where something else listens.
 
     Raises:

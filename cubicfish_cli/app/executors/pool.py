@@ -122,7 +122,7 @@ def by_processes(
     # A forked copy of a process whose OpenCV has threads may hang: processes are made anew.
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
     try:
-        with _requests_held_back():
+        with _hold_signals_back():
             answers = deque(pool.submit(work, item) for item in items)
         while answers:
             yield answers.popleft().result()
@@ -136,7 +136,7 @@ def by_processes(
 
 
 @contextmanager
-def _requests_held_back() -> Iterator[None]:
+def _hold_signals_back() -> Iterator[None]:
     """Block signals while processes are started: cut off, or while they load, they complain."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

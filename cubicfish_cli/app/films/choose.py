@@ -150,15 +150,15 @@ class Coverage:
             quality: (S, C) how much each picture weighs, 0 to 1.
 
         """
-        self._shown = [
-            _shown_at_once(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
+        self._rate_shown = [
+            _rate_together(shot, sizes, weight) for shot, weight in zip(shots, quality, strict=True)
         ]
-        self._known = np.zeros_like(self._shown[0])
-        self._first = max(self.of(number) for number in range(len(self._shown)))
+        self._known = np.zeros_like(self._rate_shown[0])
+        self._first = max(self.of(number) for number in range(len(self._rate_shown)))
 
     def of(self, picture: int) -> float:
         """See :class:`Gains`."""
-        return float(np.log1p(self._shown[picture] / (1 + self._known)).sum())
+        return float(np.log1p(self._rate_shown[picture] / (1 + self._known)).sum())
 
     def share(self, gain: float) -> float:
         """See :class:`Gains`: of what the first may add."""
@@ -166,7 +166,7 @@ class Coverage:
 
     def take(self, picture: int) -> None:
         """See :class:`Gains`."""
-        self._known = self._known + self._shown[picture]
+        self._known = self._known + self._rate_shown[picture]
 
 
 def choose(
@@ -232,18 +232,20 @@ def choose_shots(
 
     def apart(one: int, other: int) -> float:
         pairs = zip(pictures[one], pictures[other], sizes, strict=True)
-        return max(_apart(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
+        return max(_measure_distance(*pair) for pair in pairs if pair[0].corners or pair[1].corners)
 
     gains = gains_of(quality) or Coverage(pictures, sizes, quality)
     # What moved no farther than a picture that counts as still is that picture again.
     copy = min(still / float(np.hypot(*size)) for still, size in zip(still_px, sizes, strict=True))
-    return _greedy(usable, spoilt, gains, apart, copy, most)
+    return _choose_greedily(usable, spoilt, gains, apart, copy, most)
 
 
-def _shown_at_once(
+def _rate_together(
     shot: Sequence[Seen], sizes: Sequence[tuple[int, int]], weight: FloatArray
 ) -> FloatArray:
-    parts = [own * _shown(one, size) for one, size, own in zip(shot, sizes, weight, strict=True)]
+    parts = [
+        own * _rate_shown(one, size) for one, size, own in zip(shot, sizes, weight, strict=True)
+    ]
     # Wider parts of the picture, whatever a board's tilt.
     fine = _FINE[0] * _FINE[1]
     wide = [part[fine:].reshape(_COARSE[0] * _COARSE[1], -1).sum(axis=1) for part in parts]
@@ -253,7 +255,7 @@ def _shown_at_once(
     return np.concatenate(parts)
 
 
-def _greedy(
+def _choose_greedily(
     usable: Sequence[int],
     spoilt: Sequence[int],
     gains: Gains,
@@ -326,27 +328,27 @@ class Scale:
         return float(blur**2 / (1 + (picture.motion / self.still) ** 2))
 
 
-def _shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
+def _rate_shown(picture: Seen, size: tuple[int, int]) -> FloatArray:
     """Return how well a picture shows each thing: 1 where it says all that one picture can."""
-    places = np.bincount(_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
+    places = np.bincount(_find_part(picture.pixel, size, _FINE), minlength=_FINE[0] * _FINE[1])
     tilts = np.zeros((_COARSE[0] * _COARSE[1], _SIDES + 1))
     for patch in picture.patches:
-        count = np.bincount(_part(patch.pixel, size, _COARSE), minlength=len(tilts))
-        tilts[:, _tilt(patch)] += count
+        count = np.bincount(_find_part(patch.pixel, size, _COARSE), minlength=len(tilts))
+        tilts[:, _find_tilt(patch)] += count
     shown = np.concatenate([places, tilts.ravel()])
     return np.asarray(np.minimum(1.0, shown / _FULL))
 
 
-def _part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:
+def _find_part(pixel: FloatArray, size: tuple[int, int], parts: tuple[int, int]) -> IntArray:
     """Return the number of the part of the picture that each point (N, 2) is in."""
     at = (pixel + 0.5) / np.array(size) * np.array(parts)
     column, row = np.clip(at.astype(int), 0, np.array(parts) - 1).T
     return np.asarray(row * parts[0] + column)
 
 
-def _tilt(patch: Patch) -> int:
+def _find_tilt(patch: Patch) -> int:
     """0 for a board seen from the front, else 1 to 4 for the side that is nearer."""
-    centre, area = _squares(patch)
+    centre, area = _find_squares(patch)
     if len(area) < 4:
         return 0
     extent = np.ptp(patch.pixel, axis=0).max()
@@ -357,7 +359,7 @@ def _tilt(patch: Patch) -> int:
     return 1 + round(float(np.arctan2(slope[1], slope[0])) / (np.pi / 2)) % 4
 
 
-def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
+def _find_squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
     """Return centres (N, 2) and areas (N,) of a patch's whole squares, pixels."""
     where = {(int(i), int(j)): n for n, (i, j) in enumerate(patch.cells)}
     corners = [
@@ -373,7 +375,7 @@ def _squares(patch: Patch) -> tuple[FloatArray, FloatArray]:
     return (right + down)[area > 0] / 2, area[area > 0]
 
 
-def _apart(one: Seen, other: Seen, size: tuple[int, int]) -> float:
+def _measure_distance(one: Seen, other: Seen, size: tuple[int, int]) -> float:
     """Return how far apart two views are, as a share of the diagonal; inf if nothing is common."""
     fewer = min(one.corners, other.corners)
     if any(patch.board < 0 or not patch.certain for patch in (*one.patches, *other.patches)):

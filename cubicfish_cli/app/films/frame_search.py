@@ -99,10 +99,10 @@ def found_in(
     """
     if targets:
         detection = first_pass(photos, targets, work, cache)
-        return replace(_of_corners(detection.corners), findings=detection.findings)
+        return replace(_make_found_of_corners(detection.corners), findings=detection.findings)
     kept = None if cache is None else GridCache(folder=cache)
     found = work.done(partial(detect_in_photo, target=None, cache=kept), photos)
-    return _of_grids([photo.name for photo in photos], [one.grids for one in found])
+    return _make_found_of_grids([photo.name for photo in photos], [one.grids for one in found])
 
 
 def _quick_detect(photo: Photo, *, marked: Target | None) -> QuickDetection | None:
@@ -112,7 +112,7 @@ def _quick_detect(photo: Photo, *, marked: Target | None) -> QuickDetection | No
     return quick_detect_grids(grey) if marked is None else quick_detect_markers(grey, marked)
 
 
-def _of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
+def _make_found_of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found:
     patches = {
         name: tuple(Patch(board=-1, cells=grid.cells, pixel=grid.pixel) for grid in one.grids)
         for name, one in zip(names, found, strict=True)
@@ -121,7 +121,7 @@ def _of_grids(names: Sequence[str], found: Sequence[FoundGrids | None]) -> Found
     return Found(patches=patches)
 
 
-def _of_corners(corners: Observations) -> Found:
+def _make_found_of_corners(corners: Observations) -> Found:
     cells = np.column_stack([corners.column, corners.row])
     patches = {}
     for number in np.unique(corners.image).tolist():
@@ -210,9 +210,11 @@ class Search:
         marked = [one for one in self.targets or () if one.has_markers][:1]
         seen = work.done(partial(_quick_detect, marked=marked[0] if marked else None), photos)
         if not self.targets:
-            return _of_grids(names, [one if isinstance(one, FoundGrids) else None for one in seen])
+            return _make_found_of_grids(
+                names, [one if isinstance(one, FoundGrids) else None for one in seen]
+            )
         corners, identified = name_quick_detections(seen, self.targets, self.size, names)
-        found = _of_corners(corners)
+        found = _make_found_of_corners(corners)
         if identified is None or found.target is None:
             return found
         evidence = GridEvidence(
@@ -292,7 +294,7 @@ def choose_photos(
         DetectionError: none shows the target.
 
     """
-    measured = replace(run, executor=None).work("Measuring sharpness").done(_measured, photos)
+    measured = replace(run, executor=None).work("Measuring sharpness").done(_measure_photo, photos)
     known = Counter(one[0] for one in measured if one is not None)
     if not known:
         raise DetectionError("none of the photos can be read: check the files")
@@ -320,7 +322,7 @@ def why_ended(choice: Choice, what: str) -> str:
     return Event(f"chosen_{choice.ended}").line(chosen=len(choice.order), what=what)
 
 
-def _measured(photo: Photo) -> tuple[tuple[int, int], float] | None:
+def _measure_photo(photo: Photo) -> tuple[tuple[int, int], float] | None:
     """Return a photo's (width, height) and sharpness; None for a damaged one, which is left out."""
     grey = photo.grey_if_readable()
     return None if grey is None else ((grey.shape[1], grey.shape[0]), sharpness(grey))

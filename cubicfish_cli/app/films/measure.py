@@ -36,19 +36,19 @@ def sharpness(grey: Grey) -> float:
     step = max(4, round(max(width, height) / 240))
     along = grey[:: max(1, height // _LINES)]
     across = grey[:, :: max(1, width // _LINES)].T
-    found = [_steepness(_of_8_bits(part), step) for part in (along, across)]
+    found = [_measure_steepness(_scale_to_8_bits(part), step) for part in (along, across)]
     seen = [value for value in found if value is not None]
     return min(seen, default=0.0)
 
 
-def _of_8_bits(lines: Grey) -> Bytes:
+def _scale_to_8_bits(lines: Grey) -> Bytes:
     if lines.dtype == np.uint8:
         return np.ascontiguousarray(lines, np.uint8)
     low, high = float(lines.min()), float(lines.max())
     return np.rint((lines - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
 
 
-def _steepness(lines: Bytes, step: int) -> float | None:
+def _measure_steepness(lines: Bytes, step: int) -> float | None:
     """Median over strong edges of the largest rise in one pixel, as a share of the whole rise."""
     if lines.shape[1] <= 2 * step:
         return None
@@ -97,8 +97,8 @@ def motion(before: Float32Array, after: Float32Array, width: int) -> float:
     middle = cv2.addWeighted(before, 0.5, after, 0.5, 0)
     # Scharr's differences, as a rise a pixel.
     slope = cv2.magnitude(*(cv2.Scharr(middle, -1, *way, scale=1 / 32) for way in ((1, 0), (0, 1))))
-    differ = _blocks(cv2.multiply(cv2.absdiff(after, before), slope))
-    texture = _blocks(cv2.multiply(slope, slope))
+    differ = _average_blocks(cv2.multiply(cv2.absdiff(after, before), slope))
+    texture = _average_blocks(cv2.multiply(slope, slope))
     most = float(texture.max())
     if most <= 0:
         return 0.0
@@ -107,7 +107,7 @@ def motion(before: Float32Array, after: Float32Array, width: int) -> float:
     return moved * width / before.shape[1]
 
 
-def _blocks(picture: cv2.typing.MatLike) -> Float32Array:
+def _average_blocks(picture: cv2.typing.MatLike) -> Float32Array:
     """Return the mean of each block; pixels left over at the right and below are in none."""
     (rows, columns), (height, width) = _BLOCKS, picture.shape
     # Whole pixels go into one, which is many times faster than parts of pixels.

@@ -65,9 +65,9 @@ class Recording:
         self._path, topic = file_and_topic(path)
         if not self._path.exists():
             raise PhotoError(f"{shown(self._path)} {MISSING}")
-        self._reader = self._opened()
+        self._reader = self._open_reader()
         try:
-            self._connections = self._of_topic(topic)
+            self._connections = self._select_topic(topic)
             first = next(self.frames(), None)
             if first is None:
                 raise PhotoError(f"{shown(path)} holds no images")
@@ -98,10 +98,10 @@ class Recording:
         import av
 
         pts = -1
-        for count, (stamp, message) in enumerate(self._messages(), start=1):
+        for count, (stamp, message) in enumerate(self._read_messages(), start=1):
             # A clock that was set back would put frames on top of each other.
             pts = max(stamp, pts + 1)
-            picture = self._picture(message, count)
+            picture = self._read_picture(message, count)
             if picture.shape[0] * picture.shape[1] > MAX_PIXELS:
                 raise PhotoError(f"{shown(self._path)}: image {count} is too large to be read")
             kind = "gray" if picture.ndim == 2 else "bgr24"
@@ -109,7 +109,7 @@ class Recording:
             frame.pts, frame.time_base = pts, _NANOSECOND
             yield frame
 
-    def _messages(self) -> Iterator[tuple[int, Any]]:
+    def _read_messages(self) -> Iterator[tuple[int, Any]]:
         """Time in nanoseconds and message: its header's time, or else when it was recorded."""
         count = 0
         try:
@@ -124,7 +124,7 @@ class Recording:
                 "or let `rosbag reindex` or `mcap recover` mend it"
             ) from problem
 
-    def _picture(self, message: Any, count: int) -> Picture:
+    def _read_picture(self, message: Any, count: int) -> Picture:
         """Grey (H, W) or BGR (H, W, 3), 8 bits."""
         where = f"{shown(self._path)}, image {count}"
         if message.__msgtype__ == _COMPRESSED:
@@ -134,12 +134,12 @@ class Recording:
                 raise PhotoError(f"{where}: {message.format or 'its data'} cannot be decoded")
             picture: Picture = decoded
         else:
-            picture = _of_raw(message, where)
+            picture = _convert_raw(message, where)
         if picture.dtype == np.uint16:
             picture = (picture >> 8).astype(np.uint8)
         return picture[:, :, :3] if picture.ndim == 3 else picture
 
-    def _opened(self) -> Any:
+    def _open_reader(self) -> Any:
         try:
             import av  # noqa: F401  frames come as PyAV has them
             from rosbags.highlevel import AnyReader
@@ -160,7 +160,7 @@ class Recording:
             ) from problem
         return reader
 
-    def _of_topic(self, topic: str | None) -> list[Any]:
+    def _select_topic(self, topic: str | None) -> list[Any]:
         images = [one for one in self._reader.connections if one.msgtype in (_PLAIN, _COMPRESSED)]
         topics = sorted({one.topic for one in images})
         if not topics:
@@ -176,7 +176,7 @@ class Recording:
         return [one for one in images if one.topic == topic]
 
 
-def _of_raw(message: Any, where: str) -> Picture:
+def _convert_raw(message: Any, where: str) -> Picture:
     known = _ENCODINGS.get(message.encoding)
     if known is None:
         raise PhotoError(

@@ -106,8 +106,8 @@ def scan(
     with opened(film.path) as (container, stream):
         decoded = frames(film.path, container, stream)
         begin = int(stream.start_time or 0)
-        every_frame = _measured_frames(measured, decoded, begin, stream.time_base, progress)
-        for index, frame in _best_of_stretches(measured, every_frame, every):
+        every_frame = _measure_frames(measured, decoded, begin, stream.time_base, progress)
+        for index, frame in _choose_best_of_stretches(measured, every_frame, every):
             if folder is not None:
                 measured.kept[index] = folder / f"{index}.png"
                 write_frame(measured.kept[index], frame)
@@ -120,7 +120,7 @@ def scan(
     return measured
 
 
-def _measured_frames(
+def _measure_frames(
     measured: Measured,
     decoded: Iterable[Any],
     begin: int,
@@ -158,7 +158,7 @@ def _measured_frames(
         yield len(measured) - 1, last
 
 
-def _best_of_stretches(
+def _choose_best_of_stretches(
     measured: Measured, every_frame: Iterable[tuple[int, Any]], every: int
 ) -> Iterator[tuple[int, Any]]:
     """Index and picture of the best of each ``every`` frames, or of fewer that come slowly."""

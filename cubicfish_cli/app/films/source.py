@@ -150,13 +150,13 @@ def open_films(paths: Sequence[Path]) -> list[Film]:
     labels: list[str] = []
     films = []
     for path in reversed(distinct.values()):
-        label = _label(path)
+        label = _make_label(path)
         number, plain = 2, label
         while label.casefold() in labels:
             label = f"{plain}-{number}"
             number += 1
         labels.append(label.casefold())
-        films.append(_film(path, label))
+        films.append(_read_film(path, label))
     first = films[0]
     for film in films[1:]:
         if film.size != first.size:
@@ -169,7 +169,7 @@ def open_films(paths: Sequence[Path]) -> list[Film]:
     return films
 
 
-def _film(path: Path, label: str) -> Film:
+def _read_film(path: Path, label: str) -> Film:
     with opened(path) as (container, stream):
         disposition = getattr(stream, "disposition", None)
         if disposition is not None and disposition & disposition.__class__.attached_pic:
@@ -181,7 +181,7 @@ def _film(path: Path, label: str) -> Film:
         return Film(path=path, label=label, size=size, frames=frames, rate=rate)
 
 
-def _label(path: Path) -> str:
+def _make_label(path: Path) -> str:
     """Return the name without suffix, control characters and blanks at its ends."""
     stem = label_of(path) if is_recording(path) else path.stem
     name = "".join(c if c.isprintable() else "_" for c in stem).strip().lstrip(".")

@@ -108,7 +108,7 @@ class ForeignLens(Lens):
         return found
 
     @classmethod
-    def _keys(cls) -> list[str]:
+    def _list_keys(cls) -> list[str]:
         """Return names of the fields that are parameters."""
         return [one.name for one in fields(cls) if one.name != "image_size" and not one.metadata]
 
@@ -116,7 +116,7 @@ class ForeignLens(Lens):
     def parameter_names(self) -> tuple[str, ...]:
         """See :class:`Lens`."""
         names: list[str] = []
-        for key in self._keys():
+        for key in self._list_keys():
             value = getattr(self, key)
             numbers = range(1, np.size(value) + 1) if np.ndim(value) else [""]
             names += [f"{key}{number}" for number in numbers]
@@ -125,13 +125,13 @@ class ForeignLens(Lens):
     @property
     def parameters(self) -> FloatArray:
         """See :class:`Lens`."""
-        return np.concatenate([np.ravel(getattr(self, key)) for key in self._keys()])
+        return np.concatenate([np.ravel(getattr(self, key)) for key in self._list_keys()])
 
     def with_parameters(self, parameters: FloatArray) -> Self:
         """See :class:`Lens`."""
         changes: dict[str, Any] = {}
         start = 0
-        for key in self._keys():
+        for key in self._list_keys():
             shape = np.shape(getattr(self, key))
             end = start + int(np.prod(shape))
             part = parameters[start:end]

@@ -73,12 +73,12 @@ def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> Import
         FitError: the lens sees nothing of the photo, or no sound P is near it.
 
     """
-    widest, ended_by, fold_deg = _field(lens)
+    widest, ended_by, fold_deg = _measure_field(lens)
     if max_angle_deg < widest:
         widest, ended_by, fold_deg = max_angle_deg, "angle", None
     best: ImportedCamera | None = None
     for share in _SHARES:
-        camera = _sound_camera(lens, share * widest)
+        camera = _fit_sound_camera(lens, share * widest)
         if camera is None:
             continue
         error = conversion_error(camera, lens)
@@ -99,9 +99,9 @@ def from_lens(lens: Lens, *, max_angle_deg: float = LARGEST_FIELD_DEG) -> Import
     return best
 
 
-def _sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
-    rays, pixel = _seen(lens, max_angle_deg + _MARGIN_DEG)
-    radial = _reference(lens, rays, pixel)
+def _fit_sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
+    rays, pixel = _sample_seen(lens, max_angle_deg + _MARGIN_DEG)
+    radial = _fit_reference(lens, rays, pixel)
     for pull in _PULLS:
         linear = linear_cubic(rays, pixel, radial, denominator_pull=pull)
         refined = refined_cubic(linear, rays, pixel, stiffness=pull * linear.scale)
@@ -113,7 +113,7 @@ def _sound_camera(lens: Lens, max_angle_deg: float) -> CubicCamera | None:
     return None
 
 
-def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
+def _measure_field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     """Half-angle of the cone that holds what the lens shows in the photo, short of any fold.
 
     Returns:
@@ -154,7 +154,7 @@ def _field(lens: Lens) -> tuple[float, EndedBy, float | None]:
     return float(max(farthest, 4) * _STEP_DEG), ended_by, fold_deg
 
 
-def _seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
+def _sample_seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
     rays = cone_rays(np.deg2rad(min(angle_deg, LARGEST_ANGLE_DEG)), _RAYS)
     pixel = lens.project(rays)
     good = np.isfinite(pixel).all(axis=1)
@@ -164,7 +164,7 @@ def _seen(lens: Lens, angle_deg: float) -> tuple[FloatArray, FloatArray]:
     return rays[good], pixel[good]
 
 
-def _reference(lens: Lens, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
+def _fit_reference(lens: Lens, rays: FloatArray, pixel: FloatArray) -> RadialCamera:
     """Return the Kannala–Brandt lens nearest to the rays."""
     theta = angle_from_axis(rays)
     middle = lens.project(np.array([[0.0, 0.0, 1.0]]))[0]

@@ -103,7 +103,7 @@ def to_lens(
         FitError: no lens of the model is near, or too little of the field is left.
 
     """
-    rays, pixel = _field(camera, _FIT_PIXELS, max_angle_deg)
+    rays, pixel = _sample_field(camera, _FIT_PIXELS, max_angle_deg)
     turn = np.eye(3)
     if model.symmetric:
         turn = symmetric_frame(camera, rays, pixel)
@@ -167,7 +167,7 @@ def conversion_error(
     With ``every_way`` the other ways to read the model's files count too: any of them may read
     a file that is written, while a file that was read means the model itself.
     """
-    rays, pixel = _field(camera, _ERROR_PIXELS, max_angle_deg)
+    rays, pixel = _sample_field(camera, _ERROR_PIXELS, max_angle_deg)
     turn = np.eye(3) if lens_from_camera is None else lens_from_camera
     theta = angle_from_axis(rays)
     inside = np.ones(len(rays), bool)
@@ -201,7 +201,7 @@ def _figures(misses: Sequence[FloatArray]) -> dict[str, float]:
     return {"rms_px": max(map(rms_px, misses)), "max_px": largest}
 
 
-def _field(
+def _sample_field(
     camera: CubicCamera, count: int, max_angle_deg: float | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return rays (N, 3) and pixels (N, 2) spread evenly over the photo, where the camera sees."""

@@ -22,16 +22,16 @@ def template(page: Path) -> Any:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_printable,
+        finalize=_make_printable,
     )
-    environment.filters["px"] = _px
+    environment.filters["px"] = _write_px
     environment.filters["count"] = _count
     environment.globals["style"] = (_HERE / "page.css").read_text(encoding="utf-8")
     texts = [one.read_text(encoding="utf-8") for one in (_HERE / "parts.html", page)]
     return environment.from_string("".join(texts))
 
 
-def _printable(value: Any) -> Any:
+def _make_printable(value: Any) -> Any:
     """Return untrusted text, such as a name, on one line and without control characters."""
     if not isinstance(value, str) or hasattr(value, "__html__"):  # the package's own markup
         return value
@@ -42,7 +42,7 @@ def _printable(value: Any) -> Any:
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in value)
 
 
-def _px(value: float | None, places: int = 3) -> str:
+def _write_px(value: float | None, places: int = 3) -> str:
     return "–" if value is None or math.isnan(value) else f"{value:.{places}f}"
 
 

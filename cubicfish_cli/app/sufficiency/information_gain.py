@@ -58,15 +58,17 @@ class InformationGain:
         noise = max(noise_px(reference.residual), _LEAST_NOISE * longer)
         used = reference.pairs
         points = reference.poses.apply(used.image, used.world)
-        grid = _seen_cells(used)
+        grid = _find_seen_cells(used)
         ray = reference.camera.unproject(grid)
         grid, ray = grid[np.isfinite(ray[:, 0])], ray[np.isfinite(ray[:, 0])]
         if not len(grid):
             raise FitError("the photos do not determine a lens")
         self._goal = default_goal(pairs.image_size)
-        self._to_basis = _orthonormal(_polynomials(grid, pairs.image_size))
-        self._field = _without_turns(
-            _by_axes(_polynomials(grid, pairs.image_size) @ self._to_basis), reference.camera, ray
+        self._to_basis = _make_orthonormal(_compute_polynomials(grid, pairs.image_size))
+        self._field = _take_out_turns(
+            _split_by_axes(_compute_polynomials(grid, pairs.image_size) @ self._to_basis),
+            reference.camera,
+            ray,
         )
         spread = _SPREAD * longer / 1000
         self._known = np.eye(self._field.shape[1]) / spread**2
@@ -77,18 +79,20 @@ class InformationGain:
             if rows.sum() < _FEWEST_CORNERS:
                 continue
             _, by_point, _ = project_jacobian(reference.camera.parameters, points[rows])
-            by_field = _by_axes(_polynomials(used.pixel[rows], pairs.image_size) @ self._to_basis)
+            by_field = _split_by_axes(
+                _compute_polynomials(used.pixel[rows], pairs.image_size) @ self._to_basis
+            )
             information = _compute_information(by_field, by_point, points[rows])
             number = number_of[name]
             self._information[number] = information * quality[number] / noise**2
-        self._now = self._log_variance(self._known)
+        self._now = self._average_log_variance(self._known)
 
     def of(self, photo: int) -> float:
         """Return what a photo adds to those taken; 0 if it does not fit the common lens."""
         information = self._information.get(photo)
         if information is None:
             return 0.0
-        return float(self._now - self._log_variance(self._known + information)) / 2
+        return float(self._now - self._average_log_variance(self._known + information)) / 2
 
     def share(self, gain: float) -> float:
         """Return which share of what is wanted a gain is, given those that are taken now.
@@ -105,9 +109,9 @@ class InformationGain:
         information = self._information.get(photo)
         if information is not None:
             self._known = self._known + information
-            self._now = self._log_variance(self._known)
+            self._now = self._average_log_variance(self._known)
 
-    def _log_variance(self, known: FloatArray) -> float:
+    def _average_log_variance(self, known: FloatArray) -> float:
         """Return the mean over the field of the logarithm of a pixel's variance."""
         half = np.linalg.solve(np.linalg.cholesky(known), self._field.T)
         variance = (half * half).sum(axis=0).reshape(-1, 2).sum(axis=1)
@@ -126,14 +130,14 @@ def _compute_information(
     return np.asarray(free.T @ free)
 
 
-def _seen_cells(pairs: Observations) -> FloatArray:
+def _find_seen_cells(pairs: Observations) -> FloatArray:
     """Return middles (G, 2) of the parts of the picture that have corners, pixels."""
     size, parts = np.array(pairs.image_size), np.array(_GRID)
     place = np.clip(((pairs.pixel + 0.5) / size * parts).astype(int), 0, parts - 1)
     return np.asarray((np.unique(place, axis=0) + 0.5) / parts * size - 0.5)
 
 
-def _polynomials(pixel: FloatArray, image_size: tuple[int, int]) -> FloatArray:
+def _compute_polynomials(pixel: FloatArray, image_size: tuple[int, int]) -> FloatArray:
     """Return (N, K) products of Legendre polynomials of x and y up to the degree."""
     longer = max(image_size)
     x, y = (2 * (pixel - (np.array(image_size) - 1) / 2) / longer).T
@@ -144,19 +148,19 @@ def _polynomials(pixel: FloatArray, image_size: tuple[int, int]) -> FloatArray:
     )
 
 
-def _orthonormal(values: FloatArray) -> FloatArray:
+def _make_orthonormal(values: FloatArray) -> FloatArray:
     """Return (K, L): combinations of functions at points (G, K) that are orthonormal there."""
     _, size, axes = np.linalg.svd(values / np.sqrt(len(values)), full_matrices=False)
     kept = size > 1e-3 * size[0]
     return np.asarray(axes[kept].T / size[kept])
 
 
-def _by_axes(values: FloatArray) -> FloatArray:
+def _split_by_axes(values: FloatArray) -> FloatArray:
     """Fields of x and of y: (N, L) -> (2N, 2L), rows x and y in turn."""
     return np.asarray(np.kron(values, np.eye(2)))
 
 
-def _without_turns(field: FloatArray, camera: RadialCamera, ray: FloatArray) -> FloatArray:
+def _take_out_turns(field: FloatArray, camera: RadialCamera, ray: FloatArray) -> FloatArray:
     """Fields (2G, K) at rays (G, 3), less what a small turn of the camera does."""
     _, by_ray, _ = project_jacobian(camera.parameters, ray)
     turns = (-by_ray @ cross_matrix(ray)).reshape(-1, 3)

@@ -225,11 +225,11 @@ def print_photo_table(
     if apart or room is not None:
         result()
     if room is not None and len(rows) > _MOST_ROWS and verbosity() <= 0:
-        chosen = sorted(rows, key=_badness)[:_MOST_ROWS]
+        chosen = sorted(rows, key=_rank_badness)[:_MOST_ROWS]
         result(f"The odd ones and the worst of {len(rows):,} photos:\n")
     if width < _ROOMY:
         chosen = [replace(row, words=row.short or row.words) for row in chosen]
-    columns = _columns(rows, boards, width)
+    columns = _choose_columns(rows, boards, width)
     print_table(
         list(columns),
         [[cell(row) for cell in columns.values()] for row in chosen],
@@ -239,11 +239,11 @@ def print_photo_table(
         result(f"\nand {len(rows) - len(chosen):,} more; all of them: -v, or {everything}")
 
 
-def _badness(row: PhotoRow) -> tuple[int, float]:
+def _rank_badness(row: PhotoRow) -> tuple[int, float]:
     return _RANK[row.level], 0.0 if math.isnan(row.rms_px) else -row.rms_px
 
 
-def _columns(
+def _choose_columns(
     rows: Sequence[PhotoRow], boards: Sequence[str], width: int
 ) -> dict[str, Callable[[PhotoRow], str]]:
     """The titles of the table's columns that so wide a terminal has, and what their cells say."""
@@ -253,7 +253,7 @@ def _columns(
         columns["corners"] = lambda row: "-" if row.corners is None else str(row.corners)
     if width >= _ROOMY or (width >= _WIDE and len(boards) <= _FEW_BOARDS):
         for board in boards:
-            columns[board] = partial(_of_board, board=board)
+            columns[board] = partial(_describe_board, board=board)
     if width >= _NARROW and any(row.dropped for row in rows):
         columns["dropped"] = lambda row: str(row.dropped or "-")
     if with_errors:
@@ -266,5 +266,5 @@ def _columns(
     return {**columns, "verdict": lambda row: row.words}
 
 
-def _of_board(row: PhotoRow, board: str) -> str:
+def _describe_board(row: PhotoRow, board: str) -> str:
     return str(row.boards.get(board, "-"))

@@ -55,15 +55,15 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The commands' names, in the order of the work."""
-        return [*self._own, *self._added()]
+        return [*self._own, *self._list_added()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module and return the command."""
-        place = self._own.get(cmd_name) or self._added().get(cmd_name)
+        place = self._own.get(cmd_name) or self._list_added().get(cmd_name)
         command: click.Command | None = None if place is None else resolve_name(place)
         return command
 
-    def _added(self) -> Mapping[str, str]:
+    def _list_added(self) -> Mapping[str, str]:
         """List the commands of extensions, which are loaded where none of its own is meant."""
         from cubicfish_cli.app.extensions import extension_commands
 
@@ -98,7 +98,7 @@ class Program(LazyGroup):
                 # The reader has gone. Python flushes stdout once more on exit.
                 lead_nowhere(sys.stdout)
                 ctx.exit(EXIT_BROKEN_PIPE)
-            why = _why(error)
+            why = _explain(error)
             if why is None:
                 raise
             if ctx.meta.get(DEBUG_KEY):
@@ -117,7 +117,7 @@ def _end_by_signal() -> NoReturn:
     sys.exit(EXIT_SIGNAL + number)
 
 
-def _why(error: Exception) -> str | None:
+def _explain(error: Exception) -> str | None:
     """Why the work could not be done, in one line; None where it is no user's doing."""
     if isinstance(error, CubicfishError):
         from cubicfish_cli.app.words.catalogue import say_error
@@ -162,7 +162,7 @@ def tell_why_it_ended(error: Exception) -> int:
         return error.exit_code
     if isinstance(error, click.Abort):  # click's word for a signal
         _end_by_signal()
-    why = _why(error)
+    why = _explain(error)
     if why is None:
         raise error
     if isinstance(error, OSError):  # such as help that cannot be printed

@@ -203,7 +203,7 @@ class Parsed(click.ParamType):
             self.fail(str(problem), param, ctx)
 
 
-def _length(text: str) -> str:
+def _read_length(text: str) -> str:
     """A length with its unit, as text; that one without is in millimetres is said."""
     from cubicfish_cli.app.terminal.terminal import say
 
@@ -212,17 +212,17 @@ def _length(text: str) -> str:
     return text
 
 
-LENGTH = Parsed("length", _length)
+LENGTH = Parsed("length", _read_length)
 
 
-def _seconds(text: str) -> float:
+def _read_seconds(text: str) -> float:
     found = re.fullmatch(r"([0-9]*\.?[0-9]+) *(us|ms|s)", text.strip())
     if found is None or not float(found[1]) > 0:
         raise ValueError(f"{quoted(text)} is no time: write 5ms, 200us or 0.01s")
     return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2]]
 
 
-SECONDS = Parsed("time", _seconds)
+SECONDS = Parsed("time", _read_seconds)
 """A length of time with its unit, such as 5ms, as seconds."""
 
 
@@ -335,7 +335,7 @@ def option(words: str, help: str, type: Any = None, default: Any = None, **more:
     return Option(make=make, default=() if several else unsaid, is_required=needed)
 
 
-def _remember(
+def _make_callback(
     key: str, value: int | bool
 ) -> Callable[[click.Context, click.Parameter, bool], None]:
     def callback(ctx: click.Context, _: click.Parameter, given: bool) -> None:
@@ -348,9 +348,9 @@ def _remember(
 def common_options(command: Command) -> Command:
     """``-v``, ``-q`` and ``--debug``; they may stand before or after the command's name."""
     common = [
-        option(words, help, expose_value=False, is_eager=True, callback=_remember(key, value)).make(
-            to
-        )
+        option(
+            words, help, expose_value=False, is_eager=True, callback=_make_callback(key, value)
+        ).make(to)
         for key, value, words, to, help in (
             (VERBOSITY_KEY, 1, "-v --verbose", "verbose", "Say more."),
             (VERBOSITY_KEY, -1, "-q --quiet", "quiet", "Say nothing but results and errors."),
@@ -406,7 +406,7 @@ target_option = option(
 )
 
 
-def _counts(text: str) -> tuple[int, int]:
+def _read_counts(text: str) -> tuple[int, int]:
     """``9x6`` -> (9, 6)."""
     match = re.fullmatch(r"\s*([0-9]{1,3})\s*[xX×]\s*([0-9]{1,3})\s*", text)
     columns, rows = (int(match[1]), int(match[2])) if match else (0, 0)
@@ -415,10 +415,12 @@ def _counts(text: str) -> tuple[int, int]:
     return columns, rows
 
 
-COUNTS = Parsed("COLUMNSxROWS", _counts)
+COUNTS = Parsed("COLUMNSxROWS", _read_counts)
 
 
-def _choice(target: Path | None, board: tuple[int, int] | None, square: str | None) -> TargetSource:
+def _choose_target(
+    target: Path | None, board: tuple[int, int] | None, square: str | None
+) -> TargetSource:
     from cubicfish_cli.app.target_source import TargetSource, length_mm
 
     if board is None:
@@ -440,7 +442,7 @@ report_option = option(
 )
 
 target_options = bundle(
-    _choice,
+    _choose_target,
     target=target_option,
     board=option(
         "--board",
@@ -458,7 +460,7 @@ def target_path(given: Path | None) -> Path | None:
     return given or (DEFAULT_TARGET if DEFAULT_TARGET.is_file() else None)
 
 
-def _needed_target(target: Path | None) -> Path:
+def _need_target(target: Path | None) -> Path:
     path = target_path(target)
     if path is None:
         raise UsageError(
@@ -472,7 +474,7 @@ def _needed_target(target: Path | None) -> Path:
     return path
 
 
-needed_target = bundle(_needed_target, needed=True, target=target_option)
+needed_target = bundle(_need_target, needed=True, target=target_option)
 """``--target`` of commands that need one: the path of its file, by default ./target.yaml."""
 
 
@@ -571,12 +573,12 @@ def refine_target_option(help: str, default: str | None = "auto") -> Any:
     return option("--refine-target", help, levels, default)
 
 
-def _size(text: str) -> tuple[int, int]:
+def _read_size(text: str) -> tuple[int, int]:
     from cubicfish_cli.core.io.observations_csv import parse_size
 
     return parse_size(text)
 
 
-SIZE = Parsed("WIDTHxHEIGHT", _size)
+SIZE = Parsed("WIDTHxHEIGHT", _read_size)
 
 size_option = option("--size", "Size of the photos, for a CSV file that does not state it.", SIZE)

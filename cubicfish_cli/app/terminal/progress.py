@@ -121,7 +121,7 @@ class _Line:
             redirect_stdout=False,
             expand=True,
         )
-        self._task = self._progress.add_task(self._plain(step), total=None, counts="")
+        self._task = self._progress.add_task(self._make_plain(step), total=None, counts="")
         self._timer = Timer(_PATIENCE_SECONDS, self._progress.start)
         self._timer.daemon = True
         self._timer.start()
@@ -138,11 +138,11 @@ class _Line:
         counts = f"{done:,.0f}/{total:,.0f}" if total else f"{done:,.0f}"
         more: dict[str, Any] = {"counts": counts}
         if now:
-            words = self._plain(now[:1].upper() + now[1:])
+            words = self._make_plain(now[:1].upper() + now[1:])
             more = {"counts": f"{100 * done:.0f} %", "description": words}
         self._progress.update(self._task, completed=done, total=total or None, **more)
 
-    def _plain(self, words: str) -> str:
+    def _make_plain(self, words: str) -> str:
         return as_shown(safe(words), self._stream)
 
 
@@ -216,7 +216,7 @@ class How:
         if "MPLCONFIGDIR" not in os.environ:
             # By itself matplotlib makes two folders of its own in the user's home.
             fonts = None if cache is None or self.no_cache else cache / "matplotlib"
-            os.environ["MPLCONFIGDIR"] = str(fonts or _temporary_folder())
+            os.environ["MPLCONFIGDIR"] = str(fonts or _make_temporary_folder())
         with ExitStack() as there:
             there.push(listener.end)
             executor = None if self.scheduler is None else _Cluster(self.scheduler, listener, there)
@@ -237,7 +237,7 @@ class How:
         return self.as_json
 
 
-def _temporary_folder() -> str:
+def _make_temporary_folder() -> str:
     """A new folder that ends with the process."""
     folder = TemporaryDirectory(prefix="cubicfish-", ignore_cleanup_errors=True)
     atexit.register(folder.cleanup)

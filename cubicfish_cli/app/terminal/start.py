@@ -30,20 +30,20 @@ def main() -> None:
     numbers = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
     # The parent may have asked to ignore some, as nohup does.
     numbers = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
-    _answer(numbers, signal.SIG_DFL)
+    _set_handler(numbers, signal.SIG_DFL)
     prepare_process()
     from cubicfish_cli.app.terminal.main import cli, tell_why_it_ended
 
     try:
         try:
-            sys.unraisablehook = _not_lost
-            _answer(numbers, _ask)
+            sys.unraisablehook = _interrupt_again
+            _set_handler(numbers, _interrupt)
             code = cli.main(prog_name="cubicfish", standalone_mode=False)
             sys.exit(code if isinstance(code, int) else 0)
         except Exception as error:
             sys.exit(tell_why_it_ended(error))
         finally:
-            _answer(numbers, signal.SIG_DFL)
+            _set_handler(numbers, signal.SIG_DFL)
     except (Exception, KeyboardInterrupt):
         if _ending_signal is None:
             raise
@@ -72,18 +72,18 @@ def ending_signal() -> int | None:
     return _ending_signal
 
 
-def _answer(numbers: list[int], how: signal._HANDLER) -> None:
+def _set_handler(numbers: list[int], how: signal._HANDLER) -> None:
     for number in numbers:
         signal.signal(number, how)
 
 
-def _ask(number: int, frame: FrameType | None) -> NoReturn:
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     global _ending_signal
     _ending_signal = number
     raise KeyboardInterrupt
 
 
-def _not_lost(what: UnraisableHookArgs) -> None:
+def _interrupt_again(what: UnraisableHookArgs) -> None:
     """Where an exception goes nowhere, as in a finaliser, the request comes once more.
 
     What else finalisers say of work that was broken off is of no use to anybody.

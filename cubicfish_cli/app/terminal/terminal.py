@@ -80,18 +80,18 @@ def apart() -> None:
 def say(text: str) -> None:
     """Tell the user on stderr, unless ``--quiet``."""
     if verbosity() >= 0:
-        _print(text, sys.stderr, _talk_mark(text))
+        _print(text, sys.stderr, _find_talk_mark(text))
 
 
 def detail(text: str) -> None:
     """Tell the user on stderr, with ``--verbose`` only."""
     if verbosity() > 0:
-        _print(text, sys.stderr, _talk_mark(text))
+        _print(text, sys.stderr, _find_talk_mark(text))
 
 
 def tell(text: str) -> None:
     """Tell the user on stderr what also ``--quiet`` does not keep back."""
-    _print(text, sys.stderr, _talk_mark(text))
+    _print(text, sys.stderr, _find_talk_mark(text))
 
 
 def say_interrupted() -> None:
@@ -111,20 +111,20 @@ class Failure(click.ClickException):
 
 def print_json(value: Mapping[str, Any]) -> None:
     """Print one JSON object; what is not finite becomes null, since JSON has no NaN."""
-    plain = _jsonable(value)
+    plain = _make_jsonable(value)
     text = json.dumps(plain, allow_nan=False, ensure_ascii=False)
     if safe(as_shown(text, sys.stdout)) != text:  # JSON has escapes of its own
         text = json.dumps(plain, allow_nan=False)
     echo(text, sys.stdout)
 
 
-def _jsonable(value: Any) -> Any:
+def _make_jsonable(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): _jsonable(item) for key, item in value.items()}
+        return {str(key): _make_jsonable(item) for key, item in value.items()}
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return [_jsonable(item) for item in value]
+        return [_make_jsonable(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, str | int):
@@ -146,7 +146,7 @@ def _print(
     echo(shown, stream)
 
 
-def _talk_mark(text: str) -> tuple[str, Style] | None:
+def _find_talk_mark(text: str) -> tuple[str, Style] | None:
     return next((mark for mark in _TALK.items() if text.startswith(mark[0])), None)
 
 

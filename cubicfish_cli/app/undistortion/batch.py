@@ -154,11 +154,11 @@ def write_many(jobs: Sequence[Job], write: Write, run: Run) -> dict[str, Cubicfi
     progress = run.listener.counting("Undistorting")
     workers = run.jobs or os.cpu_count() or 1
     if run.executor is not None and jobs:
-        answers = _by_executor(partial(write, overwrite=True), jobs, run.executor)
+        answers = _run_in_executor(partial(write, overwrite=True), jobs, run.executor)
     elif workers == 1 or len(jobs) == 1:
         answers = ((number, write(job, overwrite=run.overwrite)) for number, job in enumerate(jobs))
     else:
-        answers = _by_threads(partial(write, overwrite=run.overwrite), jobs, workers)
+        answers = _run_in_threads(partial(write, overwrite=run.overwrite), jobs, workers)
     problems: dict[int, CubicfishError | None] = {}
     progress(0, len(jobs))
     with closing(answers):
@@ -209,7 +209,7 @@ Answers = Generator[tuple[int, CubicfishError | None], None, None]
 """The numbers of the jobs in the order in which they are done, and why one failed, or None."""
 
 
-def _by_threads(
+def _run_in_threads(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], workers: int
 ) -> Answers:
     """Do the work here; OpenCV's own threads gain only where nothing else works beside it."""
@@ -222,7 +222,7 @@ def _by_threads(
             threads.shutdown(cancel_futures=True)
 
 
-def _by_executor(
+def _run_in_executor(
     work: Callable[[Job], CubicfishError | None], jobs: Sequence[Job], executor: Executor
 ) -> Answers:
     folders = {path.parent for job in jobs for path in job.outputs.values()}

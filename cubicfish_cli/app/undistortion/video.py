@@ -310,12 +310,12 @@ class _PlaneRemapper:
         for plane, out, (map_x, map_y), value in zip(
             given.planes, made.planes, self._maps, self._values, strict=False
         ):
-            flat = remap(self._view_pixels(plane), map_x, map_y, self._interpolation, value)
-            self._view_pixels(out)[...] = flat
+            flat = remap(self._get_pixels(plane), map_x, map_y, self._interpolation, value)
+            self._get_pixels(out)[...] = flat
         made.pts, made.time_base = frame.pts, frame.time_base
         return made
 
-    def _view_pixels(self, plane: Any) -> npt.NDArray[Any]:
+    def _get_pixels(self, plane: Any) -> npt.NDArray[Any]:
         rows = np.frombuffer(plane, self._dtype).reshape(
             plane.height, plane.line_size // self._dtype.itemsize
         )

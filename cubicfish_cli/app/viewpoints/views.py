@@ -163,7 +163,7 @@ def view_from(
     return Viewpoint(
         pose=pose,
         seen=seen,
-        whole=_whole_boards(target, seen),
+        whole=_count_whole_boards(target, seen),
         front=front / length if length > 0 else -middle / np.linalg.norm(middle),
     )
 
@@ -196,18 +196,18 @@ def sample_views(
 
     """
     target = target.with_flat_boards()
-    rays = _field(lens, image_size)
+    rays = _compute_field(lens, image_size)
     thing = _Thing.of(target)
-    near, far = _distances(thing, rays, image_size)
+    near, far = _find_distances(thing, rays, image_size)
     if within is not None:
         # No corner is farther from the middle of the target than this.
         near = max(near, within.near - thing.diagonal / 2)
         far = min(far, within.far + thing.diagonal / 2)
     if near > far:
         return []
-    places = _sequence(_TRIES_PER_VIEW * count, 6, seed)
+    places = _make_sequence(_TRIES_PER_VIEW * count, 6, seed)
     distance = near * (far / near) ** places[:, 2:3].copy()  # a copy: angles.py says why
-    eyes = thing.middle + _on_sphere(places[:, :2]) * distance
+    eyes = thing.middle + _map_to_sphere(places[:, :2]) * distance
     aims, allowed = thing.aims(eyes)
     column, row = (
         np.minimum((places[:, 3 + axis] * side).astype(int), side - 1)
@@ -216,8 +216,8 @@ def sample_views(
     way = rays[row, column]
     allowed &= np.isfinite(way[:, 0])
     kept = np.flatnonzero(allowed)
-    turns = _turns(aims[kept] - eyes[kept], way[kept], 2 * np.pi * places[kept, 5])
-    kept, turns = _with_a_board_inside(thing, lens, image_size, kept, turns, eyes[kept])
+    turns = _compute_turns(aims[kept] - eyes[kept], way[kept], 2 * np.pi * places[kept, 5])
+    kept, turns = _find_with_board_inside(thing, lens, image_size, kept, turns, eyes[kept])
     views: list[Viewpoint] = []
     most = 1
     for index, turn in zip(kept, turns, strict=True):
@@ -248,7 +248,7 @@ def choose_views(
         place = np.clip(np.floor((view.pixel + 0.5) / cell).astype(int), 0, (columns - 1, rows - 1))
         hits.append(np.bincount(place[:, 1] * columns + place[:, 0], minlength=columns * rows))
     corners = np.array(hits).reshape(len(views), -1)[:, field].astype(float)
-    traits = np.array([_traits(view) for view in views]).reshape(len(views), -1)
+    traits = np.array([_compute_traits(view) for view in views]).reshape(len(views), -1)
     total = np.zeros(corners.shape[1])
     apart = np.full(len(views), 1.0)
     chosen: list[int] = []
@@ -316,7 +316,7 @@ class _Thing:
         return weight @ self.middles / total, allowed
 
 
-def _field(lens: WholeLens, image_size: tuple[int, int]) -> FloatArray:
+def _compute_field(lens: WholeLens, image_size: tuple[int, int]) -> FloatArray:
     """Return rays over the photo (rows, columns, 3), NaN outside the field."""
     columns, rows = _GRID
     width, height = image_size
@@ -325,7 +325,9 @@ def _field(lens: WholeLens, image_size: tuple[int, int]) -> FloatArray:
     return lens.unproject(np.stack(np.meshgrid(x, y), axis=-1))
 
 
-def _distances(thing: _Thing, rays: FloatArray, image_size: tuple[int, int]) -> tuple[float, float]:
+def _find_distances(
+    thing: _Thing, rays: FloatArray, image_size: tuple[int, int]
+) -> tuple[float, float]:
     """Return the range of distances from which the target is seen whole and sharply enough.
 
     The nearest is beyond the farthest where it cannot.
@@ -334,13 +336,15 @@ def _distances(thing: _Thing, rays: FloatArray, image_size: tuple[int, int]) -> 
     if not np.isfinite(turn).any():
         return _NEAREST * thing.diagonal, _FARTHEST * thing.diagonal
     radians_per_pixel = float(np.nanmedian(turn)) * _GRID[0] / image_size[0]
-    sharp = max(board.square / (_least_px(board) * radians_per_pixel) for board in thing.boards)
+    sharp = max(
+        board.square / (_find_least_px(board) * radians_per_pixel) for board in thing.boards
+    )
     half_field = min(0.5 * min(image_size) * radians_per_pixel, np.radians(60.0))
     near = max(_NEAREST * thing.diagonal, 0.4 * thing.largest / np.tan(half_field))
     return near, min(max(_FARTHEST * thing.diagonal, 2 * near), sharp)
 
 
-def _least_px(board: Board) -> float:
+def _find_least_px(board: Board) -> float:
     """Return pixels that a square must have for its corner, or its marker, to be found."""
     if board.markers is None:
         return _SQUARE_PX
@@ -348,7 +352,7 @@ def _least_px(board: Board) -> float:
     return max(_SQUARE_PX, _MODULE_PX * modules * board.square / board.markers.side)
 
 
-def _whole_boards(target: Target, seen: TrueCorners) -> int:
+def _count_whole_boards(target: Target, seen: TrueCorners) -> int:
     """Count the boards with all corners visible and nearly all squares large enough."""
     start = 0
     whole = 0
@@ -361,11 +365,11 @@ def _whole_boards(target: Target, seen: TrueCorners) -> int:
         step = board.per_cell  # the gaps between tags may be small
         sides = [grid[:, 1::step] - grid[:, :-1:step], grid[1::step] - grid[:-1:step]]
         length = np.concatenate([np.hypot(side[..., 0], side[..., 1]).ravel() for side in sides])
-        whole += bool(np.percentile(length, 5) >= _least_px(board))
+        whole += bool(np.percentile(length, 5) >= _find_least_px(board))
     return whole
 
 
-def _with_a_board_inside(
+def _find_with_board_inside(
     thing: _Thing,
     lens: AnyLens,
     image_size: tuple[int, int],
@@ -385,16 +389,16 @@ def _with_a_board_inside(
     return kept[whole], turns[whole]
 
 
-def _traits(view: Viewpoint) -> FloatArray:
+def _compute_traits(view: Viewpoint) -> FloatArray:
     """Return what tells views apart: the side that is seen (3,), and the distance, of order 1."""
     distance = np.linalg.norm(view.middle)
     way = rotation_matrix(view.pose[0]).T @ (view.middle / distance)
     return np.append(way, 0.7 * np.log(distance))
 
 
-def _turns(forward: FloatArray, ray: FloatArray, roll: FloatArray) -> FloatArray:
+def _compute_turns(forward: FloatArray, ray: FloatArray, roll: FloatArray) -> FloatArray:
     """Return rotations (N, 3, 3) from world to camera that take ``forward`` to ``ray``, rolled."""
-    world, camera = _frames(forward), _frames(ray)
+    world, camera = _make_frames(forward), _make_frames(ray)
     turn = np.zeros((len(roll), 3, 3))
     turn[:, 0, 0] = turn[:, 1, 1] = np.cos(roll)
     turn[:, 1, 0] = np.sin(roll)
@@ -403,7 +407,7 @@ def _turns(forward: FloatArray, ray: FloatArray, roll: FloatArray) -> FloatArray
     return camera.transpose(0, 2, 1) @ turn @ world
 
 
-def _frames(forward: FloatArray) -> FloatArray:
+def _make_frames(forward: FloatArray) -> FloatArray:
     """Return (N, 3, 3) rows: two unit vectors across ``forward`` (N, 3), and its own direction."""
     forward = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
     across = np.cross(forward, np.eye(3)[np.argmin(np.abs(forward), axis=-1)])
@@ -411,14 +415,14 @@ def _frames(forward: FloatArray) -> FloatArray:
     return np.stack([across, np.cross(forward, across), forward], axis=1)
 
 
-def _on_sphere(places: FloatArray) -> FloatArray:
+def _map_to_sphere(places: FloatArray) -> FloatArray:
     """Map (N, 2) in the unit square to (N, 3) unit vectors, evenly spread."""
     z = 2 * places[:, 0] - 1
     across, turn = np.sqrt(1 - z * z), 2 * np.pi * places[:, 1]
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
 
 
-def _sequence(count: int, dimensions: int, seed: int) -> FloatArray:
+def _make_sequence(count: int, dimensions: int, seed: int) -> FloatArray:
     """Return (count, dimensions) points of the R sequence in the unit cube, shifted by the seed."""
     ratio = 2.0
     for _ in range(50):

@@ -90,7 +90,7 @@ def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Sayi
     saying = known.sayings[code, case]
     values = dict(figures)
     for name in known.phrases.keys() & figures.keys():
-        values[name] = _say_part(name, values[name], values)
+        values[name] = _write_part(name, values[name], values)
     evidence = known.because[because] if because else saying.evidence
     texts = (_SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do))
     # The lone board of --board is named so.
@@ -108,7 +108,7 @@ def say_error(error: CubicfishError) -> str:
     return error.text(catalogue().options) if error.arguments else str(error)
 
 
-def _say_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
+def _write_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
     """Return the part of a sentence for a figure: one phrase, or a list of records' phrases."""
     phrases = catalogue().phrases[name]
     if isinstance(value, str):

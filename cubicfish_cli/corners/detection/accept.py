@@ -50,7 +50,7 @@ def is_large_enough(lattice: Lattice) -> bool:
     known = lattice.known
     if known.sum() < LEAST_CORNERS:
         return False
-    pieces = cv2.connectedComponentsWithStats(_squares(known).astype(np.uint8))[2]
+    pieces = cv2.connectedComponentsWithStats(_find_squares(known).astype(np.uint8))[2]
     return bool(pieces[1:, cv2.CC_STAT_AREA].max(initial=0) >= LEAST_SQUARES)
 
 
@@ -98,7 +98,7 @@ def hang_together(known: BoolArray) -> BoolArray:
         known = known & ~loose
 
 
-def _squares(known: BoolArray) -> BoolArray:
+def _find_squares(known: BoolArray) -> BoolArray:
     """(I - 1, J - 1) the squares of which all four corners are known."""
     return np.asarray(known[1:, 1:] & known[:-1, 1:] & known[1:, :-1] & known[:-1, :-1])
 
@@ -120,17 +120,18 @@ def is_board(lattice: Lattice, cells: IntArray, found: Crossings) -> bool:
         [
             median_miss(lattice, cells) / MOST_MISS,
             blur / USUAL_BLUR,
-            np.median(_unlike(lattice, cells)) / _CONTRAST,
-            np.median(_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
+            np.median(_measure_unlikeness(lattice, cells)) / _CONTRAST,
+            np.median(_measure_gap_scatter(found.gap, lattice.sign(cells)) / side) / _GAP,
             np.median(found.turn) / _TURN,
-            max(0.0, -_middle_gap(found.gap, lattice.sign(cells)) / np.median(side)) / _PULLED_BACK,
+            max(0.0, -_find_middle_gap(found.gap, lattice.sign(cells)) / np.median(side))
+            / _PULLED_BACK,
         ]
     )
     limit = 1 + min(1.0, max(0.0, (len(cells) - LEAST_CORNERS) / (_LARGE - LEAST_CORNERS)))
     return bool((score**2).sum() < limit and blur < _MOST_BLUR)  # never where a score is NaN
 
 
-def _unlike(lattice: Lattice, cells: IntArray) -> FloatArray:
+def _measure_unlikeness(lattice: Lattice, cells: IntArray) -> FloatArray:
     """How far the contrast of corners (N, 2) is from the second likest around: logarithms (N,).
 
     From the likest, where there is one only; corners beside none are left out.
@@ -143,13 +144,13 @@ def _unlike(lattice: Lattice, cells: IntArray) -> FloatArray:
     return np.asarray(second[~np.isnan(second)], float)
 
 
-def _middle_gap(gap: FloatArray, sign: IntArray) -> float:
+def _find_middle_gap(gap: FloatArray, sign: IntArray) -> float:
     """The gap that corners of both colours have: a moved camera parts one and joins the other."""
     of_colour = [np.median(gap[sign == colour]) for colour in (-1, 1) if (sign == colour).any()]
     return float(np.mean(of_colour))
 
 
-def _gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:
+def _measure_gap_scatter(gap: FloatArray, sign: IntArray) -> FloatArray:
     """How far each gap is from the median of its colour's gaps, pixels (N,)."""
     scatter = np.zeros(len(gap))
     for colour in (-1, 1):

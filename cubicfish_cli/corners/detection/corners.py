@@ -68,7 +68,7 @@ class XCorners(Rows):
     contrast: FloatArray
 
 
-def _wrapped(angle: FloatArray) -> FloatArray:
+def _wrap(angle: FloatArray) -> FloatArray:
     return (angle + np.pi) % _TURN - np.pi
 
 
@@ -81,9 +81,9 @@ def measure_contrast(image: Float32Array, pixel: FloatArray) -> FloatArray:
     contrast = np.zeros(len(pixel))
     for start in range(0, len(pixel), _BLOCK):
         rows = slice(start, start + _BLOCK)
-        ring = _samples(image, pixel[rows], RADII[1], _FEW_SAMPLES)
+        ring = _sample_circle(image, pixel[rows], RADII[1], _FEW_SAMPLES)
         contrast[rows] = ring.max(1) - ring.min(1)
-        contrast[rows][_symmetry(ring) < _LIKELY_SYMMETRY] = 0
+        contrast[rows][_measure_symmetry(ring) < _LIKELY_SYMMETRY] = 0
     return contrast
 
 
@@ -115,7 +115,7 @@ def _check_rings(
     contrast = np.zeros(count)
     # All that come out have passed the second ring: it sorts out most of a texture before the
     # others are looked at.
-    second = _ring(image, pixel, RADII[1], least_contrast)
+    second = _check_ring(image, pixel, RADII[1], least_contrast)
     active = np.nonzero(second[0])[0]
     for k, r in enumerate(RADII):
         if not len(active):
@@ -123,12 +123,12 @@ def _check_rings(
         if k == 1:
             good, arms, spread = (part[active] for part in second)
         else:
-            good, arms, spread = _ring(image, pixel[active], r, least_contrast)
+            good, arms, spread = _check_ring(image, pixel[active], r, least_contrast)
         seen = ok[active]
         # Arms 0 and 2 are alike, so the order may be turned by half against the last ring.
-        change = np.abs(_wrapped(arms - angle[active])).max(-1)
+        change = np.abs(_wrap(arms - angle[active])).max(-1)
         turned = np.roll(arms, 2, axis=-1)
-        change_turned = np.abs(_wrapped(turned - angle[active])).max(-1)
+        change_turned = np.abs(_wrap(turned - angle[active])).max(-1)
         arms = np.where((seen & (change_turned < change))[:, None], turned, arms)
         good &= ~seen | (np.minimum(change, change_turned) < _CONSISTENT)
         rows = active[good]
@@ -141,7 +141,9 @@ def _check_rings(
     return XCorners(pixel=pixel, angle=angle % _TURN, radius=radius, contrast=contrast), ok
 
 
-def _samples(image: Float32Array, pixel: FloatArray, radius: float, count: int) -> Float32Array:
+def _sample_circle(
+    image: Float32Array, pixel: FloatArray, radius: float, count: int
+) -> Float32Array:
     """Brightness (N, count) on a circle around each pixel, clockwise from its right."""
     phi = np.arange(count) * (_TURN / count)
     circle = radius * np.stack([np.cos(phi), np.sin(phi)])
@@ -149,7 +151,7 @@ def _samples(image: Float32Array, pixel: FloatArray, radius: float, count: int) 
     return bilinear(image, np.moveaxis(points, 0, -1))
 
 
-def _symmetry(ring: Float32Array) -> Float32Array:
+def _measure_symmetry(ring: Float32Array) -> Float32Array:
     """Correlation (N,) of rings with themselves after half a turn."""
     centred = ring - ring.mean(1, keepdims=True)
     half = ring.shape[1] // 2
@@ -158,10 +160,10 @@ def _symmetry(ring: Float32Array) -> Float32Array:
     return np.asarray(product / np.maximum(power, 1e-9), np.float32)
 
 
-def _ring(
+def _check_ring(
     image: Float32Array, pixel: FloatArray, radius: float, least_contrast: float
 ) -> tuple[BoolArray, FloatArray, FloatArray]:
-    raw = _samples(image, pixel, radius, _SAMPLES)
+    raw = _sample_circle(image, pixel, radius, _SAMPLES)
     ring = raw + np.roll(raw, 1, axis=1)
     ring += np.roll(raw, -1, axis=1)
     ring /= 3
@@ -187,7 +189,7 @@ def _ring(
     sound = sector.min(1) > _SMALLEST_SECTOR
     sound &= np.abs(sector[:, 0] + sector[:, 1] - np.pi) < _OPPOSITE
     sound &= np.abs(sector[:, 1] + sector[:, 2] - np.pi) < _OPPOSITE
-    good[rows] = sound & (_symmetry(ring) > _SYMMETRY)
+    good[rows] = sound & (_measure_symmetry(ring) > _SYMMETRY)
     arms[rows] = crossing
     return good, arms, spread
 
@@ -271,13 +273,13 @@ def find_corners(pyramid: Pyramid) -> XCorners:
         zoom = 2**level
         noise = max(pyramid.noise / zoom, 0.5)
         for scale in SCALES:
-            part = _at_scale(image, scale, noise, _near(parts, zoom, image.shape))
+            part = _find_at_scale(image, scale, noise, _mask_near(parts, zoom, image.shape))
             parts.append(replace(part, pixel=part.pixel * zoom, radius=part.radius * zoom))
     found = XCorners.joined(parts)
-    return found.select(_first(found.contrast * np.sqrt(found.radius), MOST_CORNERS))
+    return found.select(_find_best(found.contrast * np.sqrt(found.radius), MOST_CORNERS))
 
 
-def _near(parts: list[XCorners], zoom: int, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
+def _mask_near(parts: list[XCorners], zoom: int, shape: tuple[int, ...]) -> npt.NDArray[np.uint8]:
     """Mask at a level of the pyramid of what lies within 2 px (of that level) of a found corner."""
     taken = np.zeros(shape, np.uint8)
     for part in parts:
@@ -286,7 +288,7 @@ def _near(parts: list[XCorners], zoom: int, shape: tuple[int, ...]) -> npt.NDArr
     return np.asarray(cv2.dilate(taken, np.ones((5, 5), np.uint8)))
 
 
-def _at_scale(
+def _find_at_scale(
     image: Float32Array, scale: float, noise: float, taken: npt.NDArray[np.uint8]
 ) -> XCorners:
     """The corners of one level of the pyramid, in its own pixels, that are not ``taken``."""
@@ -295,27 +297,29 @@ def _at_scale(
     pixel = np.clip(pixel, 0, (width - 1, height - 1))
     column, row = np.rint(pixel).astype(int).T
     free = np.flatnonzero(taken[row, column] == 0)
-    free = free[_first(response[free], _MOST_SADDLES)]
+    free = free[_find_best(response[free], _MOST_SADDLES)]
     likely = measure_contrast(image, pixel[free])
     candidates = np.flatnonzero(likely)
-    chosen = free[candidates[_first(likely[candidates], _MOST_RINGED)]]
+    chosen = free[candidates[_find_best(likely[candidates], _MOST_RINGED)]]
     rings, ok = check_rings(image, pixel[chosen], _NOISE_CONTRAST * noise)
-    best = _first(rings.contrast * np.sqrt(rings.radius), _MOST_FITTED)
+    best = _find_best(rings.contrast * np.sqrt(rings.radius), _MOST_FITTED)
     rings, response = rings.select(best), response[chosen][ok[best]]
     found, near = fit_saddles(image, rings.pixel, np.full(len(best), max(2.0, 1.6 * scale)))
     rings, response = replace(rings, pixel=found).select(near), response[near]
     separation = np.clip(0.6 * rings.radius, 2, 5)
-    return rings.select(_strongest(rings.pixel, response * np.sqrt(rings.radius), separation))
+    return rings.select(_find_strongest(rings.pixel, response * np.sqrt(rings.radius), separation))
 
 
-def _first(score: FloatArray, most: int) -> npt.NDArray[np.intp]:
+def _find_best(score: FloatArray, most: int) -> npt.NDArray[np.intp]:
     """Indices of the ``most`` best scores, in the order in which they came."""
     if len(score) <= most:
         return np.arange(len(score))
     return np.sort(np.argsort(-score, kind="stable")[:most])
 
 
-def _strongest(pixel: FloatArray, score: FloatArray, radius: FloatArray) -> npt.NDArray[np.bool_]:
+def _find_strongest(
+    pixel: FloatArray, score: FloatArray, radius: FloatArray
+) -> npt.NDArray[np.bool_]:
     """Which points have no stronger one within their radius (equal ones: the first stays)."""
     if len(pixel) < 2:
         return np.ones(len(pixel), bool)

@@ -161,7 +161,7 @@ def fit_crossings(
         some = np.flatnonzero(inside & (half_width == radius))
         local, within = fit.select(some), None if quiet is None else quiet.select(some)
         start, middle = out.pixel[some], centre[some]
-        frame = _frame(image, start, middle, local, half[some], int(radius), within)
+        frame = _make_frame(image, start, middle, local, half[some], int(radius), within)
         state = _minimise(frame, noise, gap.select(some))
         _enter(out, some, local, state, noise)
     return out
@@ -169,7 +169,7 @@ def fit_crossings(
 
 def _enter(out: Crossings, rows: IntArray, local: LocalFit, state: _State, noise: float) -> None:
     """Enter what the fits of some rows came to."""
-    length, height = _sides(local)
+    length, height = _measure_sides(local)
     lean = length[:, 0] / height[:, 0]  # 1 / sine of the angle between the edges
 
     # Where the turned, shifted edges cross.
@@ -185,7 +185,7 @@ def _enter(out: Crossings, rows: IntArray, local: LocalFit, state: _State, noise
     out.level[rows] = state.levels
     blur = state.shape[:, 4:6].copy()  # taken out of its array: angles.py says why
     out.blur[rows] = np.hypot(_SHARPEST, np.exp(blur))
-    out.pixel[rows] -= _pull_of_blur(local, out.blur[rows])
+    out.pixel[rows] -= _compute_blur_pull(local, out.blur[rows])
     out.turn[rows] = np.abs(state.shape[:, 2:4]).max(1)
     out.gap[rows] = 2 * state.shape[:, 6]
     out.misfit[rows] = state.misfit
@@ -205,7 +205,7 @@ class _Frame(Rows):
     weight: Float32Array  # (n, K) root of the weight
 
 
-def _frame(
+def _make_frame(
     image: npt.NDArray[np.generic],
     start: FloatArray,
     centre: IntArray,
@@ -226,7 +226,7 @@ def _frame(
         di, dj = cell[:, 0], cell[:, 1]
         bent = np.stack([0.5 * di * di, di * dj, 0.5 * dj * dj], 1)
         cell = inverse @ (apart - fit.bend @ bent)
-    length, height = _sides(fit)
+    length, height = _measure_sides(fit)
     weight = np.clip(2 - 2 * (apart**2).sum(1) / (half[:, None] + 0.5) ** 2, 0, 1)
     weight *= np.clip((_WITHIN - np.abs(cell).max(1)) / _FADE, 0, 1)
     if quiet is not None:
@@ -242,7 +242,7 @@ def _frame(
     )
 
 
-def _pull_of_blur(fit: LocalFit, blur: FloatArray) -> FloatArray:
+def _compute_blur_pull(fit: LocalFit, blur: FloatArray) -> FloatArray:
     """How far blur (n, 2) moves corners (n, 2) where the grid is bent, pixels.
 
     To first order blur adds half its variance times the Laplacian, and that of the grid's own
@@ -260,7 +260,7 @@ def _pull_of_blur(fit: LocalFit, blur: FloatArray) -> FloatArray:
     return np.asarray(pull * np.minimum(1, most / np.maximum(length, 1e-9))[:, None])
 
 
-def _sides(fit: LocalFit) -> tuple[FloatArray, FloatArray]:
+def _measure_sides(fit: LocalFit) -> tuple[FloatArray, FloatArray]:
     """Lengths (n, 2) of the steps along i and j, and distances of neighbouring edges, px."""
     length = np.hypot(fit.step[:, 0], fit.step[:, 1])
     area = np.abs(np.linalg.det(fit.step))
@@ -303,10 +303,10 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
     damping = np.full(count, 1e-3)
     active = np.arange(count)
     trial = state.shape.copy()
-    dark_first = _dark_first(frame)
+    dark_first = _is_dark_first(frame)
     freedom = np.maximum((frame.weight**2).sum(1) - 11, 1)
     for round_ in range(_ROUNDS):
-        levels, squares, data, right = _model(trial[active], dark_first[active], frame)
+        levels, squares, data, right = _fit_levels(trial[active], dark_first[active], frame)
         misfit2 = squares / freedom[active]
         if round_ in (1, 4):  # the misfit tells by now how well the model can do
             sigma2[active] = np.maximum(misfit2, noise**2)
@@ -342,7 +342,7 @@ def _minimise(frame: _Frame, noise: float, gap: Gaps) -> _State:
     return state
 
 
-def _dark_first(frame: _Frame) -> BoolArray:
+def _is_dark_first(frame: _Frame) -> BoolArray:
     """Tell where the quadrants (+,+) and (-,-) are darker than the others, on the whole (n,)."""
     weight = frame.weight
     mean = (weight * frame.value).sum(1) / np.maximum((weight**2).sum(1), 1e-9)
@@ -351,7 +351,7 @@ def _dark_first(frame: _Frame) -> BoolArray:
     return np.asarray((weight * side * above).sum(1) < 0)
 
 
-def _model(
+def _fit_levels(
     shape: FloatArray, dark_first: BoolArray, frame: _Frame
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Levels (n, 4) that fit best, squared residuals (n,), normal equations (n, 7, 7) and (n, 7).
@@ -382,7 +382,7 @@ def _model(
     weight = frame.weight
     basis = np.stack([first, rest * (1 - fourth), third, rest * fourth], 1)
     basis *= weight[:, None]
-    inverse = np.linalg.inv(_products(basis).astype(float) + 1e-6 * np.eye(4))
+    inverse = np.linalg.inv(_multiply_rows(basis).astype(float) + 1e-6 * np.eye(4))
     levels = inverse @ (basis @ frame.value[..., None])
     fitted = levels.astype(np.float32)
     residual = frame.value - (fitted.transpose(0, 2, 1) @ basis)[:, 0]
@@ -409,11 +409,11 @@ def _model(
     # Kaufman's variable projection: the levels follow the shape, and the residuals hold nothing
     # that other levels would explain.
     shared = (slopes @ basis.transpose(0, 2, 1)).astype(float)
-    data = _products(slopes) - shared @ inverse @ shared.transpose(0, 2, 1)
+    data = _multiply_rows(slopes) - shared @ inverse @ shared.transpose(0, 2, 1)
     return best, squares, data, -(slopes @ residual[..., None])[..., 0].astype(float)
 
 
-def _products(rows: Float32Array) -> Float32Array:
+def _multiply_rows(rows: Float32Array) -> Float32Array:
     """Scalar products (n, M, M) of M rows with each other, of (n, M, K)."""
     # A copy: numpy's own way for a matrix and itself is far slower for small ones.
     return rows @ rows.copy().transpose(0, 2, 1)

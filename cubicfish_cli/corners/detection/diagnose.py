@@ -65,22 +65,22 @@ def explain_no_grids(image: npt.NDArray[np.generic], found: FoundGrids) -> Findi
     faint = (high - low) * pyramid.gain < _FLAT * pyramid.noise
     if faint and not too_bright and _is_noise(pyramid):
         return Finding(code=Code.LOW_CONTRAST)
-    if full is not None and _dark_squares_apart(small >= _BRIGHT * full):
+    if full is not None and _are_dark_squares_apart(small >= _BRIGHT * full):
         return Finding(code=Code.TOO_BRIGHT, case="burnt")
-    side, blur = _not_accepted(pyramid)
+    side, blur = _measure_unaccepted(pyramid)
     if side < _SMALLEST_SQUARE:
         figures = {"side_px": side * zoom, "least_px": _SMALLEST_SQUARE * zoom}
         return Finding(code=Code.SQUARES_TOO_SMALL, figures=figures)
     if too_bright:
         return Finding(code=Code.TOO_BRIGHT)
-    if blur > USUAL_BLUR * side or _nothing_is_sharp(pyramid):
+    if blur > USUAL_BLUR * side or _is_nothing_sharp(pyramid):
         return Finding(code=Code.BLURRED)
     if len(found.refused) == 0:
         return Finding(code=Code.NO_CORNER)
     return Finding(code=Code.NO_CHECKERBOARD)
 
 
-def _not_accepted(pyramid: Pyramid) -> tuple[float, float]:
+def _measure_unaccepted(pyramid: Pyramid) -> tuple[float, float]:
     """Side and blur, px, of the squares of the largest regular patch; (inf, 0) without any."""
     corners = find_corners(pyramid)
     for patch in find_patches(pyramid, corners)[:1]:
@@ -99,19 +99,19 @@ def _is_noise(pyramid: Pyramid) -> bool:
     return len(pyramid.levels) > 1 and estimate_noise(pyramid.levels[1]) < 0.5 * pyramid.noise
 
 
-def _nothing_is_sharp(pyramid: Pyramid) -> bool:
+def _is_nothing_sharp(pyramid: Pyramid) -> bool:
     """Tell whether even the sharpest edges of a photo are several pixels wide.
 
     Where the camera moved, those along its motion are sharp all the same: each direction counts.
     """
     if len(pyramid.levels) < 4:
         return False
-    small, smallest = _steepest(pyramid.levels[1]), _steepest(pyramid.levels[3])
+    small, smallest = _find_steepest(pyramid.levels[1]), _find_steepest(pyramid.levels[3])
     edges = smallest > _LEAST_EDGE * max(small.max(), smallest.max())
     return bool((smallest > _SLOPE_GROWTH * small)[edges].any())
 
 
-def _steepest(level: Float32Array) -> FloatArray:
+def _find_steepest(level: Float32Array) -> FloatArray:
     """(_DIRECTIONS,) the steepest slopes towards directions that share half a turn."""
     along, down = (cv2.Sobel(level, cv2.CV_32F, 1 - k, k, ksize=3) for k in (0, 1))
     turns = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
@@ -119,7 +119,7 @@ def _steepest(level: Float32Array) -> FloatArray:
     return np.array([np.percentile(np.abs(slope), 99.9) for slope in slopes])
 
 
-def _dark_squares_apart(burnt: npt.NDArray[np.bool_]) -> bool:
+def _are_dark_squares_apart(burnt: npt.NDArray[np.bool_]) -> bool:
     """Tell whether dark squares stand alone in burnt-out white as those of a chequerboard would.
 
     Each has others like it on opposite sides, at equal distances, and these lie beyond its

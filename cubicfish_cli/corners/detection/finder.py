@@ -74,7 +74,7 @@ def find_grids(image: npt.NDArray[np.generic], *, closely: bool = False) -> Foun
         zoom *= 2
     pyramid = build_pyramid(reduced(image, zoom))
     lattices, refused = _search(pyramid)
-    grids = [_grid(lattice, image, pyramid, zoom) for lattice in lattices]
+    grids = [_make_grid(lattice, image, pyramid, zoom) for lattice in lattices]
     grids.sort(key=lambda grid: -len(grid))
     return FoundGrids(grids=tuple(grids), refused=enlarged(refused, zoom), image_size=size)
 
@@ -89,14 +89,14 @@ def _search(pyramid: Pyramid) -> tuple[list[Lattice], FloatArray]:
     for patch in find_patches(pyramid, corners):
         if len(patch.corner) < 4 or (grid[patch.corner] >= 0).any():
             continue
-        lattice = _raise(pyramid, corners, patch, candidates)
+        lattice = _grow_patch(pyramid, corners, patch, candidates)
         if lattice is None:
             failures += 1
             if failures == _MOST_FAILURES:
                 break
             continue
         cells = lattice.cells()
-        taken = _taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
+        taken = _find_taken(corners.pixel, lattice.at(cells), lattice.fit(cells).side)
         grid[taken & (grid < 0)] = len(lattices)
         candidates = cKDTree(corners.pixel[grid < 0])
         lattices.append(lattice)
@@ -117,7 +117,7 @@ def _is_beyond_chance(lattice: Lattice, corners: XCorners, free: BoolArray) -> b
     return is_beyond_chance(len(cells), int(like.sum()))
 
 
-def _raise(
+def _grow_patch(
     pyramid: Pyramid, corners: XCorners, patch: Patch, candidates: cKDTree
 ) -> Lattice | None:
     """Grow a patch into a grid; None when it turns out not to be a board."""
@@ -172,7 +172,7 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     found = refine_pixels(pyramid, pixel, fit)
     sign = lattice.sign(cells)
     lattice.put(cells, found.pixel, found.contrast(sign))
-    around = _median_around(measures(found, sign), lattice, cells)
+    around = _take_median_around(measures(found, sign), lattice, cells)
     moved = np.hypot(*(found.pixel - pixel).T)
     good = whole_corners(found, sign, fit.side, moved, around, pyramid.noise)
     lattice.drop(cells[~good])
@@ -181,7 +181,7 @@ def refine_and_verify(pyramid: Pyramid, lattice: Lattice) -> tuple[Crossings, in
     return found.select(kept), int((~kept).sum())
 
 
-def _median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> FloatArray:
+def _take_median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> FloatArray:
     """Medians (N, K) over the known corners of the 5x5 cells around, of (N, K) values of cells."""
     every = np.full((*lattice.known.shape, values.shape[1]), np.inf)
     every[cells[:, 0], cells[:, 1]] = values
@@ -192,14 +192,16 @@ def _median_around(values: FloatArray, lattice: Lattice, cells: IntArray) -> Flo
     return 0.5 * (low + np.take_along_axis(inorder, count // 2, axis=1))[:, 0]
 
 
-def _taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:
+def _find_taken(points: FloatArray, pixel: FloatArray, side: FloatArray) -> BoolArray:
     if not len(points):
         return np.zeros(0, bool)
     distance, index = nearest(points, pixel, 1)
     return distance[:, 0] < 0.3 * side[index[:, 0]]
 
 
-def _grid(lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: float) -> Grid:
+def _make_grid(
+    lattice: Lattice, image: npt.NDArray[np.generic], pyramid: Pyramid, zoom: float
+) -> Grid:
     lattice.make_room()
     if zoom != 1:
         cells = lattice.cells()

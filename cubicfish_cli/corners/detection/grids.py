@@ -96,7 +96,7 @@ def grids_in_mirror(found: FoundGrids) -> FoundGrids:
     return replace(
         found,
         grids=tuple(grid_in_mirror(grid, width) for grid in found.grids),
-        refused=_pixels_in_mirror(found.refused, width),
+        refused=_mirror_pixels(found.refused, width),
     )
 
 
@@ -106,11 +106,11 @@ def grid_in_mirror(grid: Grid, width: int) -> Grid:
         grid,
         # Exchanging i and j keeps the grid right-handed, and the square at (0, 0) where it is.
         cells=grid.cells[:, ::-1].copy(),
-        pixel=_pixels_in_mirror(grid.pixel, width),
+        pixel=_mirror_pixels(grid.pixel, width),
     )
 
 
-def _pixels_in_mirror(pixel: FloatArray, width: int) -> FloatArray:
+def _mirror_pixels(pixel: FloatArray, width: int) -> FloatArray:
     return np.stack([width - 1 - pixel[:, 0], pixel[:, 1]], axis=-1)
 
 

@@ -83,7 +83,7 @@ def quadrants(
     side = np.maximum(fit.side, 1e-6)  # 0 where corners that chance put together lie in a line
     away = np.clip(_LEAST_DIAGONAL_PX / side, _DIAGONAL, _LONGEST_DIAGONAL)
     away = np.minimum(away + half_gap / side, _INMOST_DIAGONAL)
-    return _along_diagonals(pyramid, pixel, fit, sign, away, _ALONG_DIAGONAL)
+    return _sample_diagonals(pyramid, pixel, fit, sign, away, _ALONG_DIAGONAL)
 
 
 def measure_half_gap(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: IntArray) -> float:
@@ -93,13 +93,13 @@ def measure_half_gap(pyramid: Pyramid, pixel: FloatArray, fit: LocalFit, sign: I
     squares and of the dark ones where the dark square begins: at the corner itself unless white
     bleeds. The arguments are those of :func:`quadrants`.
     """
-    square = _along_diagonals(pyramid, pixel, fit, sign, np.full(len(pixel), 1.0), _PROFILE)
+    square = _sample_diagonals(pyramid, pixel, fit, sign, np.full(len(pixel), 1.0), _PROFILE)
     level = 0.5 * (np.median(square.bright, axis=(1, 2)) + square.dark[..., _DEEP].mean((1, 2)))
     begins = _PROFILE[np.argmax(square.dark < level[:, None, None], axis=2)]
     return float(np.median((begins - _PROFILE[0]) * fit.side[:, None]))
 
 
-def _along_diagonals(
+def _sample_diagonals(
     pyramid: Pyramid,
     pixel: FloatArray,
     fit: LocalFit,
@@ -192,7 +192,7 @@ def _grow_once(pyramid: Pyramid, lattice: Lattice, free: cKDTree, cells: IntArra
     if not len(cells):
         return False
     pixel, found = snap(pyramid, fit.pixel, fit, free, _SEARCH, fit.side, 0.3 * fit.side)
-    found &= ~_crowded(lattice, pixel, fit)
+    found &= ~_find_crowded(lattice, pixel, fit)
     cells, pixel, fit = cells[found], pixel[found], fit.select(found)
     if not len(cells):
         return False
@@ -231,7 +231,7 @@ def snap(
     return pixel, found & pyramid.inside(pixel, 2.0)
 
 
-def _crowded(lattice: Lattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
+def _find_crowded(lattice: Lattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
     """Tell which positions lie on top of a corner that is there already, or of each other."""
     known = lattice.pixel[lattice.known]
     limit = 0.4 * fit.side

@@ -47,26 +47,26 @@ def _find_links(pyramid: Pyramid, corners: XCorners) -> IntArray:
     count = len(corners.pixel)
     if count < 4:
         return np.full((count, 4), -1)
-    p, q, length = _neighbours(corners)
+    p, q, length = _find_neighbours(corners)
     towards = corners.pixel[q] - corners.pixel[p]
     direction = azimuth(towards)
-    arm_p, miss_p = _pointing_arm(corners.angle[p], direction)
-    arm_q, miss_q = _pointing_arm(corners.angle[q], direction + np.pi)
+    arm_p, miss_p = _find_pointing_arm(corners.angle[p], direction)
+    arm_q, miss_q = _find_pointing_arm(corners.angle[q], direction + np.pi)
     fits = (np.abs(miss_p) < _POINTING) & (np.abs(miss_q) < _POINTING)
     fits &= (arm_p + arm_q) % 2 == 1
     p, q, length, arm_p, arm_q = p[fits], q[fits], length[fits], arm_p[fits], arm_q[fits]
     miss_p, miss_q = miss_p[fits], miss_q[fits]
     # The ends of an arc miss the chord alike, to opposite sides.
     cost = length * (1 + np.abs(miss_p) + np.abs(miss_q) + _NO_ARC * np.abs(miss_p + miss_q))
-    along_p, along_q = _unit(corners.angle[p, arm_p]), -_unit(corners.angle[q, arm_q])
+    along_p, along_q = _make_unit(corners.angle[p, arm_p]), -_make_unit(corners.angle[q, arm_q])
     scale = np.minimum(corners.contrast[p], corners.contrast[q])[:, None]
     scale *= np.where(arm_p % 2 == 0, 1, -1)[:, None]
     start, end = corners.pixel[p], corners.pixel[q]
-    difference = _edge(pyramid, start, end, along_p, along_q, length, ASIDE) / scale
+    difference = _measure_edge(pyramid, start, end, along_p, along_q, length, ASIDE) / scale
     seen = edge_is_seen(difference)
     # Where white bleeds the dark squares draw back from the line between their corners.
     rest = np.nonzero(~seen)[0]
-    far = _edge(
+    far = _measure_edge(
         pyramid, start[rest], end[rest], along_p[rest], along_q[rest], length[rest], _FAR_ASIDE
     )
     difference[rest] = far / scale[rest]
@@ -75,13 +75,13 @@ def _find_links(pyramid: Pyramid, corners: XCorners) -> IntArray:
     cost /= np.clip(difference.min(1), EDGE_LEAST, 1.0)  # an edge that is seen all along is one
     p, q, arm_p, arm_q, cost = p[seen], q[seen], arm_p[seen], arm_q[seen], cost[seen]
     ends, back = (p, q), (arm_p, arm_q)
-    return _mutual(
+    return _keep_mutual(
         count,
         *(np.concatenate(both) for both in (ends, ends[::-1], back, back[::-1], (cost, cost))),
     )
 
 
-def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
+def _find_neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of near corners whose contrasts are alike, each once, and their distances.
 
     Corners look for neighbours among those that are not much weaker, octave by octave of
@@ -94,9 +94,9 @@ def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     pairs = []
     for level in np.unique(octave):
         here, there = octave == level, octave >= level
-        pairs.append(_nearest(corners, here, there))
+        pairs.append(_find_nearest(corners, here, there))
         for far in np.unique(size[here & (size >= _FAR)]):
-            pairs.append(_nearest(corners, here & (size == far), there & (size >= far)))
+            pairs.append(_find_nearest(corners, here & (size == far), there & (size >= far)))
     p, q, length = (np.concatenate(part) for part in zip(*pairs, strict=True))
     ratio = corners.contrast[q] / corners.contrast[p]
     near = (p != q) & (length > 2.0) & (ratio < _CONTRAST_RATIO) & (ratio > 1 / _CONTRAST_RATIO)
@@ -106,7 +106,7 @@ def _neighbours(corners: XCorners) -> tuple[IntArray, IntArray, FloatArray]:
     return pair // count, pair % count, length[first]
 
 
-def _nearest(
+def _find_nearest(
     corners: XCorners, here: BoolArray, there: BoolArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """The nearest of some corners to each of some: pairs of indices, and their distances."""
@@ -139,18 +139,18 @@ def edge_difference(
     return both[:, 0].astype(float) - both[:, 1]
 
 
-def _unit(angle: FloatArray) -> FloatArray:
+def _make_unit(angle: FloatArray) -> FloatArray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def _pointing_arm(angles: FloatArray, direction: FloatArray) -> tuple[IntArray, FloatArray]:
+def _find_pointing_arm(angles: FloatArray, direction: FloatArray) -> tuple[IntArray, FloatArray]:
     """The arm that points best, and by how much it misses, signed."""
     miss = (angles - direction[:, None] + np.pi) % (2 * np.pi) - np.pi
     arm = np.abs(miss).argmin(1)
     return arm, miss[np.arange(len(arm)), arm]
 
 
-def _edge(
+def _measure_edge(
     pyramid: Pyramid,
     start: FloatArray,
     end: FloatArray,
@@ -179,7 +179,7 @@ def _edge(
     return edge_difference(pyramid, points, normal * offset[:, None, None], length)
 
 
-def _mutual(
+def _keep_mutual(
     count: int, p: IntArray, q: IntArray, arm_p: IntArray, arm_q: IntArray, cost: FloatArray
 ) -> IntArray:
     """Keep the cheapest link of each arm where it is the cheapest for the other end too."""

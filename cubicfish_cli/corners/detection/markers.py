@@ -84,7 +84,7 @@ def find_marked_corners(
         closely: search the photo at twice its size, for markers half as small.
 
     """
-    return _however_printed(_find_closely if closely else _find, image, target, grids)
+    return _find_however_printed(_find_closely if closely else _find, image, target, grids)
 
 
 def outlined_corners(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
@@ -95,28 +95,28 @@ def outlined_corners(image: npt.NDArray[np.generic], target: Target) -> MarkedCo
     """
     height, width = image.shape
     none = FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
-    return _however_printed(_outlined, image, target, none)
+    return _find_however_printed(_find_outlined, image, target, none)
 
 
 _Finder = Callable[[npt.NDArray[np.generic], Target, FoundGrids], MarkedCorners]
 
 
-def _however_printed(
+def _find_however_printed(
     find: _Finder, image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
 ) -> MarkedCorners:
     """What is found of dark markers, light ones, and both in a mirror."""
     if target.mirrored:
         mirrored = image[:, ::-1], target.in_mirror(), grids_in_mirror(grids)
-        return _in_mirror(_however_printed(find, *mirrored), target, image.shape[1])
-    inverted = _with_markers(target, inverted=True)
+        return _mirror_found(_find_however_printed(find, *mirrored), target, image.shape[1])
+    inverted = _select_markers(target, inverted=True)
     if inverted is None:
         return find(image, target, grids)
     negative = find(negative_photo(image), inverted, negative_grids(grids))
-    others = _with_markers(target, inverted=False)
-    return negative if others is None else _both(find(image, others, grids), negative)
+    others = _select_markers(target, inverted=False)
+    return negative if others is None else _join_both(find(image, others, grids), negative)
 
 
-def _with_markers(target: Target, *, inverted: bool) -> Target | None:
+def _select_markers(target: Target, *, inverted: bool) -> Target | None:
     """The target with only the inverted markers, as positive ones, or only the others; or None."""
     boards = [
         (board.with_other_colours() if inverted else board)
@@ -128,7 +128,7 @@ def _with_markers(target: Target, *, inverted: bool) -> Target | None:
     return replace(target, boards=tuple(boards)) if kept else None
 
 
-def _in_mirror(found: MarkedCorners, target: Target, width: int) -> MarkedCorners:
+def _mirror_found(found: MarkedCorners, target: Target, width: int) -> MarkedCorners:
     """What was found in the mirrored photo of the target, as corners of what the mirror shows."""
     columns = np.array([board.columns for board in target.boards])[found.board]
     return replace(
@@ -138,7 +138,7 @@ def _in_mirror(found: MarkedCorners, target: Target, width: int) -> MarkedCorner
     )
 
 
-def _both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
+def _join_both(one: MarkedCorners, other: MarkedCorners) -> MarkedCorners:
     """The corners of boards of both kinds in one photo."""
     joined = {
         name: np.concatenate([getattr(one, name), getattr(other, name)])
@@ -155,14 +155,14 @@ def _find(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> 
     """The same for dark markers in a photo that is not mirrored."""
     sight = Sight.of(image, target)
     alone = read_alone(sight.pyramid, sight.families)
-    found = _named(sight, alone, grids)
+    found = _name_corners(sight, alone, grids)
     measured = with_sides_seen(target, alone)
     if measured is None:
         return found
-    return max(found, _named(replace(sight, target=measured), alone, grids), key=len)
+    return max(found, _name_corners(replace(sight, target=measured), alone, grids), key=len)
 
 
-def _named(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners:
+def _name_corners(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners:
     """What markers that were read alone, and those in the squares of grids, name."""
     boards = sight.target.boards
     markers = all_read(sight, grids, alone)
@@ -195,7 +195,7 @@ def _named(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> MarkedCorners
         kept = kept if against else merged
     refuted[[piece.board for piece in kept]] = 0
     contradictory |= set(np.nonzero(refuted >= _NO_ACCIDENT)[0].tolist())
-    return _marked(kept, len(grids.grids), tuple(sorted(contradictory)))
+    return _make_marked(kept, len(grids.grids), tuple(sorted(contradictory)))
 
 
 def _find_closely(
@@ -221,7 +221,9 @@ def _find_closely(
     return replace(found, pixel=pixel)
 
 
-def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> MarkedCorners:
+def _find_outlined(
+    image: npt.NDArray[np.generic], target: Target, grids: FoundGrids
+) -> MarkedCorners:
     """As :func:`_find`, of outlines alone."""
     sight = Sight.of(image, target)
     markers = read_alone(sight.pyramid, sight.families)
@@ -237,10 +239,10 @@ def _outlined(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids)
             continue
         lattice = placed(sight, index, own, label == place, cKDTree(np.zeros((0, 2))))
         pieces.append(Piece(board=index, lattice=lattice, markers=agreeing[place]))
-    return _marked(pieces, len(grids.grids), ())
+    return _make_marked(pieces, len(grids.grids), ())
 
 
-def _marked(pieces: list[Piece], grids: int, contradictory: tuple[int, ...]) -> MarkedCorners:
+def _make_marked(pieces: list[Piece], grids: int, contradictory: tuple[int, ...]) -> MarkedCorners:
     pieces = sorted(pieces, key=lambda piece: piece.board)
     grid_board = np.full(grids, -1, np.intp)
     for piece in pieces:

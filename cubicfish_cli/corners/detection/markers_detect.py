@@ -114,7 +114,7 @@ def families(target: Target) -> list[Family]:
     for (name, border, tags), indices in keys.items():
         cells = [target.boards[index].marker_cells() for index in indices]
         of = np.repeat(indices, [len(own) for own in cells])
-        found.append(_family_of(name, border, np.concatenate(cells), of, tags=tags))
+        found.append(_make_family(name, border, np.concatenate(cells), of, tags=tags))
     return found
 
 
@@ -130,12 +130,12 @@ def every_family() -> tuple[list[str], list[Family]]:
         ids = np.arange(MARKER_DICTIONARIES[name])
         cells = np.stack([ids, ids, np.zeros_like(ids)], axis=-1)
         for border in (1, 2) if name in TAG_FAMILIES.values() else (1,):
-            of = _family_of(name, border, cells, np.full(len(ids), index), tags=False)
+            of = _make_family(name, border, cells, np.full(len(ids), index), tags=False)
             found.append(replace(of, corrected=0))
     return names, found
 
 
-def _family_of(name: str, border: int, ids: IntArray, board: IntArray, *, tags: bool) -> Family:
+def _make_family(name: str, border: int, ids: IntArray, board: IntArray, *, tags: bool) -> Family:
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     size = dictionary.markerSize
     codes = np.array(
@@ -163,19 +163,19 @@ def find_outlines(grey: npt.NDArray[np.uint8], all_families: list[Family]) -> Fl
     seconds when a target has hundreds of markers, and the rim needs a reader of its own anyway.
     """
     modules = min(family.size + 2 * family.border for family in all_families)
-    parts = [_candidates(grey, modules)]
+    parts = [_find_candidates(grey, modules)]
     joined = any(family.joined for family in all_families)
     if joined and min(grey.shape) >= _LEAST_PX:
         # Where tags touch the squares between them, each size of the photo parts others.
         half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        parts.append((_candidates(np.asarray(half, np.uint8), modules) + 0.5) / 0.5 - 0.5)
+        parts.append((_find_candidates(np.asarray(half, np.uint8), modules) + 0.5) / 0.5 - 0.5)
     if grey.size <= _MOST_DOUBLED_PX:
         double = cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-        parts.append((_candidates(np.asarray(double, np.uint8), modules) + 0.5) / 2 - 0.5)
+        parts.append((_find_candidates(np.asarray(double, np.uint8), modules) + 0.5) / 2 - 0.5)
     return np.concatenate(parts)
 
 
-def _candidates(grey: npt.NDArray[np.uint8], modules: int) -> FloatArray:
+def _find_candidates(grey: npt.NDArray[np.uint8], modules: int) -> FloatArray:
     # A dictionary of one marker that is nobody's.
     code = cv2.aruco.Dictionary.getByteListFromBits(np.eye(4, dtype=np.uint8))
     parameters = cv2.aruco.DetectorParameters()
@@ -216,13 +216,13 @@ def straightened(pyramid: Pyramid, outline: FloatArray) -> FloatArray:
     slope = np.median(slopes, axis=2)
     first = outline + (middle - 0.5 * slope)[..., None] * outward
     second = following + (middle + 0.5 * slope)[..., None] * outward
-    corner = _crossing(np.roll(first, 1, axis=1), np.roll(second, 1, axis=1), first, second)
+    corner = _find_crossing(np.roll(first, 1, axis=1), np.roll(second, 1, axis=1), first, second)
     moved = np.linalg.norm(corner - outline, axis=2)
     usable = np.isfinite(corner).all(axis=2) & (moved < 2.5 * search_px[:, None])
     return np.where(usable[..., None], corner, outline)
 
 
-def _crossing(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+def _find_crossing(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
     """Where the lines through a, b and through c, d cross: (..., 2) each; NaN for parallels."""
     one, two, way = b - a, d - c, c - a
     area = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]

@@ -160,10 +160,10 @@ class BoardLattice(CornerMap):
             self.quiet / scale,
         )
         rows = np.nonzero(good)[0]
-        good[rows] = self._arms_seen(pyramid, refined[rows], sign[rows], fit.select(rows))
+        good[rows] = self._are_arms_seen(pyramid, refined[rows], sign[rows], fit.select(rows))
         return refined, good
 
-    def _arms_seen(
+    def _are_arms_seen(
         self, pyramid: Pyramid, pixel: FloatArray, sign: IntArray, fit: LocalFit
     ) -> BoolArray:
         """Whether all four edges go on for some pixels: the lens's rim may cut a corner."""
@@ -208,7 +208,7 @@ def try_cells(pyramid: Pyramid, lattice: BoardLattice, cells: IntArray, free: cK
     rows = np.nonzero(found & ~good)[0]
     pixel[rows], good[rows] = lattice.refined(pyramid, cells[rows], start[rows], fit.select(rows))
     good &= fit.cells_away(pixel) < lattice.search
-    good[good] &= _alone(lattice, pixel[good], fit.select(good))
+    good[good] &= _find_alone(lattice, pixel[good], fit.select(good))
     lattice.put(cells[good], pixel[good])
     return bool(good.any())
 
@@ -235,7 +235,7 @@ def verify(pyramid: Pyramid, lattice: BoardLattice) -> None:
     lattice.put(cells, np.where(good[:, None], pixel, np.nan))
 
 
-def _alone(lattice: BoardLattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
+def _find_alone(lattice: BoardLattice, pixel: FloatArray, fit: LocalFit) -> BoolArray:
     """Which new corners are not on top of a known one or of each other."""
     limit = 0.4 * lattice.closest * fit.side
     known = lattice.pixel[lattice.known]

@@ -71,8 +71,8 @@ def agreeing_markers(
         (N,) for each layout.
 
     """
-    seen = _all_read(image, layouts[0], grids).of(index)
-    ids = _ids_by_cell(layouts[0].boards[index])[tuple(seen.cell.T)]
+    seen = _read_all(image, layouts[0], grids).of(index)
+    ids = _list_ids_by_cell(layouts[0].boards[index])[tuple(seen.cell.T)]
     counts = []
     for one in layouts:
         table = one.boards[index].marker_cells()
@@ -107,7 +107,7 @@ def tags_apart(
         (N,) distances of their middles, in their sides.
 
     """
-    seen = _all_read(image, target, grids).of(index)
+    seen = _read_all(image, target, grids).of(index)
     cell, first = np.unique(seen.cell, axis=0, return_index=True)
     middle, step = middles_and_axes(seen.pixel[first])
     row, following = np.nonzero((cell[None] - cell[:, None] == (1, 0)).all(axis=-1))
@@ -116,13 +116,13 @@ def tags_apart(
     return np.asarray(distance / (0.5 * (side[row] + side[following])), float)
 
 
-def _all_read(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> SeenMarkers:
+def _read_all(image: npt.NDArray[np.generic], target: Target, grids: FoundGrids) -> SeenMarkers:
     """Markers that are read alone and in grids' squares."""
     sight = Sight.of(image, target)
     return all_read(sight, grids, read_alone(sight.pyramid, sight.families))
 
 
-def _ids_by_cell(board: Board) -> IntArray:
+def _list_ids_by_cell(board: Board) -> IntArray:
     """(cell columns, cell rows) ids of the markers; -1 in cells without one."""
     ids, column, row = board.marker_cells().T
     table = np.full((column.max() + 1, row.max() + 1), -1, np.intp)

@@ -83,7 +83,7 @@ def placed(
     """The corners around the chosen markers, each where a saddle is seen nearby."""
     board = sight.target.boards[index]
     lattice = BoardLattice(board=board)
-    cells, pixel = _seeds(board, markers.cell[chosen], markers.pixel[chosen])
+    cells, pixel = _make_seeds(board, markers.cell[chosen], markers.pixel[chosen])
     lattice.put(cells, pixel)
     cells = lattice.cells()
     fit = lattice.fit(cells)
@@ -104,7 +104,7 @@ def extend(pyramid: Pyramid, piece: Piece, grids: tuple[Grid, ...], free: cKDTre
         clean(lattice)
 
 
-def _seeds(board: Board, cell: IntArray, outline: FloatArray) -> tuple[IntArray, FloatArray]:
+def _make_seeds(board: Board, cell: IntArray, outline: FloatArray) -> tuple[IntArray, FloatArray]:
     """Where markers put the corners around them: cells (K, 2), pixels (K, 2)."""
     square = squares(outline, marker_ratio(board))
     corner = cell_corners(board, cell).reshape(-1, 2)
@@ -186,20 +186,20 @@ def merge_pieces(pieces: list[Piece]) -> tuple[list[Piece], set[int]]:
     kept: list[Piece] = []
     contradictory: set[int] = set()
     for piece in pieces:
-        overlapping = [other for other in kept if _share_pixels(piece, other)]
+        overlapping = [other for other in kept if _do_share_pixels(piece, other)]
         same = [other for other in kept if other.board == piece.board]
         if any(other.board != piece.board for other in overlapping):
             continue  # what more markers name otherwise
         if not same:
             kept.append(piece)
-        elif all(_continue_each_other(piece, other) for other in same):
+        elif all(_do_continue_each_other(piece, other) for other in same):
             _merge(same[0], piece)
         else:
             contradictory.add(piece.board)
     return [piece for piece in kept if piece.board not in contradictory], contradictory
 
 
-def _share_pixels(one: Piece, other: Piece) -> bool:
+def _do_share_pixels(one: Piece, other: Piece) -> bool:
     """Whether a good part of the smaller piece is where the other piece has corners."""
     few, many = sorted((one.lattice, other.lattice), key=lambda lattice: int(lattice.known.sum()))
     cells = few.cells()
@@ -208,14 +208,14 @@ def _share_pixels(one: Piece, other: Piece) -> bool:
     return bool((near < limit).mean() > 0.1)
 
 
-def _continue_each_other(one: Piece, other: Piece) -> bool:
+def _do_continue_each_other(one: Piece, other: Piece) -> bool:
     """Whether two pieces of a board can be parts of one board in one place."""
     both = np.argwhere(one.lattice.known & other.lattice.known)
     if len(both):
         apart = np.hypot(*(one.lattice.at(both) - other.lattice.at(both)).T)
         limit = _SAME_CORNER * one.lattice.closest * one.lattice.fit(both).side
-        return bool((apart < limit).all()) and not _names_differ(one, other)
-    if _share_pixels(one, other):
+        return bool((apart < limit).all()) and not _do_names_differ(one, other)
+    if _do_share_pixels(one, other):
         return False
     # The way between their nearest cells must be as long, and lead where, both pieces say.
     a, b = one.lattice.cells(), other.lattice.cells()
@@ -235,7 +235,7 @@ def _continue_each_other(one: Piece, other: Piece) -> bool:
     return bool(np.linalg.norm(seen - expected) < 0.5 * np.linalg.norm(expected))
 
 
-def _names_differ(one: Piece, other: Piece) -> bool:
+def _do_names_differ(one: Piece, other: Piece) -> bool:
     """Whether a corner of one piece is where the other has a corner of another name."""
     cells, names = one.lattice.cells(), other.lattice.cells()
     distance, index = nearest(one.lattice.at(cells), other.lattice.at(names), 1)

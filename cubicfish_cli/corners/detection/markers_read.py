@@ -249,13 +249,13 @@ def read_together(sight: Sight, grid: Grid) -> NamedGrid | None:
             continue
         for board in np.unique(family.board).tolist():
             nominal = sight.target.boards[board]
-            places = _places(BoardLattice(board=nominal), grid)
+            places = _list_places(BoardLattice(board=nominal), grid)
             if len(places) > _MOST_PLACES:
                 continue
             for cells in places:
                 lattice = BoardLattice(board=nominal)
                 lattice.put(cells, grid.pixel)
-                likeness, share, markers = _likeness(sight.pyramid, family, board, lattice)
+                likeness, share, markers = _measure_likeness(sight.pyramid, family, board, lattice)
                 one = NamedGrid(board=board, cells=cells, markers=markers)
                 found.append((likeness, share, one))
     found.sort(key=lambda one: -one[0])
@@ -266,7 +266,7 @@ def read_together(sight: Sight, grid: Grid) -> NamedGrid | None:
     return found[0][2]
 
 
-def _places(lattice: BoardLattice, grid: Grid) -> list[IntArray]:
+def _list_places(lattice: BoardLattice, grid: Grid) -> list[IntArray]:
     """All names (N, 2) that a grid's corners may have, by the board's size and colours."""
     places = []
     columns, rows = lattice.known.shape
@@ -283,11 +283,11 @@ def _places(lattice: BoardLattice, grid: Grid) -> list[IntArray]:
 
 def surely_alike(pyramid: Pyramid, family: Family, index: int, lattice: BoardLattice) -> bool:
     """Tell whether a board's markers, taken together, are surely those between its corners."""
-    likeness, share, _ = _likeness(pyramid, family, index, lattice)
+    likeness, share, _ = _measure_likeness(pyramid, family, index, lattice)
     return likeness >= _CERTAIN and share >= _SHARE
 
 
-def _likeness(
+def _measure_likeness(
     pyramid: Pyramid, family: Family, index: int, lattice: BoardLattice
 ) -> tuple[float, float, int]:
     """How much a board's squares look like the markers that belong there.
@@ -304,7 +304,7 @@ def _likeness(
     ratio = marker_ratio(lattice.board)
     points = lattice.inside_squares(corner, module_places(family, ratio))
     level = module_levels(pyramid, points, ratio * shortest_side(pixel), family)
-    alike = _correlation(level, family)
+    alike = _correlate(level, family)
     inside = np.asarray(
         pyramid.inside(points.reshape(-1, 2), 1.0).reshape(len(own), -1).all(axis=1)
     )
@@ -320,7 +320,7 @@ def _likeness(
     )
 
 
-def _correlation(level: FloatArray, family: Family) -> FloatArray:
+def _correlate(level: FloatArray, family: Family) -> FloatArray:
     """Correlation (N, 4 M) of N markers' levels with M blurred codes, upright ones first."""
     border = family.border
     inner = slice(border, -border)
@@ -329,10 +329,13 @@ def _correlation(level: FloatArray, family: Family) -> FloatArray:
     # Blur takes fine patterns away: what is compared is what it leaves.
     for axis in (1, 2):
         codes = codes + 0.5 * (np.roll(codes, 1, axis=axis) + np.roll(codes, -1, axis=axis))
-    return _unit_length(level[:, inner, inner]) @ _unit_length(codes[:, inner, inner]).T
+    return (
+        _scale_to_unit_length(level[:, inner, inner])
+        @ _scale_to_unit_length(codes[:, inner, inner]).T
+    )
 
 
-def _unit_length(patches: FloatArray) -> FloatArray:
+def _scale_to_unit_length(patches: FloatArray) -> FloatArray:
     flat = patches.reshape(len(patches), -1)
     flat = flat - flat.mean(axis=1, keepdims=True)
     return np.asarray(flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9))

@@ -29,7 +29,7 @@ def is_part(grid: Grid, sizes: Collection[tuple[int, int]]) -> bool:
         sizes: (columns, rows) of inner corners of the target's boards.
 
     """
-    return _missing(grid, sizes) is not None
+    return _count_missing(grid, sizes) is not None
 
 
 def complete_grids(
@@ -45,7 +45,7 @@ def complete_grids(
     """
     grids = list(found.grids)
     for part in found.grids:
-        missing = _missing(part, sizes)
+        missing = _count_missing(part, sizes)
         if missing is None or not any(part is one for one in grids):
             continue
         margin = part.step * (missing + _MARGIN)
@@ -54,15 +54,15 @@ def complete_grids(
         closer = find_grids(image[first[1] : y + 1, first[0] : x + 1], closely=True)
         for grid in closer.grids:
             whole = replace(grid, pixel=grid.pixel + first)
-            if len(whole) > len(part) and _shared(part, whole).mean() > _MOST:
-                grids = [one for one in grids if _shared(one, whole).mean() <= _MOST]
-                grids.append(_with_pixels(whole, part))
+            if len(whole) > len(part) and _find_shared(part, whole).mean() > _MOST:
+                grids = [one for one in grids if _find_shared(one, whole).mean() <= _MOST]
+                grids.append(_take_pixels(whole, part))
                 break
     grids.sort(key=lambda grid: -len(grid))
     return replace(found, grids=tuple(grids))
 
 
-def _missing(grid: Grid, sizes: Collection[tuple[int, int]]) -> int | None:
+def _count_missing(grid: Grid, sizes: Collection[tuple[int, int]]) -> int | None:
     """How many rows or columns some board has more than a part of it; None of what is none."""
     if grid.step > _SMALL_PX or any(len(grid) == columns * rows for columns, rows in sizes):
         return None
@@ -71,15 +71,15 @@ def _missing(grid: Grid, sizes: Collection[tuple[int, int]]) -> int | None:
     return max((int(one.max()) for one in more if one.min() >= 0), default=None)
 
 
-def _shared(one: Grid, other: Grid) -> BoolArray:
+def _find_shared(one: Grid, other: Grid) -> BoolArray:
     """Which corners of a grid are corners of the other one too."""
     distance, _ = nearest(one.pixel, other.pixel, 1)
     same: BoolArray = distance[:, 0] < _SAME * other.step
     return same
 
 
-def _with_pixels(grid: Grid, part: Grid) -> Grid:
+def _take_pixels(grid: Grid, part: Grid) -> Grid:
     """A grid with the pixels of its part where that has them: nearer at the photo's own size."""
-    same = _shared(grid, part)
+    same = _find_shared(grid, part)
     _, index = nearest(grid.pixel, part.pixel, 1)
     return replace(grid, pixel=np.where(same[:, None], part.pixel[index[:, 0]], grid.pixel))

@@ -148,11 +148,11 @@ def _find_odd_gaps(
             scatter = np.median(np.abs(gap - mean[group, None]), axis=1)
             spread[group] = np.maximum(1.5 * scatter, _GAP_SPREAD)
     rows = np.nonzero(np.abs(found.gap - mean) > 2 * spread)[0]
-    rows = rows[~_bleeds_more(image, found.select(rows), mean[rows], noise)]
+    rows = rows[~_does_bleed_more(image, found.select(rows), mean[rows], noise)]
     return rows, Gaps(mean=mean[rows], spread=spread[rows])
 
 
-def _bleeds_more(
+def _does_bleed_more(
     image: npt.NDArray[np.generic], found: Crossings, usual: FloatArray, noise: float
 ) -> BoolArray:
     """Tell which gaps are wider than ``usual`` (N,) between squares as bright as photos get."""

@@ -72,7 +72,7 @@ def _fit(
             break
         patch = windows[centre[:, 1] - radius, centre[:, 0] - radius].astype(float)
         away = offsets + (centre - pixel[active])[..., None]
-        move, saddle = _newton(patch, away, half[active])
+        move, saddle = _take_newton_step(patch, away, half[active])
         length = np.hypot(move[:, 0], move[:, 1])
         # A long step means that the quadratic does not describe the window: damp it.
         move *= np.minimum(1.0, 0.75 * half[active] / np.maximum(length, 1e-9))[:, None]
@@ -84,7 +84,9 @@ def _fit(
     return pixel, ok
 
 
-def _newton(patch: FloatArray, away: FloatArray, half: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _take_newton_step(
+    patch: FloatArray, away: FloatArray, half: FloatArray
+) -> tuple[FloatArray, BoolArray]:
     """One weighted fit: patches (N, n, n), offsets (N, 2, n) -> steps (N, 2), saddles (N,).
 
     The weight is a product, so products of polynomials that are orthogonal along x and along y

@@ -72,7 +72,7 @@ class _Photo:
         return np.column_stack([ends, np.ones(4)]) @ form.T
 
     def worlds(self, side: IntArray, offset: IntArray) -> FloatArray:
-        return np.concatenate([self.world(g, int(side[g]), offset[g]) for g in _named(side)])
+        return np.concatenate([self.world(g, int(side[g]), offset[g]) for g in _list_named(side)])
 
     def span(self, grid: int, side: int, offset: IntArray) -> tuple[IntArray, IntArray]:
         """The first and the last column and row (2,) that a grid has on its board."""
@@ -84,7 +84,7 @@ class _Photo:
     def covered(self, side: IntArray, offset: IntArray) -> tuple[tuple[int, ...], ...]:
         """For each grid with a place, its board and the cells that it covers there."""
         parts = []
-        for g in _named(side):
+        for g in _list_named(side):
             first, last = self.span(g, int(side[g]), offset[g])
             parts.append((int(self.sides.board[side[g]]), *first.tolist(), *last.tolist()))
         return tuple(parts)
@@ -92,7 +92,7 @@ class _Photo:
     def whole_count(self, side: IntArray) -> int:
         """How many grids fill a board of their side's size without a gap."""
         count = 0
-        for g in _named(side):
+        for g in _list_named(side):
             first, last = self.span(g, int(side[g]), np.zeros(2, np.intp))
             extent = last - first + 1
             full = len(self.grids[g]) == extent.prod()
@@ -131,7 +131,7 @@ class _Photo:
 
     def off_middle(self, side: IntArray, offset: IntArray) -> FloatArray:
         """(G, 2) squares from the middles of boards to those of the grids on them."""
-        spans = [self.span(g, int(side[g]), offset[g]) for g in _named(side)]
+        spans = [self.span(g, int(side[g]), offset[g]) for g in _list_named(side)]
         middle = np.sum(spans, axis=1) / 2
         return np.asarray(middle - (self.sides.size[side[side >= 0]] - 1) / 2)
 
@@ -141,7 +141,7 @@ class _Photo:
         Of a lone board, how far its long side runs to the right and down.
         """
         total = 0.0
-        for g in _named(side):
+        for g in _list_named(side):
             grid = self.grids[g]
             cells = self.sides.board_cells(int(side[g]), offset[g], grid.cells)
             cells = cells - cells.mean(axis=0)
@@ -153,7 +153,7 @@ class _Photo:
     def overlap(self, side: IntArray, offset: IntArray) -> bool:
         """Whether two grids claim the same corner of a board."""
         cells = []
-        for g in _named(side):
+        for g in _list_named(side):
             own = self.sides.board_cells(int(side[g]), offset[g], self.grids[g].cells)
             cells.append(np.insert(own, 0, self.sides.board[side[g]], axis=1))
         claimed = np.concatenate(cells)
@@ -184,9 +184,9 @@ def decide(
         return None
     labelings = labelings[np.array(apart)]
     counts = np.array([len(grid) for grid in grids])
-    missing = _missing(labelings, sides, ends)
-    alike = _congruent_to_best(photo, labelings)
-    same, decided = _up_to_symmetry(photo, labelings, alike, missing.sum(axis=1))
+    missing = _count_missing(labelings, sides, ends)
+    alike = _find_congruent_to_best(photo, labelings)
+    same, decided = _reduce_by_symmetry(photo, labelings, alike, missing.sum(axis=1))
     cheapest = labelings.cost[same].min()
     chosen = photo.most_upright(
         labelings, [k for k in same if labelings.cost[k] <= _SAME_COST * cheapest]
@@ -197,8 +197,8 @@ def decide(
     ratio = np.full(len(grids), np.inf)
     for k in sorted(set(range(len(labelings))) - set(alike)):
         # The symmetry's image that the rival shares most names with is the one to compare with.
-        nearest = min(same, key=lambda m: counts[_differs(labelings, m, k)].sum())
-        differs = _differs(labelings, nearest, k)
+        nearest = min(same, key=lambda m: counts[_find_differing(labelings, m, k)].sum())
+        differs = _find_differing(labelings, nearest, k)
         if not differs.any():
             continue
         if clearly_more(missing[k][differs].sum(), int(missing[nearest][differs].sum())):
@@ -225,7 +225,7 @@ def decide(
     )
 
 
-def _missing(labelings: Labelings, sides: Placement, ends: Sequence[Ends]) -> IntArray:
+def _count_missing(labelings: Labelings, sides: Placement, ends: Sequence[Ends]) -> IntArray:
     """(K, G) promised corners that are not seen."""
     missing = np.zeros(labelings.side.shape, np.intp)
     for grid, one in enumerate(ends):
@@ -236,7 +236,7 @@ def _missing(labelings: Labelings, sides: Placement, ends: Sequence[Ends]) -> In
     return missing
 
 
-def _up_to_symmetry(
+def _reduce_by_symmetry(
     photo: _Photo, labelings: Labelings, alike: list[int], missing: IntArray
 ) -> tuple[list[int], bool]:
     """Of labelings that look alike, those that may be chosen, and whether they are one.
@@ -267,14 +267,14 @@ def decide_alone(
     """
     photo = _Photo(grids=[grid], sides=sides)
     side, offset = allowed.places()
-    places = _without_pose(side, offset)
+    places = _make_without_pose(side, offset)
     # Which of several boards it is cannot rest on what is not seen; nor can anything when most
     # of the board is hidden, since what hides a board looks like its end.
     one_board = len(sides.board) == 4
     missing = np.zeros(len(side), np.intp)
     if ends is not None and one_board and 2 * len(grid) >= sides.size[0].prod():
         missing = ends.missing(sides, side, offset)
-    same, decided = _up_to_symmetry(photo, places, list(range(len(side))), missing)
+    same, decided = _reduce_by_symmetry(photo, places, list(range(len(side))), missing)
     chosen = photo.most_upright(places, same)
     verdict = Decided.NAMED if decided else _explain_undecided(photo, places[np.array(same)])
     row = slice(chosen, chosen + 1)
@@ -307,7 +307,7 @@ def _explain_undecided(photo: _Photo, left: Labelings) -> Decided:
     boards = {tuple(board for board, *_ in one) for one in covered}
     if len(boards) == len(set(covered)) > 1:  # other boards, but never further along one
         return Decided.TWIN
-    corners = sum(len(photo.grids[grid]) for grid in _named(left.side[0]))
+    corners = sum(len(photo.grids[grid]) for grid in _list_named(left.side[0]))
     sides = photo.sides
     if len(sides.board) == 4 and _LEAST_SHARE * corners >= sides.size[0].prod():
         return Decided.CONVENTION
@@ -327,7 +327,7 @@ def unnamed(count: int) -> Decision:
     )
 
 
-def _without_pose(side: IntArray, offset: IntArray) -> Labelings:
+def _make_without_pose(side: IntArray, offset: IntArray) -> Labelings:
     count = len(side)
     return Labelings(
         side=side[:, None],
@@ -339,7 +339,7 @@ def _without_pose(side: IntArray, offset: IntArray) -> Labelings:
     )
 
 
-def _named(side: IntArray) -> list[int]:
+def _list_named(side: IntArray) -> list[int]:
     """The grids that a labeling gives a place."""
     return [int(grid) for grid in np.flatnonzero(side >= 0)]
 
@@ -348,13 +348,13 @@ def _place(labelings: Labelings, k: int) -> tuple[IntArray, IntArray]:
     return labelings.side[k], labelings.offset[k]
 
 
-def _differs(labelings: Labelings, own: int, other: int) -> BoolArray:
+def _find_differing(labelings: Labelings, own: int, other: int) -> BoolArray:
     """(G,) the grids that labeling ``own`` names otherwise than ``other``."""
     moved = (labelings.offset[own] != labelings.offset[other]).any(axis=1)
     return (labelings.side[own] >= 0) & ((labelings.side[own] != labelings.side[other]) | moved)
 
 
-def _congruent_to_best(photo: _Photo, labelings: Labelings) -> list[int]:
+def _find_congruent_to_best(photo: _Photo, labelings: Labelings) -> list[int]:
     """The best labeling and those that no photo tells from it."""
     best = photo.worlds(*_place(labelings, 0))
     named = labelings.side[0] >= 0

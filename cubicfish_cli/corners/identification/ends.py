@@ -87,8 +87,8 @@ def without_strays(grid: Grid, sizes: IntArray | None = None) -> Grid | None:
         extent = np.ptp(cells, axis=0) + 1
         if sizes is not None and (extent <= sizes).all(axis=1).any():
             break
-        axes = [0, 1] if sizes is None else _axes_in_the_way(extent, sizes)
-        weakest = _weakest_lines(cells, axes)
+        axes = [0, 1] if sizes is None else _find_long_axes(extent, sizes)
+        weakest = _find_weakest_lines(cells, axes)
         if weakest is None:
             if sizes is not None:
                 return None
@@ -109,14 +109,14 @@ def without_strays(grid: Grid, sizes: IntArray | None = None) -> Grid | None:
     )
 
 
-def _axes_in_the_way(extent: IntArray, sizes: IntArray) -> list[int]:
+def _find_long_axes(extent: IntArray, sizes: IntArray) -> list[int]:
     """The axes along which the grid must be shorter to come nearer to a box."""
     over = np.maximum(extent - sizes, 0)
     nearest = over[over.sum(axis=1) == over.sum(axis=1).min()]
     return [axis for axis in (0, 1) if nearest[:, axis].any()]
 
 
-def _weakest_lines(cells: IntArray, axes: list[int]) -> BoolArray | None:
+def _find_weakest_lines(cells: IntArray, axes: list[int]) -> BoolArray | None:
     """Which cells (N,) are on the weakest lines at the rim; None where no line is weak.
 
     Where two are equally weak, nothing tells which of them is of the board: both go.
@@ -195,18 +195,18 @@ def ends_of(
     cell = np.moveaxis(np.indices(found.shape), 0, -1) - _LINES
     form = camera_from_grid.T
     pixel = camera.project(np.concatenate([cell, np.ones((*found.shape, 1))], axis=-1) @ form)
-    spacing = _spacing(pixel)
-    missing = _near(found) & ~found & _visible(camera, pixel, spacing, farthest)
+    spacing = _measure_spacing(pixel)
+    missing = _find_near(found) & ~found & _find_visible(camera, pixel, spacing, farthest)
     smallest = np.percentile(spacing[found], _SMALLEST_PERCENTILE)
     missing &= spacing >= _SMALLEST_SHARE * smallest
     if len(other_pixel) and missing.any():
         distance, _ = nearest(pixel[missing], other_pixel, 1)
         taken = distance[:, 0] < _SAME_CORNER_STEPS * spacing[missing]
         missing[tuple(np.argwhere(missing)[taken].T)] = False
-    return Ends(table=_table(missing), last=last)
+    return Ends(table=_tabulate(missing), last=last)
 
 
-def _spacing(pixel: FloatArray) -> FloatArray:
+def _measure_spacing(pixel: FloatArray) -> FloatArray:
     """Distance to the nearest of the four neighbours, px; NaN where no side is known."""
     spacing = np.full(pixel.shape[:2], np.inf)
     for axis in (0, 1):
@@ -220,7 +220,7 @@ def _spacing(pixel: FloatArray) -> FloatArray:
     return np.where(np.isfinite(spacing), spacing, np.nan)
 
 
-def _near(found: BoolArray) -> BoolArray:
+def _find_near(found: BoolArray) -> BoolArray:
     """Cells within :data:`_LINES` of a found one."""
     near = np.pad(found, _LINES)
     width, height = found.shape
@@ -228,7 +228,7 @@ def _near(found: BoolArray) -> BoolArray:
     return np.any([near[i : i + width, j : j + height] for i in lines for j in lines], axis=0)
 
 
-def _visible(
+def _find_visible(
     camera: RadialCamera, pixel: FloatArray, spacing: FloatArray, farthest: float
 ) -> BoolArray:
     margin = _MARGIN_STEPS * spacing[..., None]
@@ -240,7 +240,7 @@ def _visible(
     return inside
 
 
-def _table(missing: BoolArray) -> IntArray:
+def _tabulate(missing: BoolArray) -> IntArray:
     width, height = missing.shape
     table = [
         missing[_LINES - a : width - _LINES + b, _LINES - c : height - _LINES + d].sum()

@@ -297,7 +297,7 @@ def remark_lines(findings: Sequence[Finding]) -> list[str]:
     for one in findings:
         rest = tuple((key, one.figures[key]) for key in one.figures if key not in _OF_ONE)
         groups[one.code, one.case, one.boards, rest].append(one)
-    return [line for own in groups.values() for line in _lines(own)]
+    return [line for own in groups.values() for line in _write_lines(own)]
 
 
 def line_of(finding: Finding) -> str:
@@ -307,7 +307,7 @@ def line_of(finding: Finding) -> str:
     return f"{finding.images[0]}: {finding.line}"
 
 
-def _lines(own: Sequence[Finding]) -> list[str]:
+def _write_lines(own: Sequence[Finding]) -> list[str]:
     photos = tuple(dict.fromkeys(name for one in own for name in one.images))
     if len(photos) == 1:
         return [line_of(one) for one in own]

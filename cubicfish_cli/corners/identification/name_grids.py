@@ -76,8 +76,8 @@ def name_grids(
     if scene.camera is not None:
         sides, decisions = decided_as_built(scene, decisions)
         _cut_unnamed(scene, scene.camera, sides, decisions)
-        decisions = _without_misfits(scene, sides, decisions)
-    return _identified(scene, _with_doubts(scene, decisions), tuple(images))
+        decisions = _leave_out_misfits(scene, sides, decisions)
+    return _make_identified(scene, _doubt_strays(scene, decisions), tuple(images))
 
 
 def name_again(
@@ -155,7 +155,7 @@ def _cut_unnamed(
             scene.put(index, *whole)
 
 
-def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> Decisions:
+def _leave_out_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> Decisions:
     """Decide photos again without grids that fit far worse than the grids of the other photos.
 
     A grid that is no board of the target may fit a place by chance, within the width of the
@@ -179,7 +179,7 @@ def _without_misfits(scene: Scene, sides: Placement, decisions: Decisions) -> De
     return checked
 
 
-def _with_doubts(scene: Scene, decisions: Decisions) -> Decisions:
+def _doubt_strays(scene: Scene, decisions: Decisions) -> Decisions:
     """Take a grid that may hold a stray line for placed by convention.
 
     Only where it is alone: other boards of the target would not fit if it lay elsewhere.
@@ -204,7 +204,7 @@ def _decide_without(
     return spread(scene.decide(sides, [own[n] for n in good]), good, len(own))
 
 
-def _identified(
+def _make_identified(
     scene: Scene,
     decisions: Decisions,
     images: tuple[str, ...],
@@ -287,13 +287,13 @@ def decided_as_built(scene: Scene, decisions: Decisions) -> tuple[Placement, Dec
     if together < _LEAST_PHOTOS_TO_MEASURE or not _are_boards_elsewhere(scene, decisions):
         return scene.sides, decisions
     built, trial = scene.sides, decisions
-    reference = max(photos, key=lambda photo: _extent(scene, decisions, photo))
+    reference = max(photos, key=lambda photo: _count_extent(scene, decisions, photo))
     for some in ([reference], photos):
-        sightings = [one for photo in some for one in _sightings(scene, trial, photo)]
+        sightings = [one for photo in some for one in _list_sightings(scene, trial, photo)]
         built = built_sides(built, sightings)
         trial = scene.decide_all(built)
     others = [photo for photo in photos if photo != reference]
-    if _merit(scene, trial, others) > _merit(scene, decisions, others):
+    if _rate_names(scene, trial, others) > _rate_names(scene, decisions, others):
         return built, trial
     return scene.sides, decisions
 
@@ -345,7 +345,7 @@ def _are_boards_elsewhere(scene: Scene, decisions: Decisions) -> bool:
     return bool(ratio) and bool(np.median(ratio) > _OFF_RATIO and np.median(share) > _OFF_STEPS)
 
 
-def _extent(scene: Scene, decisions: Decisions, photo: int) -> tuple[int, int]:
+def _count_extent(scene: Scene, decisions: Decisions, photo: int) -> tuple[int, int]:
     """Boards and corners that a photo shows together."""
     decision = decisions[photo]
     named = rigid(decision)
@@ -355,7 +355,7 @@ def _extent(scene: Scene, decisions: Decisions, photo: int) -> tuple[int, int]:
     return boards, sum(len(scene.grids[scene.photos[photo][n]]) for n in named)
 
 
-def _sightings(scene: Scene, decisions: Decisions, photo: int) -> list[Sighting]:
+def _list_sightings(scene: Scene, decisions: Decisions, photo: int) -> list[Sighting]:
     decision, sides, seen = decisions[photo], scene.sides, []
     for n in rigid(decision):
         index = scene.photos[photo][n]
@@ -378,7 +378,7 @@ def _sightings(scene: Scene, decisions: Decisions, photo: int) -> list[Sighting]
     return seen
 
 
-def _merit(scene: Scene, decisions: Decisions, photos: Sequence[int]) -> tuple[int, float]:
+def _rate_names(scene: Scene, decisions: Decisions, photos: Sequence[int]) -> tuple[int, float]:
     """Corners named exactly, then how well they fit, in some photos."""
     corners, square = 0, 0.0
     for photo in photos:

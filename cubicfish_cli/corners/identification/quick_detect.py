@@ -32,7 +32,7 @@ QuickDetection = FoundGrids | MarkedCorners
 def quick_detect_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
     """Checkerboards in a grey photo (H, W) of uint8, uint16 or floats, larger ones first."""
     height, width = image.shape
-    zoom = _zoom(image, _MOST_PIXELS)
+    zoom = _choose_zoom(image, _MOST_PIXELS)
     small = reduced(image, zoom)
     if min(small.shape) < SMALLEST_SIDE:
         return FoundGrids(grids=(), refused=np.zeros((0, 2)), image_size=(width, height))
@@ -61,12 +61,12 @@ def quick_detect_grids(image: npt.NDArray[np.generic]) -> FoundGrids:
 
 def quick_detect_markers(image: npt.NDArray[np.generic], target: Target) -> MarkedCorners:
     """Find corners of the boards with markers; the photo as for :func:`quick_detect_grids`."""
-    zoom = _zoom(image, _MOST_FOR_MARKERS)
+    zoom = _choose_zoom(image, _MOST_FOR_MARKERS)
     found = outlined_corners(reduced(image, zoom), target)
     return replace(found, pixel=enlarged(found.pixel, zoom))
 
 
-def _zoom(image: npt.NDArray[np.generic], most: int) -> int:
+def _choose_zoom(image: npt.NDArray[np.generic], most: int) -> int:
     return max(1, math.ceil(math.sqrt(image.size / most)))
 
 

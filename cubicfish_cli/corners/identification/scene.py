@@ -127,11 +127,11 @@ class Scene:
         found = None
         if camera is not None and len(usable) > 1:
             views = [
-                view_of(camera, self.grids[index], self._pose(index), self.allowed[index])
+                view_of(camera, self.grids[index], self._get_pose(index), self.allowed[index])
                 for index in (own[n] for n in usable)
             ]
             labelings = search(views, sides)
-            ends = [self._ends(camera, own, own[n]) for n in usable]
+            ends = [self._find_ends(camera, own, own[n]) for n in usable]
             found = decide([self.grids[own[n]] for n in usable], self.sides, labelings, ends)
         part = usable
         if found is None and usable:
@@ -161,13 +161,13 @@ class Scene:
 
     def ends(self, own: Sequence[int], index: int) -> Ends | None:
         """Where the board of one of a photo's grids ends; None where no lens is known."""
-        return None if self.camera is None else self._ends(self.camera, own, index)
+        return None if self.camera is None else self._find_ends(self.camera, own, index)
 
-    def _ends(self, camera: RadialCamera, own: Sequence[int], index: int) -> Ends:
+    def _find_ends(self, camera: RadialCamera, own: Sequence[int], index: int) -> Ends:
         if self._farthest is None:
             pixel = np.concatenate([grid.pixel for grid in self.grids])
             self._farthest = farthest_radius(camera, pixel)
-        pose = self._pose(index)
+        pose = self._get_pose(index)
         return ends_of(
             camera,
             self.grids[index],
@@ -190,7 +190,7 @@ class Scene:
             int(decision.side[n]), decision.offset[n], self.grids[index].cells
         )
 
-    def _pose(self, index: int) -> GridPose:
+    def _get_pose(self, index: int) -> GridPose:
         pose = self.poses[index]
         if pose is None:
             raise ValueError("a grid that is no plane of squares has no place")
@@ -253,7 +253,9 @@ def named_lens(
     for own, decision in zip(scene.photos, decisions, strict=True):
         together = rigid(decision)
         if together:
-            world.append(np.concatenate([_world(scene, own[n], decision, n) for n in together]))
+            world.append(
+                np.concatenate([_compute_world(scene, own[n], decision, n) for n in together])
+            )
             pixel.append(np.concatenate([scene.grids[own[n]].pixel for n in together]))
             rotation.append(decision.rotation)
             translation.append(decision.translation)
@@ -271,7 +273,7 @@ def named_lens(
     return refit_radial(reference, pairs_of_parts(world, pixel, scene.image_size), start)
 
 
-def _world(scene: Scene, index: int, decision: Decision, n: int) -> FloatArray:
+def _compute_world(scene: Scene, index: int, decision: Decision, n: int) -> FloatArray:
     board = scene.target.boards[scene.sides.board[decision.side[n]]]
     return board.world_points(*scene.cells(index, decision, n).T)
 
@@ -289,7 +291,7 @@ _MIRROR_SLACK_PX = 0.05
 _DIFFERENT_DEG = 3.0
 
 
-def _gate_px(grid: Grid, steps: float) -> float:
+def _choose_gate_px(grid: Grid, steps: float) -> float:
     return max(_SMALLEST_GATE_PX, steps * grid.step)
 
 
@@ -358,19 +360,19 @@ def grid_poses(
     found: list[GridPose | None] = [None] * len(grids)
     if fit is None:
         return found
-    rms = _rms(fit.residual, own)
+    rms = _measure_rms(fit.residual, own)
     middle = np.stack([own.world[own.image == k].mean(axis=0) for k in range(len(placed))])
     mirror = adjust(
         FixedLens(camera=camera),
-        _mirrored(fit.poses, middle),
+        _mirror_poses(fit.poses, middle),
         own,
         huber_px=wide_px(fit.residual),
         max_iterations=20,
     )
-    mirror_rms = _rms(mirror.residual, own)
+    mirror_rms = _measure_rms(mirror.residual, own)
     for k, index in enumerate(placed):
         candidates = sorted([(rms[k], 0), (mirror_rms[k], 1)])
-        if candidates[0][0] > _gate_px(grids[index], _PLANE_STEPS):
+        if candidates[0][0] > _choose_gate_px(grids[index], _PLANE_STEPS):
             continue
         both = Poses(
             rotation=np.stack([fit.poses.rotation[k], mirror.poses.rotation[k]]),
@@ -400,16 +402,16 @@ def view_of(camera: RadialCamera, grid: Grid, pose: GridPose, allowed: AllowedOf
         camera_middle=pose.rotation[:, :, :2] @ middle[:2] + pose.translation,
         moments=grid_moments(camera, grid.cells, grid.pixel, camera_from_grid),
         corners=len(grid),
-        gate_px=_gate_px(grid, _PLACE_STEPS),
+        gate_px=_choose_gate_px(grid, _PLACE_STEPS),
     )
 
 
-def _rms(residual: FloatArray, pairs: Observations) -> FloatArray:
+def _measure_rms(residual: FloatArray, pairs: Observations) -> FloatArray:
     squares = np.bincount(pairs.image, weights=np.square(residual).sum(axis=1))
     return np.sqrt(squares / np.bincount(pairs.image))
 
 
-def _mirrored(poses: Poses, middle: FloatArray) -> Poses:
+def _mirror_poses(poses: Poses, middle: FloatArray) -> Poses:
     """The planes that look alike from afar: depth about the middle reversed (Necker's cube)."""
     centre = (poses.rotation @ middle[:, :, None])[:, :, 0] + poses.translation
     sight = centre / np.linalg.norm(centre, axis=1, keepdims=True)

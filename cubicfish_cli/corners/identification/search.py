@@ -185,10 +185,10 @@ def search(views: Sequence[GridView], sides: Placement) -> Labelings:
     """
     found: list[Labelings] = []
     for first, second in combinations(range(min(len(views), _START_GRIDS)), 2):
-        beam = _alone(views, first, sides)
+        beam = _place_alone(views, first, sides)
         for grid in (second, *(n for n in range(len(views)) if n not in (first, second))):
             if len(beam):
-                beam = _grown(beam, views, grid, sides)
+                beam = _grow_labelings(beam, views, grid, sides)
         if not len(beam):
             continue
         beam = refined(beam, views, sides, rounds=3)
@@ -199,8 +199,8 @@ def search(views: Sequence[GridView], sides: Placement) -> Labelings:
         ):
             break
     if not found:
-        return _alone(views, 0, sides)[:0]
-    return _distinct(Labelings.joined(found))[:_BEAM]
+        return _place_alone(views, 0, sides)[:0]
+    return _keep_distinct(Labelings.joined(found))[:_BEAM]
 
 
 def refined(
@@ -208,22 +208,22 @@ def refined(
 ) -> Labelings:
     """The same labelings with their poses fitted, sorted by cost."""
     for _ in range(rounds):
-        gradient, hessian, cost = _system(beam, views, sides)
+        gradient, hessian, cost = _make_system(beam, views, sides)
         step, _ = gauss_newton(gradient, hessian)
         rotation, translation = moved(beam.rotation, beam.translation, beam.pivot, step)
         trial = replace(beam, rotation=rotation, translation=translation)
-        trial = replace(trial, grid_cost=_grid_cost(trial, views, sides))
+        trial = replace(trial, grid_cost=_compute_grid_cost(trial, views, sides))
         better = (trial.cost < cost)[:, None]
         beam = replace(
             beam,
             rotation=np.where(better[:, :, None], trial.rotation, beam.rotation),
             translation=np.where(better, trial.translation, beam.translation),
         )
-    beam = replace(beam, grid_cost=_grid_cost(beam, views, sides))
+    beam = replace(beam, grid_cost=_compute_grid_cost(beam, views, sides))
     return beam[np.argsort(beam.cost, kind="stable")]
 
 
-def _forms(beam: Labelings, rows: IntArray, grid: int, sides: Placement) -> FloatArray:
+def _make_forms(beam: Labelings, rows: IntArray, grid: int, sides: Placement) -> FloatArray:
     """(i, j, 1) to the camera frame, world units: (len(rows), 3, 3)."""
     form: FloatArray = beam.rotation[rows] @ sides.world_from_grid(
         beam.side[rows, grid], beam.offset[rows, grid]
@@ -232,18 +232,18 @@ def _forms(beam: Labelings, rows: IntArray, grid: int, sides: Placement) -> Floa
     return form
 
 
-def _grid_cost(beam: Labelings, views: Sequence[GridView], sides: Placement) -> FloatArray:
+def _compute_grid_cost(beam: Labelings, views: Sequence[GridView], sides: Placement) -> FloatArray:
     cost = np.empty((len(beam), len(views)))
     for grid, view in enumerate(views):
         cost[:, grid] = view.corners * view.gate_px**2
         rows = np.flatnonzero(beam.side[:, grid] >= 0)
-        form = _forms(beam, rows, grid, sides)
+        form = _make_forms(beam, rows, grid, sides)
         square = sides.square[beam.side[rows, grid]]
         cost[rows, grid] = form_cost(view.moments, form / square[:, None, None])
     return cost
 
 
-def _system(
+def _make_system(
     beam: Labelings, views: Sequence[GridView], sides: Placement
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     gradient = np.zeros((len(beam), 6))
@@ -251,7 +251,7 @@ def _system(
     cost = np.zeros(len(beam))
     for grid, view in enumerate(views):
         rows = np.flatnonzero(beam.side[:, grid] >= 0)
-        form = _forms(beam, rows, grid, sides)
+        form = _make_forms(beam, rows, grid, sides)
         own, own_gradient, own_hessian = normal_equations(
             view.moments, form, beam.pivot[rows], sides.square[beam.side[rows, grid]]
         )
@@ -262,9 +262,11 @@ def _system(
     return gradient, hessian, cost
 
 
-def _promised(beam: Labelings, views: Sequence[GridView], sides: Placement, keep: int) -> Labelings:
+def _choose_promising(
+    beam: Labelings, views: Sequence[GridView], sides: Placement, keep: int
+) -> Labelings:
     """The ``keep`` labelings that promise the lowest cost after one step, that step taken."""
-    gradient, hessian, cost = _system(beam, views, sides)
+    gradient, hessian, cost = _make_system(beam, views, sides)
     step, decrease = gauss_newton(gradient, hessian)
     rows = np.argsort(cost - decrease, kind="stable")[:keep]
     beam, step = beam[rows], step[rows]
@@ -272,7 +274,7 @@ def _promised(beam: Labelings, views: Sequence[GridView], sides: Placement, keep
     return replace(beam, rotation=rotation, translation=translation)
 
 
-def _alone(views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
+def _place_alone(views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
     """Labelings of one grid by all its places, under each of its own poses; the rest left out."""
     view = views[grid]
     place_side, place_offset = view.allowed.places()
@@ -295,7 +297,9 @@ def _alone(views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
     )
 
 
-def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placement) -> Labelings:
+def _grow_labelings(
+    beam: Labelings, views: Sequence[GridView], grid: int, sides: Placement
+) -> Labelings:
     """The labelings with one more grid named, and as they were where they name two."""
     view, named = views[grid], beam.side >= 0
     alone = len(beam) > 0 and int(named[0].sum()) == 1
@@ -305,29 +309,29 @@ def _grown(beam: Labelings, views: Sequence[GridView], grid: int, sides: Placeme
         share = corners / (corners + view.corners)
     for number in range(len(view.rotation)):
         own = view.rotation[number] @ np.swapaxes(sides.frame, 1, 2)
-        agree = _within(beam.rotation, own, _MAX_TILT_DEG)
+        agree = _find_within(beam.rotation, own, _MAX_TILT_DEG)
         agree &= (view.allowed.high >= view.allowed.low).all(axis=1)
         row, side = np.nonzero(agree)
         more, middle = beam[row], sides.square[side][:, None] * view.camera_middle[number]
         if alone:  # neither grid knows better than the other how the camera is turned
             turned = nearest_rotation(share * more.rotation + (1 - share) * own[side])
-            pivot = _rotated_back(more.rotation, more.pivot - more.translation)
+            pivot = _rotate_back(more.rotation, more.pivot - more.translation)
             shift = more.pivot - (turned @ pivot[:, :, None])[:, :, 0]
             more = replace(more, rotation=turned, translation=shift)
-        world = _rotated_back(more.rotation, middle - more.translation)
+        world = _rotate_back(more.rotation, middle - more.translation)
         farthest = _PAIR_WINDOW if alone else _GROW_WINDOW
-        pick, offset, misfit = _offsets_near(world, side, view, sides, farthest)
+        pick, offset, misfit = _list_offsets_near(world, side, view, sides, farthest)
         if len(pick) > _MAX_PAIRS:
             nearest = np.sort(np.argpartition(misfit, _MAX_PAIRS)[:_MAX_PAIRS])
             pick, offset = pick[nearest], offset[nearest]
         more = more[pick]
         more.side[:, grid] = side[pick]
         more.offset[:, grid] = offset
-        parts.append(_promised(more, views, sides, 2 * _BEAM))
-    return _distinct(refined(Labelings.joined(parts), views, sides, rounds=2))[:_BEAM]
+        parts.append(_choose_promising(more, views, sides, 2 * _BEAM))
+    return _keep_distinct(refined(Labelings.joined(parts), views, sides, rounds=2))[:_BEAM]
 
 
-def _offsets_near(
+def _list_offsets_near(
     world: FloatArray, side: IntArray, view: GridView, sides: Placement, farthest: int
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Whole offsets near where a grid's middle was predicted.
@@ -361,17 +365,17 @@ def _offsets_near(
     return pick, offset, misfit
 
 
-def _rotated_back(rotation: FloatArray, vector: FloatArray) -> FloatArray:
+def _rotate_back(rotation: FloatArray, vector: FloatArray) -> FloatArray:
     return np.einsum("kji,kj->ki", rotation, vector)
 
 
-def _within(first: FloatArray, second: FloatArray, degrees: float) -> BoolArray:
+def _find_within(first: FloatArray, second: FloatArray, degrees: float) -> BoolArray:
     """Rotations (A, 3, 3) and (B, 3, 3) -> (A, B) whether they differ by at most ``degrees``."""
     trace = first.reshape(-1, 9) @ second.reshape(-1, 9).T
     return trace >= 1 + 2 * np.cos(np.deg2rad(degrees))
 
 
-def _distinct(beam: Labelings) -> Labelings:
+def _keep_distinct(beam: Labelings) -> Labelings:
     """One of each labeling, the one with the lowest cost, sorted by cost."""
     beam = beam[np.argsort(beam.cost, kind="stable")]
     named = beam.side >= 0

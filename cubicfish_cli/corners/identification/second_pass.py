@@ -88,19 +88,19 @@ def predicted_corners(detection: Detection, target: Target) -> dict[str, Predict
         return {}
     exact = {report.name for report in detection.photos if report.exact}
     return {
-        name: _predicted(name, number, fit, detection, target)
+        name: _predict_photo(name, number, fit, detection, target)
         for number, name in enumerate(fit.pairs.images)
         if name in exact
     }
 
 
-def _predicted(
+def _predict_photo(
     name: str, number: int, fit: Calibration, detection: Detection, target: Target
 ) -> Prediction:
     corners = detection.corners
     rotation, translation = fit.poses.rotation[number], fit.poses.translation[number]
     parts = [
-        _of_board(index, board, fit.camera, rotation, translation)
+        _predict_board(index, board, fit.camera, rotation, translation)
         for index, board in enumerate(target.boards)
         if board.has_squares
     ]
@@ -122,17 +122,17 @@ def _predicted(
         step=step,
         bend=bend,
         sign=-sign if detection.other_colours else sign,
-        known=np.isin(_places(predicted), _places(corners.of(name))),
+        known=np.isin(_number_places(predicted), _number_places(corners.of(name))),
         limit_px=gross_px(fit.residual),
     )
 
 
-def _places(corners: Observations) -> IntArray:
+def _number_places(corners: Observations) -> IntArray:
     """(N,) one number for each place on the target."""
     return np.asarray((corners.board * _MOST_COUNT + corners.row) * _MOST_COUNT + corners.column)
 
 
-def _of_board(
+def _predict_board(
     index: int, board: Board, camera: CubicCamera, rotation: FloatArray, translation: FloatArray
 ) -> tuple[npt.NDArray, ...]:
     """Names, pixels, local shape and colour of the corners that face the camera in its field."""
@@ -183,12 +183,12 @@ def with_added(detection: Detection, found: Sequence[Observations]) -> Detection
         detection,
         corners=joint,
         photos=tuple(
-            _with_counts(report, joint, added.get(report.name, 0)) for report in detection.photos
+            _add_counts(report, joint, added.get(report.name, 0)) for report in detection.photos
         ),
     )
 
 
-def _with_counts(report: PhotoReport, corners: Observations, added: int) -> PhotoReport:
+def _add_counts(report: PhotoReport, corners: Observations, added: int) -> PhotoReport:
     if not added:
         return report
     own = corners.image == corners.images.index(report.name)

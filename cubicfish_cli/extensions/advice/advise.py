@@ -135,7 +135,7 @@ def advise(
     rays = field_rays(own, blind)
     noise = knowledge.information.noise_px if knowledge else None
     if knowledge is not None:
-        knowledge, now = _as_recorded(knowledge, fit, rays)
+        knowledge, now = _match_record(knowledge, fit, rays)
     judged = verdict(fit, camera.image_size, camera.outline())
     reasons = explain_insufficiency(judged, now, goal_px)
     if blind:
@@ -146,7 +146,7 @@ def advise(
     needed: int | None = 0
     if reasons:
         needed = None
-        views = _views(knowledge, target, within, notes, limited_lens(own, blind=blind))
+        views = _sample_views(knowledge, target, within, notes, limited_lens(own, blind=blind))
         if knowledge is not None and views:
             found, needed = proposed(knowledge, views, gaps.cells, rays, goal, proposals)
         short = (FEW_OF_A_PLANE[0] if fit.flat else FEW_PHOTOS) - len(pairs.images)
@@ -178,7 +178,7 @@ def distances_within(pairs: Observations, poses: Poses) -> Distances:
     )
 
 
-def _as_recorded(
+def _match_record(
     knowledge: Knowledge, fit: FitRecord, rays: FloatArray
 ) -> tuple[Knowledge, FieldUncertainty]:
     """Return the knowledge, scaled to the uncertainty on record, and that uncertainty.
@@ -193,7 +193,7 @@ def _as_recorded(
     return replace(knowledge, information=scaled), known
 
 
-def _views(
+def _sample_views(
     knowledge: Knowledge | None,
     target: Target | None,
     within: Distances | None,

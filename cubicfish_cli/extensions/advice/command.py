@@ -164,7 +164,7 @@ def _print(advice: Advice) -> None:
         result("Smaller uncertainty can be asked for with --goal.\n")
     else:
         result("Not enough: " + "; ".join(reason.why for reason in advice.reasons) + ".")
-        result(_how_many(advice))
+        result(_describe_how_many(advice))
         _print_gaps(advice)
         if advice.proposals:
             result("Take these next; what each brings counts those before it:")
@@ -180,7 +180,7 @@ def _print(advice: Advice) -> None:
         say(f"note: {note}")
 
 
-def _how_many(advice: Advice) -> str:
+def _describe_how_many(advice: Advice) -> str:
     from cubicfish_cli.extensions.advice.proposals import MOST_PHOTOS
 
     if advice.photos_needed is not None:

@@ -103,13 +103,13 @@ def know(
     level, spread = fit.refine_target, None
     world: DeformableTarget | None = None
     if level in ("shape", "points") and target is not None:
-        spread = _offset_spread(fit, scale) if level == "points" else None
+        spread = _read_offset_spread(fit, scale) if level == "points" else None
         noise = max(noise_px(miss), 1e-3)
         nominal = NominalTarget(pairs=pairs, target=target, scale=scale)
         world = nominal.free(noise=noise, offset_spread=spread)
     result = fit_cubic(
         reference,
-        _prior_of(fit, central=not camera.pupil_travel),
+        _read_prior(fit, central=not camera.pupil_travel),
         world=world,
         relative_decrease=_DECREASE,
     )
@@ -130,7 +130,7 @@ def know(
     )
 
 
-def _prior_of(fit: FitRecord, *, central: bool) -> PriorChoice:
+def _read_prior(fit: FitRecord, *, central: bool) -> PriorChoice:
     """Return the prior on P; the default of older files if the record has no number."""
     return PriorChoice(
         spread=fit.prior_spread if fit.prior_spread >= 0 else _OLDER_SPREAD,
@@ -139,7 +139,7 @@ def _prior_of(fit: FitRecord, *, central: bool) -> PriorChoice:
     )
 
 
-def _offset_spread(fit: FitRecord, scale: float) -> float:
+def _read_offset_spread(fit: FitRecord, scale: float) -> float:
     """Return the typical offset of a corner, by the record of each board."""
     known = [board.offset_rms for board in fit.departures if board.offset_rms > 0]
     # The record's lengths are of three coordinates.

@@ -80,7 +80,7 @@ def proposed(
 ) -> tuple[tuple[Proposal, ...], int | None]:
     """Choose the next photos, and count how many of them reach the goal."""
     added = [knowledge.information.of_photo(knowledge.points(view)) for view in views]
-    filled = np.array([_filled(view, cells) for view in views])
+    filled = np.array([_find_filled(view, cells) for view in views])
     empty, squares = cells.empty, max(cells.field.sum(), 1)
     chosen: list[Proposal] = []
     # The same photo twice would say little new about a real lens and a real target.
@@ -92,7 +92,7 @@ def proposed(
         tried = [state + photo for photo in added]
         sums = [one.summed(rays) for one in tried]
         fill = (filled & empty).sum(axis=(1, 2)) / squares
-        left = np.array([_left(after, level) for after in sums])
+        left = np.array([_measure_left(after, level) for after in sums])
         best = int(np.argmin(np.where(taken, np.inf, left - fill)))
         chosen.append(Proposal(view=views[best], before=level, after=sums[best]))
         state, level = tried[best], sums[best]
@@ -106,7 +106,7 @@ def proposed(
     return tuple(chosen[:proposals]), needed
 
 
-def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
+def _find_filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
     """Return which squares of the picture (rows, columns) a view puts corners into."""
     column, row = np.floor(view.pixel / cells.cell).astype(int).T
     inside = (row >= 0) & (column >= 0)
@@ -116,7 +116,7 @@ def _filled(view: Viewpoint, cells: FieldCells) -> BoolArray:
     return filled
 
 
-def _left(after: FieldUncertainty, before: FieldUncertainty) -> float:
+def _measure_left(after: FieldUncertainty, before: FieldUncertainty) -> float:
     """Return the share of the uncertainty that is left, on the whole and where it is worst."""
     return (after.median_px / before.median_px + after.p95_px / before.p95_px) / 2
 

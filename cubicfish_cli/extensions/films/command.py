@@ -99,7 +99,7 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
 
     folder, source = Path(options.folder), TargetSource.of(options.target)
     targets = source.load(run.listener) if source.is_known else None
-    films = open_films(_expanded(options.films))
+    films = open_films(_expand(options.films))
     refuse_existing(folder / SHEET, overwrite=run.overwrite)
     with room_for_frames(folder) as room:
         measured = scanned(films, room, options.most, run.listener)
@@ -127,7 +127,7 @@ def choose_frames(options: FramesOptions, *, run: Run = RUN) -> ChosenFrames:
     )
 
 
-def _expanded(films: StrPath | Sequence[StrPath]) -> list[Path]:
+def _expand(films: StrPath | Sequence[StrPath]) -> list[Path]:
     """Return films, with patterns replaced by what they match."""
     from cubicfish_cli.app.photos import expanded
 

@@ -95,7 +95,7 @@ def chosen_of(
         DetectionError: no frame shows the target.
 
     """
-    frames, size = _candidates(measured), measured[0].film.size
+    frames, size = _list_candidates(measured), measured[0].film.size
     scale = Scale.of([frame.seen for frame in frames], still_px(size))
     worse = [at for at, frame in enumerate(frames) if scale.is_spoilt(frame.seen)]
     search = Search(
@@ -127,7 +127,7 @@ def chosen_of(
     )
 
 
-def _candidates(measured: Sequence[Measured]) -> list[Candidate]:
+def _list_candidates(measured: Sequence[Measured]) -> list[Candidate]:
     """Return the frames that were kept, film by film."""
     every = []
     for number, film in enumerate(measured):

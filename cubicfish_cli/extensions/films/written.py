@@ -46,7 +46,7 @@ def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
         OutputError: a file exists and ``overwrite`` is false, or cannot be written.
 
     """
-    files: dict[Path, Content] = {folder / SHEET: _sheet(chosen)}
+    files: dict[Path, Content] = {folder / SHEET: _draw_sheet(chosen)}
     for frame in chosen.taken:
         files[folder / frame.photo.name] = partial(shutil.copyfile, frame.photo.path)
     films = {one.film.label for one in chosen.measured}
@@ -58,7 +58,7 @@ def write_chosen(folder: Path, chosen: Chosen, *, overwrite: bool) -> None:
     write_files(files, overwrite=overwrite, obsolete=obsolete, folder=folder)
 
 
-def _sheet(chosen: Chosen) -> str:
+def _draw_sheet(chosen: Chosen) -> str:
     """Make the contact sheet: chosen frames, small and side by side, in one page."""
     films, taken = chosen.measured, chosen.taken
     figures = []

@@ -34,7 +34,7 @@ class BrownLens(PinholeLens):
 
 def anipose_text(one: PlacedLens) -> str:
     """Write a lens as a calibration.toml of one camera, in its own frame."""
-    return _text(one.note, {"cam_0": _table(one, 1.0)})
+    return _write_text(one.note, {"cam_0": _make_table(one, 1.0)})
 
 
 def anipose_rig_text(rig: LensRig) -> str:
@@ -45,12 +45,12 @@ def anipose_rig_text(rig: LensRig) -> str:
 
     """
     metres, digits = rig.metres, len(str(len(rig.lenses) - 1))
-    notes = [f"{_value(one.name)}: {line}" for one in rig.lenses for line in one.note]
-    tables = {f"cam_{n:0{digits}}": _table(one, metres) for n, one in enumerate(rig.lenses)}
-    return _text(notes, tables)
+    notes = [f"{_write_value(one.name)}: {line}" for one in rig.lenses for line in one.note]
+    tables = {f"cam_{n:0{digits}}": _make_table(one, metres) for n, one in enumerate(rig.lenses)}
+    return _write_text(notes, tables)
 
 
-def _table(one: PlacedLens, metres: float) -> dict[str, Any]:
+def _make_table(one: PlacedLens, metres: float) -> dict[str, Any]:
     lens = one.lens
     return {
         "name": one.name,
@@ -63,13 +63,17 @@ def _table(one: PlacedLens, metres: float) -> dict[str, Any]:
     }
 
 
-def _text(note: Sequence[str], tables: Mapping[str, Mapping[str, Any]]) -> str:
+def _write_text(note: Sequence[str], tables: Mapping[str, Mapping[str, Any]]) -> str:
     lines = [f"# {line}" for line in note]
     for name, table in tables.items():
-        lines += ["", f"[{name}]", *(f"{key} = {_value(value)}" for key, value in table.items())]
+        lines += [
+            "",
+            f"[{name}]",
+            *(f"{key} = {_write_value(value)}" for key, value in table.items()),
+        ]
     return "\n".join([*lines, "", "[metadata]", "adjusted = true", ""])
 
 
-def _value(value: Any) -> str:
+def _write_value(value: Any) -> str:
     """Write a value: text, flags and lists are the same in JSON and TOML, but for one character."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

@@ -80,11 +80,11 @@ class RadTanThinPrismLens(FocalLens):
     @cached_property
     def max_angle(self) -> float:
         """See :class:`Lens`: at most where the radial part stops growing."""
-        return min(super().max_angle, _fold_rad(self.k))
+        return min(super().max_angle, _find_fold_rad(self.k))
 
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`."""
-        uv = _fisheye(points)
+        uv = _project_fisheye(points)
         powers = (uv**2).sum(axis=1)[:, None] ** np.arange(1, len(self.k) + 1)
         a, b = (uv * (1 + powers @ self.k)[:, None]).T
         (t1, t2), (s1, s2, s3, s4) = self.t, self.s
@@ -96,10 +96,10 @@ class RadTanThinPrismLens(FocalLens):
 
     def sees(self, points: FloatArray) -> npt.NDArray[np.bool_]:
         """See :class:`Lens`: as far as the radial part grows."""
-        return angle_from_axis(points) <= _fold_rad(self.k)
+        return angle_from_axis(points) <= _find_fold_rad(self.k)
 
 
-def _fisheye(points: FloatArray) -> FloatArray:
+def _project_fisheye(points: FloatArray) -> FloatArray:
     """Return (u, v) (N, 2) of camera-frame points; NaN straight behind, where it is undefined."""
     x, y, z = columns(points)
     rho = np.hypot(x, y)
@@ -109,7 +109,7 @@ def _fisheye(points: FloatArray) -> FloatArray:
         return np.asarray(points[:, :2] * scale[:, None])
 
 
-def _fold_rad(k: FloatArray) -> float:
+def _find_fold_rad(k: FloatArray) -> float:
     """Return the angle up to which the radial part grows, at most π."""
     theta = np.arange(0, np.pi, _STEP_RAD)
     slope = np.ones_like(theta)
@@ -235,9 +235,9 @@ def read_colmap(path: Path, *, camera: str | None = None) -> Lens:
     """
     data = read_bytes(path, max_bytes=MAX_BYTES, error=CameraFileError)
     if looks_like_cameras_bin(data):
-        cameras = _of_binary(path, data)
+        cameras = _read_binary(path, data)
     else:
-        cameras = _of_text(path, read_text(path, max_bytes=MAX_BYTES, error=CameraFileError))
+        cameras = _read_text(path, read_text(path, max_bytes=MAX_BYTES, error=CameraFileError))
     there: dict[str, tuple[Path, str, Sequence[Any]]] = {}
     for number, where, name, values in cameras:
         if number in there:
@@ -268,7 +268,7 @@ Found = Iterator[tuple[str, Path, str, Sequence[Any]]]
 """CAMERA_ID, place in the file, model, and WIDTH, HEIGHT and PARAMS of each camera."""
 
 
-def _of_text(path: Path, text: str) -> Found:
+def _read_text(path: Path, text: str) -> Found:
     for number, line in enumerate(text.splitlines(), start=1):
         camera, *cells = line.split() or ["#"]
         if not camera.startswith("#"):
@@ -276,7 +276,7 @@ def _of_text(path: Path, text: str) -> Found:
             yield camera, Path(f"{path}, line {number}"), name, values
 
 
-def _of_binary(path: Path, data: bytes) -> Found:
+def _read_binary(path: Path, data: bytes) -> Found:
     (count,), at = _HEAD.unpack_from(data), _HEAD.size
     names = {model.number: name for name, model in MODELS.items()}
     try:

@@ -121,14 +121,14 @@ def command(imported: Imported, given: ImportOptions, how: How) -> None:
         f"wrote {imported.file}: a lens of {imported.written_by}, {width}x{height}, trusted to "
         f"{made.max_angle_deg:.1f}° from its axis"
     )
-    result(f"field: {_why_it_ends(imported, limited=given.max_angle_deg is not None)}")
+    result(f"field: {_explain_end(imported, limited=given.max_angle_deg is not None)}")
     result(
         f"conversion error: RMS {error.rms_px:.4f} px, largest {error.max_px:.4f} px up to "
         f"{error.max_angle_deg:.1f}°"
     )
 
 
-def _why_it_ends(imported: Imported, *, limited: bool) -> str:
+def _explain_end(imported: Imported, *, limited: bool) -> str:
     """Say what ends the field, and what to do if that may be wrong."""
     trusted = f"{imported.camera.max_angle_deg:.1f}°"
     ended_by, fold_deg = imported.conversion.ended_by, imported.conversion.fold_deg

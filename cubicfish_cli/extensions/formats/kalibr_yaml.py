@@ -54,7 +54,7 @@ _WRITTEN = {
 
 def kalibr_text(one: PlacedLens) -> str:
     """Write a lens as a camchain of one camera."""
-    return "\n".join([*(f"# {line}" for line in one.note), *_camera_lines(one.lens, 0, []), ""])
+    return "\n".join([*(f"# {line}" for line in one.note), *_write_camera(one.lens, 0, []), ""])
 
 
 def kalibr_rig_text(rig: LensRig) -> str:
@@ -68,7 +68,7 @@ def kalibr_rig_text(rig: LensRig) -> str:
     for number, one in enumerate(rig.lenses):
         overlaps = np.flatnonzero(rig.overlaps[number]).tolist()
         lines += [f"# cam{number} is {one.name}", *(f"# {line}" for line in one.note)]
-        lines += _camera_lines(one.lens, number, overlaps)
+        lines += _write_camera(one.lens, number, overlaps)
         if number:
             turn, shift = rig.between(number, number - 1)
             rows = transform_rows(turn, shift * rig.metres)
@@ -76,7 +76,7 @@ def kalibr_rig_text(rig: LensRig) -> str:
     return "\n".join([*lines, ""])
 
 
-def _camera_lines(lens: Lens, number: int, overlaps: Sequence[int]) -> list[str]:
+def _write_camera(lens: Lens, number: int, overlaps: Sequence[int]) -> list[str]:
     camera, distortion, coefficients = _WRITTEN[type(lens)]
     named = named_numbers(lens)
     width, height = lens.image_size

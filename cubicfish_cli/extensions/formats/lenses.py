@@ -116,14 +116,14 @@ class PinholeLens(FocalLens):
                 axis=-1,
             )
             if tau_x or tau_y:
-                tilted = np.column_stack([bent, np.ones(len(bent))]) @ _tilt(tau_x, tau_y).T
+                tilted = np.column_stack([bent, np.ones(len(bent))]) @ _compute_tilt(tau_x, tau_y).T
                 bent = tilted[:, :2] / tilted[:, 2:]
         pixel = bent * [self.fx, self.fy] + [self.cx, self.cy]
         good = (points[:, 2] > 0) & np.isfinite(pixel).all(axis=1)
         return np.where(good[:, None], pixel, np.nan)
 
 
-def _tilt(tau_x: float, tau_y: float) -> FloatArray:
+def _compute_tilt(tau_x: float, tau_y: float) -> FloatArray:
     """OpenCV's matrix of a sensor turned by τx about x, then by τy about y (Scheimpflug)."""
     cx, sx, cy, sy = np.cos(tau_x), np.sin(tau_x), np.cos(tau_y), np.sin(tau_y)
     about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])

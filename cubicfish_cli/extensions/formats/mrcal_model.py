@@ -111,23 +111,23 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
             names the file and the key.
 
     """
-    data = _dictionary(path, read_text(path, max_bytes=MAX_BYTES, error=CameraFileError))
+    data = _parse_dictionary(path, read_text(path, max_bytes=MAX_BYTES, error=CameraFileError))
     for key in ("lensmodel", "imagersize"):
         if key not in data.values:
             raise CameraFileError(f"{path}: it has no key {key}: is it a .cameramodel of mrcal?")
     lens = str(data.values["lensmodel"])
     image_size = data.size_of("imagersize")
-    region = _region(data)
+    region = _read_region(data)
     if lens in _OPENCV_SIZES:
         values = data.numbers("intrinsics", 4 + _OPENCV_SIZES[lens])
-        return PinholeLens(image_size=image_size, **_core(path, values), d=values[4:])
-    order, nx, ny, fov_x_deg = _configuration(path, lens)
+        return PinholeLens(image_size=image_size, **_read_core(path, values), d=values[4:])
+    order, nx, ny, fov_x_deg = _read_configuration(path, lens)
     count = 2 * nx * ny if lens != "LENSMODEL_STEREOGRAPHIC" else 0
     values = data.numbers("intrinsics", 4 + count)
     control = values[4:] if count else np.zeros(2 * nx * ny)
     return SplinedLens(
         image_size=image_size,
-        **_core(path, values),
+        **_read_core(path, values),
         order=order,
         fov_x_deg=fov_x_deg,
         control=control.reshape(ny, nx, 2),
@@ -135,13 +135,13 @@ def read_mrcal(path: Path) -> SplinedLens | PinholeLens:
     )
 
 
-def _core(path: Path, values: FloatArray) -> dict[str, float]:
+def _read_core(path: Path, values: FloatArray) -> dict[str, float]:
     if not (values[:2] > 0).all():
         raise CameraFileError(f"{path}: intrinsics: fx and fy, the first two, must be above 0")
     return dict(zip(("fx", "fy", "cx", "cy"), values.tolist(), strict=False))
 
 
-def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
+def _read_configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
     """Return order, Nx, Ny and fov_x_deg of a splined or a stereographic lens."""
     if lens == "LENSMODEL_STEREOGRAPHIC":
         return 3, 4, 4, _STEREOGRAPHIC_FOV_DEG
@@ -164,7 +164,7 @@ def _configuration(path: Path, lens: str) -> tuple[int, int, int, int]:
     return order, nx, ny, fov_x_deg
 
 
-def _region(data: Fields) -> FloatArray:
+def _read_region(data: Fields) -> FloatArray:
     rows, key = data.values.get("valid_intrinsics_region"), "valid_intrinsics_region"
     if rows is None:
         return np.zeros((0, 2))
@@ -181,20 +181,20 @@ def _region(data: Fields) -> FloatArray:
     return region if closed else np.concatenate([region, region[:1]])
 
 
-def _dictionary(path: Path, text: str) -> Fields:
+def _parse_dictionary(path: Path, text: str) -> Fields:
     """Parse the dictionary, without the packed bytes in it.
 
     Without comments, packed bytes and tuples it is YAML in braces, whose reader evaluates nothing
     and has bounds.
     """
-    plain = _TOKEN.sub(_as_yaml, text)
+    plain = _TOKEN.sub(_convert_token, text)
     if len(plain) > MAX_PLAIN_BYTES:
         raise CameraFileError(f"{path}: too much in it for a lens: is it the right file?")
     data = parse_plain_yaml(path, plain, error=CameraFileError)
     return Fields.of(path, data, "a .cameramodel")
 
 
-def _as_yaml(match: re.Match[str]) -> str:
+def _convert_token(match: re.Match[str]) -> str:
     token = match[0]
     if token in "()":
         return "[" if token == "(" else "]"

@@ -79,7 +79,7 @@ class SplinedLens(FocalLens):
         """
         u = stereographic(points)
         rows, columns = self.control.shape[:2]
-        first, weight = _weights(u, columns, rows, self.order, self.fov_x_deg)
+        first, weight = _compute_weights(u, columns, rows, self.order, self.fov_x_deg)
         span = np.arange(self.order + 1)
         across, down = first[:, 0, None] + span, first[:, 1, None] + span
         local = self.control[down[:, :, None], across[:, None, :]]
@@ -107,14 +107,14 @@ class SplinedLens(FocalLens):
         bend = (pixel - centre) / focal - u
         half_x, half_y = np.abs(u).max(axis=0)
         fov_x_deg = min(359, math.ceil(math.degrees(4 * math.atan(half_x / 2))) + 1)
-        edge_x = _edges(_ORDER + 1, _ORDER + 1, _ORDER, fov_x_deg)[0]
+        edge_x = _compute_edges(_ORDER + 1, _ORDER + 1, _ORDER, fov_x_deg)[0]
         best: tuple[float, FloatArray] | None = None
         for intervals in _INTERVALS:
             nx = intervals + _ORDER
             ny = math.ceil(intervals * half_y / edge_x * (1 + 1e-9)) + _ORDER
             if best is not None and 2 * nx * ny > len(u):
                 break  # more control points than the rays can tell apart
-            control, error = _surfaces(u, bend, nx, ny, fov_x_deg)
+            control, error = _fit_surfaces(u, bend, nx, ny, fov_x_deg)
             largest = float(np.abs(error * focal).max())
             if best is None or largest < best[0]:
                 best = largest, control
@@ -130,7 +130,7 @@ class SplinedLens(FocalLens):
             order=_ORDER,
             fov_x_deg=fov_x_deg,
             control=best[1],
-            region=_outline(camera),
+            region=_find_outline(camera),
         )
 
 
@@ -142,20 +142,20 @@ def stereographic(points: FloatArray) -> FloatArray:
     return np.where(np.isfinite(u).all(axis=1, keepdims=True), u, np.nan)
 
 
-def _edges(nx: int, ny: int, order: int, fov_x_deg: float) -> tuple[float, float]:
+def _compute_edges(nx: int, ny: int, order: int, fov_x_deg: float) -> tuple[float, float]:
     """Return half the extent of the spline over u, along x and along y."""
     edge_x = 2 * math.tan(math.radians(fov_x_deg) / 4)
     return edge_x, edge_x * (ny - order) / (nx - order)
 
 
-def _weights(
+def _compute_weights(
     u: FloatArray, nx: int, ny: int, order: int, fov_x_deg: float
 ) -> tuple[IntArray, FloatArray]:
     """Return the control points that count at u: their first column and row (N, 2), and weights.
 
     The weights (N, 2, order + 1) along x and along y are those of uniform B-splines.
     """
-    edge_x, _ = _edges(nx, ny, order, fov_x_deg)
+    edge_x, _ = _compute_edges(nx, ny, order, fov_x_deg)
     count = np.array([nx, ny])
     place = np.where(np.isfinite(u), u, 0) * (nx - order) / (2 * edge_x) + (count - 1) / 2
     if order == 3:
@@ -168,11 +168,11 @@ def _weights(
     return first, np.stack([(0.5 - x) ** 2, 1.5 - 2 * x * x, (0.5 + x) ** 2], axis=-1) / 2
 
 
-def _surfaces(
+def _fit_surfaces(
     u: FloatArray, bend: FloatArray, nx: int, ny: int, fov_x_deg: float
 ) -> tuple[FloatArray, FloatArray]:
     """Fit control points (Ny, Nx, 2) to Δ = ``bend`` (N, 2) at u; also return the rest (N, 2)."""
-    first, weight = _weights(u, nx, ny, _ORDER, fov_x_deg)
+    first, weight = _compute_weights(u, nx, ny, _ORDER, fov_x_deg)
     span = np.arange(_ORDER + 1)
     index = (first[:, 1, None] + span)[:, :, None] * nx + (first[:, 0, None] + span)[:, None, :]
     product = weight[:, 1, :, None] * weight[:, 0, None, :]
@@ -181,20 +181,20 @@ def _surfaces(
         (product.ravel(), (row.ravel(), index.ravel())), shape=(len(u), nx * ny)
     )
     stiffness = _STIFFNESS * math.sqrt(len(u) / (nx * ny))
-    bending = stiffness * _second_differences(nx, ny)
+    bending = stiffness * _make_second_differences(nx, ny)
     normal = (design.T @ design + bending.T @ bending).toarray()
     control = linalg.solve(normal, design.T @ bend, assume_a="pos")
     return control.reshape(ny, nx, 2), bend - design @ control
 
 
-def _second_differences(nx: int, ny: int) -> sparse.csr_array:
+def _make_second_differences(nx: int, ny: int) -> sparse.csr_array:
     """Return rows of second differences of a (Ny, Nx) grid, along x and along y."""
     each_x, each_y = (sparse.csr_array(np.eye(count)) for count in (nx, ny))
     along, down = (sparse.csr_array(np.diff(np.eye(count), 2, axis=0)) for count in (nx, ny))
     return sparse.vstack([sparse.kron(each_y, along), sparse.kron(down, each_x)]).tocsr()
 
 
-def _outline(camera: CubicCamera) -> FloatArray:
+def _find_outline(camera: CubicCamera) -> FloatArray:
     """Return the closed outline of the camera's field, with the photo's corners that it sees."""
     outline = camera.outline(_OUTLINE)
     width, height = camera.image_size

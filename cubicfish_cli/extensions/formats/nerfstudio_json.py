@@ -42,9 +42,10 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 def nerfstudio_text(one: PlacedLens) -> str:
     """Write a radial lens and camera_from_world of its photos as transforms.json."""
     frames = [
-        {"file_path": name, "transform_matrix": _matrix(pose)} for name, pose in one.poses.items()
+        {"file_path": name, "transform_matrix": _make_matrix(pose)}
+        for name, pose in one.poses.items()
     ]
-    return json_text({**_lens(one.lens), "made_by": list(one.note), "frames": frames})
+    return json_text({**_record_lens(one.lens), "made_by": list(one.note), "frames": frames})
 
 
 def nerfstudio_rig_text(rig: LensRig) -> str:
@@ -55,8 +56,8 @@ def nerfstudio_rig_text(rig: LensRig) -> str:
     frames = [
         {
             "file_path": f"{one.name}/{name}",
-            "transform_matrix": _matrix(pose),
-            **_lens(one.lens),
+            "transform_matrix": _make_matrix(pose),
+            **_record_lens(one.lens),
         }
         for one in rig.lenses
         for name, pose in one.poses.items()
@@ -65,7 +66,7 @@ def nerfstudio_rig_text(rig: LensRig) -> str:
     return json_text({"camera_model": _WRITTEN, "made_by": note, "frames": frames})
 
 
-def _lens(lens: RadialCamera) -> dict[str, Any]:
+def _record_lens(lens: RadialCamera) -> dict[str, Any]:
     named, (width, height) = named_numbers(lens), lens.image_size
     return {
         "camera_model": _WRITTEN,
@@ -76,7 +77,7 @@ def _lens(lens: RadialCamera) -> dict[str, Any]:
     }
 
 
-def _matrix(camera_from_world: Pose) -> list[list[float]]:
+def _make_matrix(camera_from_world: Pose) -> list[list[float]]:
     rotation, translation = camera_from_world
     return transform_rows(rotation.T @ _FLIP, -rotation.T @ translation)
 

@@ -84,7 +84,7 @@ class ScaramuzzaLens(ForeignLens):
     @classmethod
     def starts(cls, radial: RadialCamera, covered: float) -> tuple[Self, ...]:
         """Fit f to the radial lens's profile, by linear least squares."""
-        start = cls._near(radial, np.linspace(0.02, covered, 200), _DEGREES[0])
+        start = cls._fit_near(radial, np.linspace(0.02, covered, 200), _DEGREES[0])
         return (replace(start, max_radius=_COMPARED_MARGIN * radial.fy),)
 
     @property
@@ -97,12 +97,14 @@ class ScaramuzzaLens(ForeignLens):
     @cached_property
     def max_angle(self) -> float:
         """See :class:`Lens`: as far as the angle grows with the radius."""
-        return float(_angles(self.a, self._max_radius)[1][-1])
+        return float(_tabulate_angles(self.a, self._find_max_radius)[1][-1])
 
     def pixels(self, points: FloatArray) -> FloatArray:
         """See :class:`Lens`: by f itself; NaN where f has no such angle."""
         rho = np.hypot(points[:, 0], points[:, 1])
-        return self._pixel(points, rho, _radius(self.a, rho, points[:, 2], self._max_radius))
+        return self._compute_pixel(
+            points, rho, _find_radius(self.a, rho, points[:, 2], self._find_max_radius)
+        )
 
     def project_by_inverse(self, points: FloatArray) -> FloatArray:
         """Project by the inverse polynomial, as most programs do; NaN without one."""
@@ -111,7 +113,7 @@ class ScaramuzzaLens(ForeignLens):
         rho = np.hypot(points[:, 0], points[:, 1])
         seen = np.isfinite(self.pixels(points)[:, 0])
         radius = polynomial.polyval(angle_from_axis(points) - np.pi / 2, self.inverse)
-        return self._pixel(points, rho, np.where(seen, radius, np.nan))
+        return self._compute_pixel(points, rho, np.where(seen, radius, np.nan))
 
     @property
     def also(self) -> Mapping[str, Callable[[FloatArray], FloatArray]]:
@@ -125,7 +127,7 @@ class ScaramuzzaLens(ForeignLens):
         radius = np.hypot(plane[:, 0], plane[:, 1])
         rays = np.column_stack([plane, polynomial.polyval(radius, self.a)])
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        inside = radius <= _angles(self.a, self._max_radius)[0][-1]
+        inside = radius <= _tabulate_angles(self.a, self._find_max_radius)[0][-1]
         return np.where(inside[:, None], rays, np.nan).reshape(*pixel.shape[:-1], 3)
 
     @classmethod
@@ -135,7 +137,7 @@ class ScaramuzzaLens(ForeignLens):
         Its degree is 4 to 12, stretch[1, 1] is 1, and its inverse goes with it.
         """
         tried = [cls.of_degree(degree, camera, rays, pixel) for degree in _DEGREES]
-        errors = np.array([_rms_and_largest(one, rays, pixel) for one in tried])
+        errors = np.array([_measure_distance(one, rays, pixel) for one in tried])
         best = errors.min(axis=0)
         good_enough = np.maximum((1 + _TOLERATED_SHARE) * best, best + _TOLERATED_PX)
         found = tried[int(np.argmax((errors <= good_enough).all(axis=1)))]
@@ -151,7 +153,7 @@ class ScaramuzzaLens(ForeignLens):
         # Chebyshev's points keep the error even up to both ends.
         x = np.cos(np.pi * (np.arange(1500) + 0.5) / 1500)
         angle = middle + half * x + np.pi / 2
-        radius = _radius(self.a, np.sin(angle), np.cos(angle), self._max_radius)
+        radius = _find_radius(self.a, np.sin(angle), np.cos(angle), self._find_max_radius)
         inside = angle <= farthest
         series: FloatArray = np.zeros(1)
         for degree in _INVERSE_DEGREES:
@@ -168,14 +170,14 @@ class ScaramuzzaLens(ForeignLens):
         cls, degree: int, camera: CubicCamera, rays: FloatArray, pixel: FloatArray
     ) -> ScaramuzzaLens:
         """Return the nearest lens of a degree, without its inverse; the linear term stays 0."""
-        start = cls._near(camera.radial, angle_from_axis(rays), degree)
+        start = cls._fit_near(camera.radial, angle_from_axis(rays), degree)
         max_radius = 2 * float(np.hypot(*camera.image_size))
         return replace(
             nearest_lens([replace(start, max_radius=max_radius)], rays, pixel), max_radius=None
         )
 
     @classmethod
-    def _near(cls, radial: RadialCamera, theta: FloatArray, degree: int) -> Self:
+    def _fit_near(cls, radial: RadialCamera, theta: FloatArray, degree: int) -> Self:
         """Fit f to a radial lens's profile at angles from its axis, by linear least squares."""
         powers = np.array([0, *range(2, degree + 1)])
         profile = radial.profile(theta)
@@ -193,7 +195,7 @@ class ScaramuzzaLens(ForeignLens):
         )
 
     @property
-    def _max_radius(self) -> float:
+    def _find_max_radius(self) -> float:
         if self.max_radius is not None:
             return self.max_radius
         width, height = self.image_size
@@ -201,14 +203,14 @@ class ScaramuzzaLens(ForeignLens):
         plane = np.linalg.solve(self.stretch, (corners - [self.cx, self.cy]).T)
         return _MARGIN * float(np.hypot(*plane).max())
 
-    def _pixel(self, points: FloatArray, rho: FloatArray, radius: FloatArray) -> FloatArray:
+    def _compute_pixel(self, points: FloatArray, rho: FloatArray, radius: FloatArray) -> FloatArray:
         # On the axis the direction is 0/0, and the radius 0.
         direction = points[:, :2] / np.maximum(rho, np.finfo(float).tiny)[:, None]
         pixel = (radius[:, None] * direction) @ self.stretch.T + [self.cx, self.cy]
         return np.asarray(pixel, float)
 
 
-def _rms_and_largest(
+def _measure_distance(
     lens: ScaramuzzaLens, rays: FloatArray, pixel: FloatArray
 ) -> tuple[float, float]:
     """Return RMS and largest distance, pixels; infinite for a lens that does not see all rays."""
@@ -218,7 +220,7 @@ def _rms_and_largest(
     return float(np.sqrt(squares.mean())), float(np.sqrt(squares.max()))
 
 
-def _angles(a: FloatArray, max_radius: float) -> tuple[FloatArray, FloatArray]:
+def _tabulate_angles(a: FloatArray, max_radius: float) -> tuple[FloatArray, FloatArray]:
     """Return radii from 0 on and their angles from the axis, as far as the angle grows."""
     radius = np.linspace(0, max_radius, _TABLE)
     angle = np.arctan2(radius, polynomial.polyval(radius, a))
@@ -227,9 +229,9 @@ def _angles(a: FloatArray, max_radius: float) -> tuple[FloatArray, FloatArray]:
     return radius[:end], angle[:end]
 
 
-def _radius(a: FloatArray, rho: FloatArray, z: FloatArray, max_radius: float) -> FloatArray:
+def _find_radius(a: FloatArray, rho: FloatArray, z: FloatArray, max_radius: float) -> FloatArray:
     """Find the smallest r, at most ``max_radius``, where (r, f(r)) points along (ρ, Z), or NaN."""
-    table, angle = _angles(a, max_radius)
+    table, angle = _tabulate_angles(a, max_radius)
     slope = polynomial.polyder(a)
     # Along unit vectors Newton's step means the same near and far.
     norm = np.hypot(rho, z)
@@ -276,10 +278,10 @@ def ocamcalib_text(one: PlacedLens) -> str:
     inverse = lens.inverse * scale
     width, height = lens.image_size
     values = (
-        f"{len(polynomial)} {_spaced(polynomial)}",
-        f"{len(inverse)} {_spaced(inverse)}".rstrip(),
-        _spaced([lens.cy, lens.cx]),
-        _spaced(matrix.ravel()[:3]),
+        f"{len(polynomial)} {_write_spaced(polynomial)}",
+        f"{len(inverse)} {_write_spaced(inverse)}".rstrip(),
+        _write_spaced([lens.cy, lens.cx]),
+        _write_spaced(matrix.ravel()[:3]),
         f"{height} {width}",
     )
     parts = zip(_REMARKS, values, strict=True)
@@ -288,7 +290,7 @@ def ocamcalib_text(one: PlacedLens) -> str:
     return "".join([*(f"{remark}\n\n{value}\n\n" for remark, value in parts), *notes])
 
 
-def _spaced(values: Iterable[float]) -> str:
+def _write_spaced(values: Iterable[float]) -> str:
     """Write numbers so that they read back exactly; f's linear term is 0 and not -0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
@@ -312,7 +314,7 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
             "is it OCamCalib's calib_results.txt?"
         )
     values = [
-        _numbers(where, cells, part)
+        _read_numbers(where, cells, part)
         for (where, cells), part in zip(rows.items(), _PARTS, strict=True)
     ]
     f, inverse, (row, column), (c, d, e), (height, width) = values
@@ -336,7 +338,7 @@ def read_ocamcalib(path: Path) -> ScaramuzzaLens:
     )
 
 
-def _numbers(where: Path, cells: Sequence[str], part: str) -> FloatArray:
+def _read_numbers(where: Path, cells: Sequence[str], part: str) -> FloatArray:
     """Return the numbers of a line, without a leading count."""
     try:
         values = numbers(where, list(map(float, cells)), part, (len(cells),))

@@ -100,10 +100,10 @@ def opencv_text(one: PlacedLens) -> str:
     width, height = one.lens.image_size
     return "\n".join(
         [
-            *_head(one.note),
+            *_write_head(one.note),
             f"image_width: {width}",
             f"image_height: {height}",
-            *_lens_lines(one.lens, "camera_matrix", "distortion_coefficients"),
+            *_write_lens(one.lens, "camera_matrix", "distortion_coefficients"),
             "",
         ]
     )
@@ -126,30 +126,30 @@ def opencv_stereo_text(rig: LensRig) -> str:
             f"with --pair, such as --pair {names}"
         )
     note = [f"{one.name}: {line}" for one in rig.lenses for line in one.note]
-    lines = _head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])
+    lines = _write_head([*note, f"T, P1, P2 and Q are in {rig.units or 'units of the target'}"])
     for number, one in enumerate(rig.lenses, start=1):
         width, height = one.lens.image_size
         lines += [f"image_width{number}: {width}", f"image_height{number}: {height}"]
-        lines += _lens_lines(one.lens, f"M{number}", f"D{number}")
+        lines += _write_lens(one.lens, f"M{number}", f"D{number}")
     turn, shift = rig.between(1, 0)
-    lines += _matrix_lines({"R": turn, "T": shift[:, None]})
+    lines += _write_matrices({"R": turn, "T": shift[:, None]})
     if rig.flat is not None:
         width, height = rig.flat.size
         lines += [f"rectified_width: {width}", f"rectified_height: {height}"]
         (R1, R2), (P1, P2) = rig.flat.rotations, rig.flat.projections
-        lines += _matrix_lines({"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": rig.flat.Q})
+        lines += _write_matrices({"R1": R1, "R2": R2, "P1": P1, "P2": P2, "Q": rig.flat.Q})
     return "\n".join([*lines, ""])
 
 
-def _head(note: Sequence[str]) -> list[str]:
+def _write_head(note: Sequence[str]) -> list[str]:
     return ["%YAML:1.0", "---", *(f"# {line}" for line in note), "model: fisheye"]
 
 
-def _lens_lines(lens: RadialCamera, matrix: str, coefficients: str) -> list[str]:
-    return _matrix_lines({matrix: np.array(matrix_rows(lens)), coefficients: lens.k[:, None]})
+def _write_lens(lens: RadialCamera, matrix: str, coefficients: str) -> list[str]:
+    return _write_matrices({matrix: np.array(matrix_rows(lens)), coefficients: lens.k[:, None]})
 
 
-def _matrix_lines(named: Mapping[str, FloatArray]) -> list[str]:
+def _write_matrices(named: Mapping[str, FloatArray]) -> list[str]:
     lines = []
     for name, matrix in named.items():
         rows, columns = matrix.shape
@@ -164,7 +164,7 @@ def looks_like_opencv(text: str) -> bool:
     # One pattern for blanks before and after a brace takes minutes over some thousand blank lines.
     starts = (line.strip().removeprefix("{").lstrip() for line in text.splitlines())
     keys = (_KEY.match(start) for start in starts)
-    return any(key is not None and _plain(key.group(1)) in _MATRIX for key in keys)
+    return any(key is not None and _normalise_key(key.group(1)) in _MATRIX for key in keys)
 
 
 def read_opencv(
@@ -186,9 +186,9 @@ def read_opencv(
     if camera is not None and isinstance(record.get(camera), dict):
         record, camera = {**record, **record[camera]}, None
     keys = _Keys(path, record, camera)
-    name, matrix = _matrix(keys)
-    d = _coefficients(keys, name)
-    photos = _size(keys) or image_size
+    name, matrix = _read_matrix(keys)
+    d = _read_coefficients(keys, name)
+    photos = _read_size(keys) or image_size
     if photos is None:
         raise CameraFileError(f"{path} does not say how large the photos are: add --size WxH")
     named = named_in_matrix(matrix) | dict(zip(PINHOLE, d, strict=False))
@@ -206,7 +206,7 @@ def read_opencv(
     return named_lens(path, model, photos, {**named, "skew": skew})
 
 
-def _row(path: Path, name: str, value: Any) -> Any:
+def _read_row(path: Path, name: str, value: Any) -> Any:
     """Return the numbers of a matrix, or of nested lists, row by row; a number as a list."""
     if not isinstance(value, dict):
         if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
@@ -250,13 +250,14 @@ class _Keys:
             CameraFileError: several have, and hold different values.
 
         """
-        one = "" if self.camera is None else _plain(self.camera)
+        one = "" if self.camera is None else _normalise_key(self.camera)
         own = [*(name + one for name in names), *(one + name for name in names)]
         for spellings in (own,) if arrays else (own, names):
             found = [
                 (key, value)
                 for key, value in self.record.items()
-                if _plain(key) in spellings and (not arrays or isinstance(value, dict | list))
+                if _normalise_key(key) in spellings
+                and (not arrays or isinstance(value, dict | list))
             ]
             for other, value in found[1:]:
                 if value != found[0][1]:
@@ -270,10 +271,10 @@ class _Keys:
 
     def numbers(self, entry: tuple[str, Any], counts: tuple[int, ...]) -> FloatArray:
         """Return the numbers of a key that was found, as many as one of ``counts``."""
-        return numbers(self.path, _row(self.path, *entry), entry[0], counts)
+        return numbers(self.path, _read_row(self.path, *entry), entry[0], counts)
 
 
-def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
+def _read_matrix(keys: _Keys) -> tuple[str, FloatArray]:
     entry = keys.find(_MATRIX, arrays=True)
     if entry is None:
         there = ", ".join(quoted(key)[1:-1] for key in [*keys.record][:10])
@@ -291,7 +292,7 @@ def _matrix(keys: _Keys) -> tuple[str, FloatArray]:
     return entry[0], matrix
 
 
-def _coefficients(keys: _Keys, matrix: str) -> list[float]:
+def _read_coefficients(keys: _Keys, matrix: str) -> list[float]:
     entry = keys.find(_COEFFICIENTS, arrays=True)
     if entry is None:
         raise CameraFileError(
@@ -301,7 +302,7 @@ def _coefficients(keys: _Keys, matrix: str) -> list[float]:
     return keys.numbers(entry, _COUNTS).tolist()
 
 
-def _size(keys: _Keys) -> tuple[int, int] | None:
+def _read_size(keys: _Keys) -> tuple[int, int] | None:
     width, height, both = keys.find(_WIDTH), keys.find(_HEIGHT), keys.find(_SIZE)
     if width is not None and height is not None:
         return size(keys.path, width[1], height[1], f"{width[0]} and {height[0]}")
@@ -333,7 +334,7 @@ def _is_fisheye(keys: _Keys, count: int) -> bool:
     return False
 
 
-def _plain(key: str) -> str:
+def _normalise_key(key: str) -> str:
     return re.sub(r"[^a-z0-9]", "", key.lower())
 
 
@@ -383,10 +384,10 @@ def _parse_xml(path: Path, text: str) -> Any:
             f"{path}: the outermost element is {quoted(root.tag)}, not {_ROOT}: is it OpenCV's "
             "FileStorage?"
         )
-    return _of_element(path, root, 1)
+    return _read_element(path, root, 1)
 
 
-def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
+def _read_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
     """Return an element's content: a mapping, a list if children are called ``_``, or a value."""
     name = quoted(element.tag)
     if depth > MAX_DEPTH:
@@ -394,18 +395,18 @@ def _of_element(path: Path, element: ElementTree.Element, depth: int) -> Any:
     text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
     if not len(element):
         # A storage without anything is a mapping, and anything else without anything nothing.
-        return _values(text) if depth > 1 or text else {}
+        return _parse_values(text) if depth > 1 or text else {}
     names = [child.tag for child in element]
     is_list = set(names) == {"_"}
     if text or (not is_list and ("_" in names or len(set(names)) < len(names))):
         raise CameraFileError(
             f"{path}: {name} holds text, a list and names beside each other, or a name twice"
         )
-    values = [_of_element(path, child, depth + 1) for child in element]
+    values = [_read_element(path, child, depth + 1) for child in element]
     return values if is_list else dict(zip(names, values, strict=True))
 
 
-def _values(text: str) -> Any:
+def _parse_values(text: str) -> Any:
     """Return a number, a list of numbers, or text."""
     words = text.split()
     if not words:

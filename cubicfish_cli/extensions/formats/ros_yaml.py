@@ -53,15 +53,15 @@ def ros_text(one: PlacedLens) -> str:
             f"image_width: {width}",
             f"image_height: {height}",
             f"camera_name: {one.name}",
-            *_matrix_lines("camera_matrix", matrix),
+            *_write_matrix("camera_matrix", matrix),
             "distortion_model: equidistant",
-            *(line for key, value in matrices.items() for line in _matrix_lines(key, value)),
+            *(line for key, value in matrices.items() for line in _write_matrix(key, value)),
             "",
         ]
     )
 
 
-def _matrix_lines(name: str, matrix: FloatArray) -> list[str]:
+def _write_matrix(name: str, matrix: FloatArray) -> list[str]:
     rows, columns = matrix.shape
     return [
         f"{name}:",
@@ -92,8 +92,8 @@ def ros_rig_texts(rig: LensRig) -> dict[str, str]:
             "- header: {frame_id: rig}",
             f"  child_frame_id: {frame}",
             "  transform:",
-            f"    translation: {_named('xyz', metres)}",
-            f"    rotation: {_named('xyzw', rotation.as_quat().tolist())}",
+            f"    translation: {_write_named('xyz', metres)}",
+            f"    rotation: {_write_named('xyzw', rotation.as_quat().tolist())}",
         ]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # turns by 90 degrees about y have several angles
@@ -103,7 +103,7 @@ def ros_rig_texts(rig: LensRig) -> dict[str, str]:
             f'  <joint name="rig_to_{frame}" type="fixed">',
             '    <parent link="rig"/>',
             f'    <child link="{frame}"/>',
-            f'    <origin xyz="{_spaced(metres)}" rpy="{_spaced(angles)}"/>',
+            f'    <origin xyz="{_write_spaced(metres)}" rpy="{_write_spaced(angles)}"/>',
             "  </joint>",
         ]
     texts["static_transforms.yaml"] = "\n".join([*lines, ""])
@@ -111,11 +111,11 @@ def ros_rig_texts(rig: LensRig) -> dict[str, str]:
     return texts
 
 
-def _named(names: str, values: Sequence[float]) -> str:
+def _write_named(names: str, values: Sequence[float]) -> str:
     return "{" + ", ".join(f"{a}: {v!r}" for a, v in zip(names, values, strict=True)) + "}"
 
 
-def _spaced(values: Sequence[float]) -> str:
+def _write_spaced(values: Sequence[float]) -> str:
     return " ".join(map(repr, values))
 
 

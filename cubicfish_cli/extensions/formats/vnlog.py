@@ -97,7 +97,7 @@ def read_vnlogs(
             line that names it and, where it is about one corner, the line.
 
     """
-    index, pattern = _board_index(paths[0], target, board), only or "*"
+    index, pattern = _find_board_index(paths[0], target, board), only or "*"
     parts: list[Observations] = []
     left_out, there = 0, set[str]()
     for path in paths:
@@ -122,7 +122,7 @@ def read_vnlogs(
     return ImportedCorners(corners=corners, left_out=left_out, empty=empty)
 
 
-def _board_index(path: Path, target: Target, name: str | None) -> int:
+def _find_board_index(path: Path, target: Target, name: str | None) -> int:
     """Return the index of the target's board in the files' photos."""
     if name is None and len(target.boards) > 1:
         shown = ", ".join(quoted(name) for name in target.board_names[:8])
@@ -139,11 +139,11 @@ def _read_file(
     path: Path, target: Target, board: int, image_size: tuple[int, int], only: str
 ) -> tuple[Observations, int]:
     """Read corners of photos that match, listing all photos; count those declared not found."""
-    table, one = _table(path), target.boards[board]
+    table, one = _read_table(path), target.boards[board]
     images, image = table.codes("filename")
     _refuse_scattered(table, image)
     start, count = np.flatnonzero(np.diff(image, prepend=-1)), np.bincount(image)
-    found, corners = _found(table), one.columns * one.rows
+    found, corners = _find_corners(table), one.columns * one.rows
     empty = (count == 1) & ~found[start]
     wrong = np.flatnonzero((count != corners) & ~empty)
     if wrong.size:
@@ -173,14 +173,14 @@ def _read_file(
         column=column,
         row=row,
         pixel=table.points("x", "y"),
-        weight=_weights(table),
+        weight=_read_weights(table),
         world=target.world_points(boards, column, row),
         target=target,
     )
     return every.usable(table.refuse).select(used), int((wanted & ~found & ~empty[image]).sum())
 
 
-def _table(path: Path) -> Table:
+def _read_table(path: Path) -> Table:
     """Read the rows as a table with the line numbers of the file."""
     text = read_text(path, max_bytes=MAX_BYTES, error=CorrespondenceError)
     if text.count("\n") + text.count("\r") > MAX_LINES:
@@ -195,7 +195,7 @@ def _table(path: Path) -> Table:
             "is it a vnlog of corners?"
         )
     names = lines[legend].replace("#", " ", 1).split()
-    rows = ["" if line.lstrip()[:1] in ("", "#") else _as_csv(line) for line in lines]
+    rows = ["" if line.lstrip()[:1] in ("", "#") else _convert_to_csv(line) for line in lines]
     rows[legend] = csv_text([names]).rstrip("\n")
     table = parse_table(
         str(path),
@@ -211,7 +211,7 @@ def _table(path: Path) -> Table:
     return table
 
 
-def _as_csv(line: str) -> str:
+def _convert_to_csv(line: str) -> str:
     cells = line.split("#", 1)[0].split()
     return ",".join('"' + cell.replace('"', '""') + '"' for cell in cells)
 
@@ -228,13 +228,13 @@ def _refuse_scattered(table: Table, image: IntArray) -> None:
         )
 
 
-def _found(table: Table) -> BoolArray:
+def _find_corners(table: Table) -> BoolArray:
     """Return which rows are corners, as in mrcal: no dash, no coordinate or level below 0."""
     cells = [table.columns[name] for name in table.columns if name != "filename"]
     return np.array([not any(map(_ABSENT, row)) for row in zip(*cells, strict=True)], bool)
 
 
-def _weights(table: Table) -> FloatArray:
+def _read_weights(table: Table) -> FloatArray:
     if "weight" in table.columns:
         weight = table.floats("weight")
         return weight * weight

@@ -129,7 +129,7 @@ def _draw_strip(axes: Axes, page: Page, number: str) -> None:
     for k in range(10, _RULER, 10):
         write(_RULER_START + k + 0.4, _RULER_LINE - 2.1, f"{k}")
     write(_RULER_START + _RULER + 0.5, _RULER_LINE - 1.2, "100 mm")
-    for across, words in zip(_LINES, _words(page.board, number), strict=True):
+    for across, words in zip(_LINES, _write_words(page.board, number), strict=True):
         write(_RULER_START, across, words, page.length - _RULER_START)
 
 
@@ -141,7 +141,7 @@ def _fit(text: Text, size: float, room: float) -> None:
     text.set_fontsize(min(1.0, room / length) * size / _POINT)
 
 
-def _words(board: Board, number: str) -> tuple[str, str, str]:
+def _write_words(board: Board, number: str) -> tuple[str, str, str]:
     """Return the three lines of text of the strip."""
     if isinstance(board, AprilGrid):
         columns, rows, origin = board.columns // 2, board.rows // 2, "top left corner of its tag"

@@ -109,9 +109,9 @@ def design(options: PrintOptions, paper: Paper, *, margin: float) -> tuple[Targe
         # White up to the paper's edge begins where the printer can print.
         sides, rim = np.array([paper.long, paper.short - margin, 0.0]), margin
     else:
-        sides, rim = _largest(kind, paper, margin), 0.0
+        sides, rim = _find_largest(kind, paper, margin), 0.0
     rooms = [sides[[*one.size]] for one in sheets]
-    square, counts = _fitting(options, made, rooms, paper, rim=rim)
+    square, counts = _fit_squares(options, made, rooms, paper, rim=rim)
     markers = list(map(made.marker_count, counts))
     family = made.family(options.dictionary, sum(markers))
     places = [
@@ -137,7 +137,7 @@ def design(options: PrintOptions, paper: Paper, *, margin: float) -> tuple[Targe
     return target, pages
 
 
-def _largest(kind: str, paper: Paper, margin: float) -> FloatArray:
+def _find_largest(kind: str, paper: Paper, margin: float) -> FloatArray:
     """Return the largest sheets that the paper holds, across: their sides a, b and c."""
     width, height = paper.long - 2 * margin, paper.short - 2 * margin
     sides = np.array([width, width, width])
@@ -156,7 +156,7 @@ def _largest(kind: str, paper: Paper, margin: float) -> FloatArray:
     return step * np.floor(sides / step + 1e-9)
 
 
-def _fitting(
+def _fit_squares(
     options: PrintOptions, made: Design, rooms: Sequence[FloatArray], paper: Paper, *, rim: float
 ) -> tuple[float, list[Counts]]:
     """Return the square's side and the counts that cover most of sheets (width, height).
@@ -179,7 +179,7 @@ def _fitting(
             for width, height in rooms
         ]
         if options.counts is None:
-            counts = _told_apart(made, limits)
+            counts = _choose_distinct_counts(made, limits)
         else:
             counts = [options.counts] if (np.array(limits) >= options.counts).all() else []
         lengths = [[made.length(n, square) for n in own] for own in counts]
@@ -197,7 +197,7 @@ def _fitting(
     return float(best[1]), best[2]
 
 
-def _told_apart(made: Design, limits: Sequence[Counts]) -> list[Counts]:
+def _choose_distinct_counts(made: Design, limits: Sequence[Counts]) -> list[Counts]:
     """Return the largest counts of corners within limits; none if there is too little room.
 
     Counts and the colours of squares tell plain boards apart: no two have the same counts, either

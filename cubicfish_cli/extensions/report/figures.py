@@ -40,7 +40,7 @@ def all_figures(facts: Facts) -> dict[str, page.Drawn]:
 
 def coverage_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw the corners, and the cells of the field that hold none."""
-    figure, axes = _photo_axes(facts)
+    figure, axes = _make_photo_axes(facts)
     pixel, pairs, cells = errors.pairs.pixel, errors.pairs, errors.cells
     keys = [page.Key(kind="line", colour=page.INK, text="where the camera may be trusted")]
     empty = int(cells.empty.sum())
@@ -80,7 +80,7 @@ def vectors_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     """Draw residuals as arrows, magnified."""
     length = errors.length
     zoom = arrow_zoom(facts, errors)
-    figure, axes = _photo_axes(facts)
+    figure, axes = _make_photo_axes(facts)
     shown = page.some(len(length), _MOST_STROKES)
     start = errors.pairs.pixel[shown]
     ends = np.stack([start, start + zoom * errors.residual[shown]], axis=1)
@@ -116,7 +116,7 @@ def places_figure(facts: Facts, errors: ErrorFacts) -> page.Drawn:
     square = np.histogram2d(at[:, 0], at[:, 1], bins=edges, weights=errors.length**2)[0].T
     value = np.sqrt(square / np.where(count, count, np.nan))
     top = round_up(float(np.nanpercentile(value, 95)))
-    figure, axes = _photo_axes(facts)
+    figure, axes = _make_photo_axes(facts)
     cells = axes.pcolormesh(*edges, value, cmap="cividis", vmin=0, vmax=top, rasterized=True)
     beyond = "max" if np.nanmax(value) > top else "neither"
     figure.colorbar(cells, location="bottom", label="px RMS", aspect=40, extend=beyond)
@@ -236,7 +236,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     shown = np.ma.masked_where(~(inside & np.isfinite(sigma) & (sigma > 0)), sigma)
     if not shown.count():
         return None
-    figure, axes = _photo_axes(facts)
+    figure, axes = _make_photo_axes(facts)
     bands = axes.contourf(x, y, shown.reshape(len(y), len(x)), 7, cmap="cividis")
     figure.colorbar(bands, location="bottom", label="px", aspect=40)
     figures = facts.fit.uncertainty.field
@@ -253,7 +253,7 @@ def uncertainty_figure(facts: Facts, camera: CubicCamera) -> page.Drawn | None:
     )
 
 
-def _photo_axes(facts: Facts) -> tuple[Figure, Axes]:
+def _make_photo_axes(facts: Facts) -> tuple[Figure, Axes]:
     """Make axes of a photo's shape, y down, with the trusted field's outline."""
     figure = page.new_figure(3.9)
     axes = figure.add_subplot()

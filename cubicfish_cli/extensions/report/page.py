@@ -63,10 +63,10 @@ def report_html(facts: Facts) -> str:
         words=in_words.LEVELS,
         is_ray=isinstance(facts.camera, CubicCamera),
         figures=figures,
-        tiles=_tiles(facts),
+        tiles=_make_tiles(facts),
         pictures=pictures,
         number_of={name: index for index, name in enumerate(names, start=1)},
-        boards_of=_boards(facts),
+        boards_of=_list_boards(facts),
         cards=[name for name, copies in pictures.photos.items() if copies.card is not None],
         most_cards=MOST_CARDS,
         most_rows=_MOST_ROWS,
@@ -81,7 +81,7 @@ def report_html(facts: Facts) -> str:
     )
 
 
-def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
+def _make_tiles(facts: Facts) -> list[tuple[str, str, str]]:
     """Return the figures at the top: name, value, meaning."""
     fit = facts.fit
     tiles = [
@@ -100,7 +100,7 @@ def _tiles(facts: Facts) -> list[tuple[str, str, str]]:
     return tiles
 
 
-def _boards(facts: Facts) -> dict[str, str]:
+def _list_boards(facts: Facts) -> dict[str, str]:
     """Return the boards that each photo shows, with their corners, if the corners are known."""
     if facts.errors is None or not facts.errors.pairs.boards:
         return {}
@@ -117,7 +117,7 @@ def _least_off(corner: DroppedCorner) -> float:
     return -float(np.nan_to_num(corner.error_px))
 
 
-def _without_corners(facts: Facts) -> list[str]:
+def _list_without_corners(facts: Facts) -> list[str]:
     """Return photos of which no corner was used, beside those left out by name."""
     known = {photo.image for photo in facts.photos} | facts.fit.unfit_images.keys()
     files = [one.file for one in origin_of(facts.known.made_by).inputs]

@@ -92,7 +92,7 @@ def all_pictures(facts: Facts, zoom: float) -> Pictures:
         if photo in chosen[:MOST_CARDS]:
             card = data_uri(_draw_found(facts, photo, middle, zoom), _QUALITY)
         copies = PhotoPicture(small=data_uri(thumbnail(middle, _THUMBNAIL), _QUALITY), card=card)
-        return copies, _example(facts, photo, picture) if photo is example else None
+        return copies, _make_example(facts, photo, picture) if photo is example else None
 
     with ThreadPoolExecutor(_THREADS) as threads:
         done = list(zip(chosen, threads.map(made, chosen), strict=True))
@@ -149,7 +149,7 @@ def _draw_found(facts: Facts, photo: PhotoRecord, copy: Small, zoom: float) -> S
     return drawn
 
 
-def _example(facts: Facts, photo: PhotoRecord, picture: Picture) -> Example | None:
+def _make_example(facts: Facts, photo: PhotoRecord, picture: Picture) -> Example | None:
     if not isinstance(facts.camera, CubicCamera):
         return None
     try:

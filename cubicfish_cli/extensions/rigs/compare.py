@@ -95,10 +95,10 @@ def _print_compared(made: ComparedRigFiles) -> None:
             (
                 one.name,
                 f"{float((one.shift**2).sum()) ** 0.5:.3f}",
-                _sigma(one.shift_sigma, 3),
+                _write_sigma(one.shift_sigma, 3),
                 f"{one.turn_deg:.4f}",
-                _sigma(one.turn_sigma_deg, 4),
-                _sigma(one.sigmas, 1),
+                _write_sigma(one.turn_sigma_deg, 4),
+                _write_sigma(one.sigmas, 1),
                 px(one.lens.statistics.rms_px),
             )
             for one in found
@@ -110,5 +110,5 @@ def _print_compared(made: ComparedRigFiles) -> None:
     )
 
 
-def _sigma(value: float | None, digits: int) -> str:
+def _write_sigma(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}f}"

@@ -59,12 +59,12 @@ def match_films(first: FilmMotion, second: FilmMotion) -> FilmMatch:
     step = min(float(np.median(np.diff(film.time))) for film in (first, second))
     if not step > 0:
         return FilmMatch()
-    one, other = _lively(first, step), _lively(second, step)
+    one, other = _measure_liveliness(first, step), _measure_liveliness(second, step)
     least = max(_LEAST_COMMON, int(_LEAST_SHARE * min(len(one), len(other))))
     lags = np.arange(-(len(other) - least), len(one) - least + 1)
     if not len(lags):
         return FilmMatch()
-    likeness, free = _likeness(one, other, lags)
+    likeness, free = _correlate(one, other, lags)
     # In these, chance has a standard deviation of one (Fisher 1921).
     score = np.arctanh(np.clip(likeness, -0.999999, 0.999999)) * np.sqrt(np.maximum(free - 3, 0))
     best = int(np.argmax(score))
@@ -78,19 +78,21 @@ def match_films(first: FilmMotion, second: FilmMotion) -> FilmMatch:
         return FilmMatch(alike=(-float(shift[best]), -float(shift[runner_up])))
     as_told = int(np.argmin(np.abs(shift)))
     told = score[as_told] if abs(shift[as_told]) <= step else 0.0
-    return FilmMatch(ahead=-_peak(score, best, shift) if score[best] - told >= _BETTER else 0.0)
+    return FilmMatch(
+        ahead=-_find_peak(score, best, shift) if score[best] - told >= _BETTER else 0.0
+    )
 
 
-def _lively(film: FilmMotion, step: float) -> FloatArray:
+def _measure_liveliness(film: FilmMotion, step: float) -> FloatArray:
     """Logarithms of the motion at even steps of time."""
     even = np.arange(film.time[0], film.time[-1] + step / 2, step)
     return np.asarray(np.interp(even, film.time, np.log(np.maximum(film.moved, _NO_MOTION))))
 
 
-def _likeness(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[FloatArray, FloatArray]:
+def _correlate(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[FloatArray, FloatArray]:
     """Correlation at each lag, and how many of the common steps are free of the others."""
     found, free = np.zeros(len(lags)), np.zeros(len(lags))
-    memory = _memory(one, other)
+    memory = _measure_memory(one, other)
     for number, lag in enumerate(lags.tolist()):
         first = one[max(0, lag) : len(other) + lag]
         second = other[max(0, -lag) : len(one) - lag]
@@ -101,7 +103,7 @@ def _likeness(one: FloatArray, other: FloatArray, lags: IntArray) -> tuple[Float
     return found, free
 
 
-def _memory(one: FloatArray, other: FloatArray) -> float:
+def _measure_memory(one: FloatArray, other: FloatArray) -> float:
     """How many times fewer steps are free than there are, where two signals are unlike.
 
     By what both have in common with themselves some steps later (Bartlett 1935), which a steady
@@ -129,7 +131,7 @@ def _same_match(likeness: FloatArray, best: int) -> BoolArray:
     return (lag > before) & (lag < after)
 
 
-def _peak(score: FloatArray, best: int, shift: FloatArray) -> float:
+def _find_peak(score: FloatArray, best: int, shift: FloatArray) -> float:
     """Where a parabola through the best and its neighbours is highest."""
     if not 0 < best < len(score) - 1:
         return float(shift[best])

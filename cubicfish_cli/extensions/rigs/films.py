@@ -213,7 +213,7 @@ def _write(
             continue  # one frame for two moments
         sources[picture] = taken[name][index]
         (before, first), (after, second) = (
-            _frame_beside(film, taken[name], index, step) for step in (-1, 1)
+            _find_frame_beside(film, taken[name], index, step) for step in (-1, 1)
         )
         frames.append(
             ShotFrame(
@@ -239,7 +239,7 @@ def _write(
     return frames
 
 
-def _frame_beside(
+def _find_frame_beside(
     measured: Measured, taken: Mapping[int, Path], index: int, step: int
 ) -> tuple[Path | None, float]:
     """A frame's neighbour: its picture, None where there is none, and seconds to it."""

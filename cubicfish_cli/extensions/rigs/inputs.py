@@ -41,7 +41,7 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
         CubicfishError: one is not there.
 
     """
-    inputs = [_model_and_corners(path)[1] for path in cameras]
+    inputs = [_find_model_and_corners(path)[1] for path in cameras]
     searched = len(tables_among(inputs)) < len(inputs)
     of_pairs = [check_inputs([one], target, RUN if searched else run) for one in inputs]
     return any(of_pairs)
@@ -49,10 +49,10 @@ def check_camera_inputs(cameras: Sequence[Path], target: TargetSource, run: Run)
 
 def is_calibrated(path: Path) -> bool:
     """Whether a camera's input is its calibration: the folder or the camera.yaml in it."""
-    return _model_and_corners(path)[0] is not None
+    return _find_model_and_corners(path)[0] is not None
 
 
-def _model_and_corners(path: Path) -> tuple[Path | None, Path]:
+def _find_model_and_corners(path: Path) -> tuple[Path | None, Path]:
     """The file of a camera that is calibrated already, and its corners; or None and its input."""
     model = path / "camera.yaml" if path.is_dir() else path
     if not (model.suffix in (".yaml", ".yml") and model.is_file()):
@@ -70,7 +70,7 @@ def load_camera_inputs(
     sources: Sequence[Path], target: TargetSource, run: Run
 ) -> tuple[Inputs, CameraFile | None]:
     """One camera's pairs, and its lens where it is calibrated already."""
-    model, first = _model_and_corners(sources[0])
+    model, first = _find_model_and_corners(sources[0])
     loaded = load_inputs([first, *sources[1:]], target, run)
     run.listener.found(loaded.photo_findings)
     if model is None:

@@ -27,14 +27,14 @@ def lens_rig(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> LensR
     """
     cameras = [camera for camera, _ in converted]
     return LensRig(
-        lenses=tuple(_placed(camera, lens) for camera, lens in converted),
+        lenses=tuple(_place_lens(camera, lens) for camera, lens in converted),
         units=rig.units,
-        overlaps=np.array([[a is not b and _overlap(a, b) for b in cameras] for a in cameras]),
-        flat=_flat(rig, converted) if len(converted) == 2 else None,
+        overlaps=np.array([[a is not b and _do_overlap(a, b) for b in cameras] for a in cameras]),
+        flat=_make_flat(rig, converted) if len(converted) == 2 else None,
     )
 
 
-def _placed(camera: RigCamera, lens: Exported) -> PlacedLens:
+def _place_lens(camera: RigCamera, lens: Exported) -> PlacedLens:
     turn = lens.conversion.lens_from_camera
     return replace(
         lens,
@@ -44,14 +44,14 @@ def _placed(camera: RigCamera, lens: Exported) -> PlacedLens:
     )
 
 
-def _overlap(first: RigCamera, second: RigCamera) -> bool:
+def _do_overlap(first: RigCamera, second: RigCamera) -> bool:
     """Whether two cameras see some far thing both."""
     rays = cone_rays(np.deg2rad(first.camera.max_angle_deg), _OVERLAP_RAYS)
     own = rays[sees(first.camera, rays)]
     return bool(sees(second.camera, own @ first.rotation @ second.rotation.T).any())
 
 
-def _flat(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> FlatPair | None:
+def _make_flat(rig: Rig, converted: Sequence[tuple[RigCamera, Exported]]) -> FlatPair | None:
     """Flat pictures of a pair; None where the cameras have no direction in common ahead."""
     try:
         pair = rectify(rig, *(camera.name for camera, _ in converted))

@@ -104,7 +104,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
 
     goal, photo_size = Path(options.output), options.photo_size
     map_paths(goal)  # its name is refused first
-    view = _row_aligned(options.view)
+    view = _describe_row_aligned(options.view)
     path = rig_file(options.rig)
     loaded = load_rig(path)
     both = options.pair or tuple(one.name for one in loaded.cameras)
@@ -151,7 +151,7 @@ def map_rig_files(options: RigMapOptions, *, run: Run = RUN) -> PairMapFiles:
     )
 
 
-def _row_aligned(view: View | ViewOptions | None) -> View | ViewOptions:
+def _describe_row_aligned(view: View | ViewOptions | None) -> View | ViewOptions:
     """What was asked of a picture, as of one whose rows agree with another camera's."""
     if view is not None and not isinstance(view, ViewOptions):
         return view

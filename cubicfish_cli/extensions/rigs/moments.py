@@ -64,7 +64,7 @@ def moments(
 
     """
     times = [np.asarray(one.time) - late for one, late in zip(measured, ahead, strict=True)]
-    good = [_goodness(one) for one in measured]
+    good = [_rate_frames(one) for one in measured]
     if tolerance is None:
         steps = [float(np.median(np.diff(time))) if len(time) > 1 else 0.0 for time in times]
         tolerance = 0.5 * max(steps) + 1e-6
@@ -95,7 +95,7 @@ def moments(
     return Moments(time=times[lead][rows], frame=frame[rows], late=late[rows])
 
 
-def _goodness(measured: Measured) -> FloatArray:
+def _rate_frames(measured: Measured) -> FloatArray:
     """(N,) how good each frame is beside the film's usual one: 0 as good, 1 much better."""
     own = np.array(
         [
@@ -140,7 +140,7 @@ def flow(picture: Picture, after: Picture, pixel: FloatArray) -> FloatArray:
     """
     if not len(pixel):
         return np.zeros((0, 2))
-    picture, after = (_eight_bits(one) for one in (picture, after))
+    picture, after = (_convert_to_8_bits(one) for one in (picture, after))
     start = np.ascontiguousarray(pixel, np.float32)[:, None]
     there: Any = start.copy()
     back: Any = start.copy()
@@ -158,5 +158,5 @@ def flow(picture: Picture, after: Picture, pixel: FloatArray) -> FloatArray:
     return moved
 
 
-def _eight_bits(picture: Picture) -> npt.NDArray[np.uint8]:
+def _convert_to_8_bits(picture: Picture) -> npt.NDArray[np.uint8]:
     return np.asarray(picture if picture.dtype == np.uint8 else picture >> 8, np.uint8)

@@ -25,7 +25,7 @@ times_option: Any = option(
 )
 
 
-def _two_names(text: str) -> tuple[str, str]:
+def _read_two_names(text: str) -> tuple[str, str]:
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or not all(names) or names[0] == names[1]:
         raise ValueError(f"{text!r} does not name two cameras, such as left,right")
@@ -35,5 +35,5 @@ def _two_names(text: str) -> tuple[str, str]:
 pair_option: Any = option(
     "--pair NAME,NAME",
     "Two cameras of the rig, such as left,right. [default: those that it has]",
-    Parsed("NAME,NAME", _two_names),
+    Parsed("NAME,NAME", _read_two_names),
 )

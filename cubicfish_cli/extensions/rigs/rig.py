@@ -206,7 +206,9 @@ def half_field_deg(fit: FitRecord, camera: CubicCamera) -> float:
 
 def sigmas_of(covariance: FloatArray) -> tuple[float, float]:
     """Standard deviations of a turn, degrees, and of a shift, by their covariance (6, 6)."""
-    return float(np.rad2deg(_total_sigma(covariance[:3, :3]))), _total_sigma(covariance[3:, 3:])
+    return float(np.rad2deg(_compute_total_sigma(covariance[:3, :3]))), _compute_total_sigma(
+        covariance[3:, 3:]
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -435,6 +437,6 @@ def _is_covariance(matrix: FloatArray) -> bool:
     return bool(symmetric and np.linalg.eigvalsh(alike).min() >= -_ROUNDED)
 
 
-def _total_sigma(covariance: FloatArray) -> float:
+def _compute_total_sigma(covariance: FloatArray) -> float:
     """Standard deviation of a vector: the root of the sum over its axes."""
     return float(np.sqrt(max(np.trace(covariance), 0.0)))

@@ -45,13 +45,13 @@ class RigViews(Views):
 
     def maps(self, source: Path, size: Size) -> Mapping[str, UndistortMap]:
         """For what its view and its valid pixels tell: it maps nothing."""
-        return {"": self._mosaic().whole_map}
+        return {"": self._make_mosaic().whole_map}
 
     def __call__(self, job: Job, photos: Mapping[str, Picture]) -> dict[str, Picture]:
         """The picture of a shot."""
-        return {"": self._mosaic().render(photos, self.interpolation)[0]}
+        return {"": self._make_mosaic().render(photos, self.interpolation)[0]}
 
-    def _mosaic(self) -> Mosaic:
+    def _make_mosaic(self) -> Mosaic:
         """Made once, from any thread."""
         with MAKING:
             if self._joined is None:

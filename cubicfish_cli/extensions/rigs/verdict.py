@@ -52,7 +52,7 @@ def _find_uncertain(rig: Rig) -> Iterator[Finding]:
     places = [one.position for one in cameras]
     apart = [float(np.linalg.norm(a - b)) for a, b in pairwise([*places, *places[:1]])]
     size = max(apart, default=0.0)
-    near = np.tan(np.deg2rad(_TURN_DEG)) * _distance(rig.fit)
+    near = np.tan(np.deg2rad(_TURN_DEG)) * _measure_distance(rig.fit)
     limits = near if size < near[0] else np.multiply(_SHIFT_SHARE, size or np.inf)
     found, units = [], rig.units or "of the target's units"
     for camera in cameras:
@@ -69,7 +69,7 @@ def _find_uncertain(rig: Rig) -> Iterator[Finding]:
     yield from _join(Code.PLACE_UNCERTAIN, found, "turn_deg")
 
 
-def _distance(fit: RigFit) -> float:
+def _measure_distance(fit: RigFit) -> float:
     """How far the target's origin is from the rig's, in the usual shot; 0 where nothing says it."""
     places = [one.rig_from_world for one in fit.per_shot]
     away = [math.hypot(*place.translation) for place in places if place is not None]

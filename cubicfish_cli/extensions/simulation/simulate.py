@@ -60,9 +60,9 @@ class RayGrid:
         """Tabulate ``unproject`` for photos of ``image_size`` (width, height)."""
         width, height = image_size
         ray = np.empty((height, width, 3), np.float32)
-        for rows, pixel in _rows_of_pixels(image_size, _PIXELS_PER_BLOCK):
+        for rows, pixel in _list_rows_of_pixels(image_size, _PIXELS_PER_BLOCK):
             ray[rows] = unproject(pixel.reshape(-1, 2)).reshape(-1, width, 3)
-        return cls(ray=ray, by_x=_slope(ray, axis=1), by_y=_slope(ray, axis=0))
+        return cls(ray=ray, by_x=_measure_slope(ray, axis=1), by_y=_measure_slope(ray, axis=0))
 
     def __call__(self, pixel: FloatArray) -> FloatArray:
         """Turn pixels (N, 2) of the photo into rays (N, 3)."""
@@ -76,7 +76,7 @@ class RayGrid:
         return rays
 
 
-def _slope(ray: FloatArray32, axis: int) -> FloatArray32:
+def _measure_slope(ray: FloatArray32, axis: int) -> FloatArray32:
     """Change a pixel; from one side where the other is outside the field, else none."""
     behind = np.diff(ray, axis=axis, prepend=np.float32(np.nan))
     ahead = np.diff(ray, axis=axis, append=np.float32(np.nan))
@@ -85,7 +85,9 @@ def _slope(ray: FloatArray32, axis: int) -> FloatArray32:
     return np.nan_to_num((ahead + behind) / 2)
 
 
-def _rows_of_pixels(image_size: tuple[int, int], most: int) -> Iterator[tuple[slice, FloatArray]]:
+def _list_rows_of_pixels(
+    image_size: tuple[int, int], most: int
+) -> Iterator[tuple[slice, FloatArray]]:
     """Yield blocks of rows, of at most ``most`` pixels, and their pixels (rows, width, 2)."""
     width, height = image_size
     step = max(1, most // width)
@@ -321,7 +323,7 @@ def render(
 
     width, height = image_size
     light, shown = np.empty((height, width)), np.empty((height, width), np.intp)
-    for rows, pixel in _rows_of_pixels(image_size, _RAYS_PER_BLOCK):
+    for rows, pixel in _list_rows_of_pixels(image_size, _RAYS_PER_BLOCK):
         own = light_of(pixel.reshape(-1, 2))
         light[rows], shown[rows] = (values.reshape(-1, width) for values in own)
     _smooth_edges(light, shown, light_of, supersample)

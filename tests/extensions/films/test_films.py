@@ -8,7 +8,7 @@ pytest.importorskip("av")
 
 from filming import photos
 
-from cubicfish_cli.app.films.choose import FEWEST, Patch, Seen, _tilt, choose
+from cubicfish_cli.app.films.choose import FEWEST, Patch, Seen, _find_tilt, choose
 from cubicfish_cli.app.films.measure import motion, sharpness, small_picture
 
 SIZE = (480, 360)
@@ -149,9 +149,9 @@ def test_copies_are_told_by_their_place_where_names_are_uncertain() -> None:
 def test_each_side_that_a_board_is_seen_from_is_told_from_the_others() -> None:
     (patch,) = at(200, 150).patches
     middle = patch.pixel.mean(axis=0)
-    sides = {_tilt(patch)}
+    sides = {_find_tilt(patch)}
     for towards in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         off = patch.pixel - middle
         grown = middle + off * (1 + off @ np.array(towards) / 80)[:, None]
-        sides.add(_tilt(Patch(board=0, cells=patch.cells, pixel=grown)))
+        sides.add(_find_tilt(Patch(board=0, cells=patch.cells, pixel=grown)))
     assert sides == {0, 1, 2, 3, 4}

@@ -39,7 +39,7 @@ def published_ray(pixel: np.ndarray) -> np.ndarray:
 
 def assert_it_goes_on_behind(lens: ScaramuzzaLens, camera: CubicCamera) -> None:
     """Right behind the field f does not fold."""
-    end = np.degrees(ocamcalib._angles(lens.a, 500.0)[1][-1])
+    end = np.degrees(ocamcalib._tabulate_angles(lens.a, 500.0)[1][-1])
     assert end > camera.max_angle_deg + 10
 
 

@@ -195,12 +195,12 @@ def calibrate_rig(
     progress("how certain it is", 0.95)
     refined = nominal.refined(fit.world) if fit.world.free else None
     refined = refined and refined.moved(origin)
-    placed, poses = _places(evidence, singly, origin)
-    held_out = _held_out(fit, evidence.shots)
+    placed, poses = _find_places(evidence, singly, origin)
+    held_out = _measure_held_out(fit, evidence.shots)
     errors = error_statistics(fit.errors, len(fit.residual))
     return Rig(
         units=units,
-        cameras=tuple(_cameras(evidence, singly, placed, held_out, level)),
+        cameras=tuple(_make_cameras(evidence, singly, placed, held_out, level)),
         pairs=camera_pairs(names, fit),
         fit=RigFit(
             **vars(errors),
@@ -256,7 +256,7 @@ def _fit(
             world=fit.world,
             relative_decrease=rough,
         )
-        joint = _finely(joint, weighed(alike, joint.residual), timing)
+        joint = _fit_finely(joint, weighed(alike, joint.residual), timing)
         spoilt = [
             number
             for number, (own, one) in enumerate(zip(joint.lens.lenses, singly, strict=True))
@@ -266,14 +266,14 @@ def _fit(
             return joint, alike, timing
         for number in spoilt:  # these alone stay as their own photos have them
             lenses[number] = fixed.lenses[number]
-    return _finely(fit, pairs, timing), alike, timing
+    return _fit_finely(fit, pairs, timing), alike, timing
 
 
 def _is_valid(camera: CubicCamera) -> bool:
     return pole_or_fold_deg(camera.P, camera.max_angle_deg) is None
 
 
-def _finely(
+def _fit_finely(
     fit: Adjustment[RigLens], pairs: Observations, timing: Timing | None
 ) -> Adjustment[RigLens]:
     if timing is not None:
@@ -282,7 +282,7 @@ def _finely(
     return fit.again(pairs, relative_decrease=_FINE_DECREASE, damping=WARM_DAMPING, limit=huber_px)
 
 
-def _places(
+def _find_places(
     evidence: RigEvidence, singly: Sequence[Alone], origin: FloatArray
 ) -> tuple[tuple[list[CubicCamera], Poses, Poses], Poses]:
     """The cameras in their references' frames, their places, the views and the shots.
@@ -308,7 +308,7 @@ def _places(
     return (cameras, places, places[lens.camera] @ at_views), poses
 
 
-def _cameras(
+def _make_cameras(
     evidence: RigEvidence,
     singly: Sequence[Alone],
     placed: tuple[list[CubicCamera], Poses, Poses],
@@ -374,7 +374,7 @@ def _cameras(
         )
 
 
-def _held_out(fit: Adjustment[RigLens], shots: Sequence[str]) -> FloatArray | None:
+def _measure_held_out(fit: Adjustment[RigLens], shots: Sequence[str]) -> FloatArray | None:
     """(N, 2) residuals of each corner under a fit without its shot, to first order."""
     count = len(fit.poses)
     if count < MIN_PHOTOS:
@@ -382,7 +382,7 @@ def _held_out(fit: Adjustment[RigLens], shots: Sequence[str]) -> FloatArray | No
     if fit.lens.times is not None:
         # A photo's time is its own, as its pose is.
         known = replace(fit.lens, times=replace(fit.lens.times, known=True))
-        fit = _finely(replace(fit, lens=known), fit.pairs, None)
+        fit = _fit_finely(replace(fit, lens=known), fit.pairs, None)
     groups = dealt_out(np.arange(count), shots, min(FOLDS, count))
     shot = fit.lens.shot[fit.pairs.image]
     found = np.empty_like(fit.residual)

@@ -235,7 +235,7 @@ def not_at_once(evidence: RigEvidence) -> list[Finding]:
     usual = float(np.median(worst[shared]))
     if evidence.clocks is None and usual > max(_OFF * noise, _LEAST_PX):
         whom = int(np.argmax(np.sum(np.square(off), axis=1) / np.maximum((off > 0).sum(axis=1), 1)))
-        return [_off(Code.NOT_AT_ONCE, names, (whom,), (), usual)]
+        return [_report_off(Code.NOT_AT_ONCE, names, (whom,), (), usual)]
     limit = max(_APART * noise, _STANDS_OUT * usual, _LEAST_PX)
     out = np.flatnonzero(shared & (worst > limit))
     if len(out) > max(1.0, _SINGLE * shared.sum()):
@@ -244,11 +244,11 @@ def not_at_once(evidence: RigEvidence) -> list[Finding]:
     for shot in out[np.argsort(-worst[out])].tolist():
         seen_by = lens.camera[lens.shot == shot].tolist()
         apart = tuple(seen_by) if len(seen_by) < 3 else (int(np.argmax(off[:, shot])),)
-        found.append(_off(Code.SHOT_APART, names, apart, (shots[shot],), worst[shot]))
+        found.append(_report_off(Code.SHOT_APART, names, apart, (shots[shot],), worst[shot]))
     return found
 
 
-def _off(
+def _report_off(
     code: Code, names: Sequence[str], whom: tuple[int, ...], shots: tuple[str, ...], off_px: float
 ) -> Finding:
     both = len(names) == 2

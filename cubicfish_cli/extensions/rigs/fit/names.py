@@ -46,14 +46,14 @@ def with_agreeing_names(
     # Places are told apart in radians and in lengths of about the target's.
     size = 1 / world_scale(pairs)
     near = replace(lens, places=lens.places.scaled(size))
-    way = _ways(near, [one.scaled(size) for one in turned], known=known)
+    way = _find_ways(near, [one.scaled(size) for one in turned], known=known)
     if not way.any():
         return joined
     named = chosen([pairs, *(one.named(pairs, target, scale) for one in motions)], way)
     return replace(joined, poses=Poses.chosen(turned, way), pairs=named)
 
 
-def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
+def _find_ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
     """(V,) which of the ways each view is named in, camera after camera."""
     cameras, shots = len(lens.lenses), int(lens.shot.max()) + 1
     common = lens.common_shots
@@ -71,7 +71,7 @@ def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
         if both.size:
             inverse = rigs[lens.shot[both]].inverse()
             relative = [one[both] @ inverse for one in turned]
-            way[both] = _chosen(relative, place if known else None)
+            way[both] = _choose_way(relative, place if known else None)
             each = Poses.chosen(relative, way[both])
             place = place if known else median_pose(each)
             alike = np.unique(way[both])
@@ -84,7 +84,7 @@ def _ways(lens: RigLens, turned: Sequence[Poses], *, known: bool) -> IntArray:
     return way
 
 
-def _chosen(relative: Sequence[Poses], place: Poses | None) -> IntArray:
+def _choose_way(relative: Sequence[Poses], place: Poses | None) -> IntArray:
     """(S,) the way in which a camera stands in one place, given or not, in most shots."""
     count = len(relative[0])
     if place is not None:

@@ -111,7 +111,7 @@ class RigLens(FitLens):
         sizes = [
             len(lens.parameters)
             + (_PLACE if number and not self.places_fixed else 0)
-            + self._times_of(number)
+            + self._count_times(number)
             for number, lens in enumerate(self.lenses)
         ]
         ends = np.cumsum([0, *sizes])
@@ -122,14 +122,14 @@ class RigLens(FitLens):
         """When each view was seen, where that is a parameter."""
         return None if self.times is None or self.times.known else self.times
 
-    def _times_of(self, camera: int) -> int:
+    def _count_times(self, camera: int) -> int:
         views = int(np.sum(self.camera == camera)) if self.free_times is not None else 0
         return views + (1 if views and camera else 0)
 
     @cached_property
     def usual_columns(self) -> IntArray:
         """(C - 1,) where it stands how late the cameras but the first usually are."""
-        times = [own.stop - self._times_of(n) for n, own in enumerate(self.columns)]
+        times = [own.stop - self._count_times(n) for n, own in enumerate(self.columns)]
         return np.array(times[1:], np.intp)
 
     @cached_property
@@ -208,11 +208,13 @@ class RigLens(FitLens):
             by_view = np.concatenate([by_turn @ turned, by_shift @ turned], axis=2)
         if self.free_times is not None:
             speed = self.free_times.speed(shots[self.shot])
-            parts.append(self._by_times(by_view, speed, photos))
+            parts.append(self._differentiate_by_times(by_view, speed, photos))
         own = self.columns[camera]
         return np.concatenate(parts, axis=2), np.arange(own.start, own.stop), by_view
 
-    def _by_times(self, by_pose: FloatArray, speed: FloatArray, image: IntArray) -> FloatArray:
+    def _differentiate_by_times(
+        self, by_pose: FloatArray, speed: FloatArray, image: IntArray
+    ) -> FloatArray:
         """(n, 2, T) what pairs of one camera's views change by with its times.
 
         Args:
@@ -222,7 +224,7 @@ class RigLens(FitLens):
 
         """
         camera = int(self.camera[image[0]])
-        count, rows = self._times_of(camera), np.arange(len(image))
+        count, rows = self._count_times(camera), np.arange(len(image))
         found = np.zeros((len(image), 2, count))
         own = self.late_columns[image] - self.columns[camera].stop + count
         found[rows, :, own] = (by_pose @ speed[image][:, :, None])[:, :, 0]

@@ -110,7 +110,7 @@ def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
         UsageError: it is not known which camera one is of.
 
     """
-    owners = [_owner(path.absolute(), cameras) for path in paths]
+    owners = [_find_owner(path.absolute(), cameras) for path in paths]
     in_order = zip(owners, cameras, strict=False)
     if len(paths) == len(cameras) and all(owner in ("", camera) for owner, camera in in_order):
         return list(cameras)
@@ -123,7 +123,7 @@ def owners_of(paths: Sequence[Path], cameras: Sequence[str]) -> list[str]:
     return owners
 
 
-def _owner(path: Path, cameras: Sequence[str]) -> str:
+def _find_owner(path: Path, cameras: Sequence[str]) -> str:
     """The camera that a photo, a folder or a table is called after; empty for none."""
     called = path.name if path.is_dir() else path.parent.name
     starts = [name for name in cameras if path.name.startswith(name)]
@@ -141,8 +141,8 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
 
     """
     stems = [[Path(name).stem for name in names] for names in photos.values()]
-    if not _any_shared(stems):
-        stems = [_without_common_ends(names) for names in stems]
+    if not _is_any_shared(stems):
+        stems = [_cut_common_ends(names) for names in stems]
     for (camera, names), own in zip(photos.items(), stems, strict=True):
         seen: dict[str, str] = {}
         for name, stem in zip(names, own, strict=True):
@@ -152,12 +152,12 @@ def shots_by_name(photos: Mapping[str, Sequence[str]]) -> Shots:
                     "shot: give each photo of a camera a name of its own, or list the shots with "
                     "--shots"
                 )
-    if not _any_shared(stems):
+    if not _is_any_shared(stems):
         raise FitError(
             f"no photo of {next(iter(photos))} is called as one of another camera, so no two "
             "cameras share a shot: call the photos of a shot alike, or list them with --shots"
         )
-    return _number(
+    return _number_shots(
         dict(zip(*pair, strict=True)) for pair in zip(photos.values(), stems, strict=True)
     )
 
@@ -203,7 +203,7 @@ def shots_by_time(
             f"no two cameras have photos within {1e3 * tolerance:g} ms: check that their times are "
             "of one clock, or say a larger --tolerance"
         )
-    return _number({name: f"{key:020.6f}" for name, key in own.items()} for own in found)
+    return _number_shots({name: f"{key:020.6f}" for name, key in own.items()} for own in found)
 
 
 def _refuse_timeless(camera: str, name: str, time: float | None) -> float:
@@ -240,10 +240,10 @@ def shots_of_table(photos: Mapping[str, Sequence[str]], rows: Sequence[Row]) -> 
                 f"shot {quoted(shot)}: camera {camera} has two photos of a shot, or one of two"
             )
         listed[camera][name] = shot
-    return _number(listed.values())
+    return _number_shots(listed.values())
 
 
-def _number(photos: Iterable[Mapping[str, str]]) -> Shots:
+def _number_shots(photos: Iterable[Mapping[str, str]]) -> Shots:
     """Shots by what each camera's photos say that theirs is called."""
     photos = list(photos)
     names = sorted({key for own in photos for key in own.values()})
@@ -254,12 +254,12 @@ def _number(photos: Iterable[Mapping[str, str]]) -> Shots:
     )
 
 
-def _any_shared(stems: Sequence[Sequence[str]]) -> bool:
+def _is_any_shared(stems: Sequence[Sequence[str]]) -> bool:
     names = [name for own in stems for name in set(own)]
     return len(set(names)) < len(names)
 
 
-def _without_common_ends(names: Sequence[str]) -> list[str]:
+def _cut_common_ends(names: Sequence[str]) -> list[str]:
     """What sets names apart: from the first to the last digit or letter in which they differ.
 
     Digits stay whole, since a digit that all begin with is part of their numbers.

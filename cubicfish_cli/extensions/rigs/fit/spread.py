@@ -50,8 +50,8 @@ def place_covariances(
 
     """
     lens = fit.lens
-    by_shared = _by_shared(lens, rays)
-    noise = _noise_covariance(fit)
+    by_shared = _differentiate_by_shared(lens, rays)
+    noise = _compute_noise_covariance(fit)
     count = len(fit.lens.parameters)
     found = [by @ noise[:count, :count] @ by.T for by in by_shared]
     parts, clusters = min(len(shots), MOST_CLUSTERS), []
@@ -65,17 +65,19 @@ def place_covariances(
         if timing is not None:
             anew = np.array([_change(lens, timing.without(fit, own)) for own in clusters])
         found = [
-            _larger(one, _of_shots(anew @ by.T, left_out @ by.T, influence @ by.T))
+            _take_larger(
+                one, _measure_shot_covariance(anew @ by.T, left_out @ by.T, influence @ by.T)
+            )
             for one, by in zip(found, by_shared, strict=True)
         ]
-    for step in _runner_up_steps(leave_one_out, lens, runners_up):
+    for step in _measure_runner_up_steps(leave_one_out, lens, runners_up):
         found = [
             one + np.outer(by @ step, by @ step) for one, by in zip(found, by_shared, strict=True)
         ]
     return np.array(found)
 
 
-def _runner_up_steps(
+def _measure_runner_up_steps(
     leave_one_out: LeaveOneOut,
     lens: RigLens,
     runners_up: Sequence[Sequence[tuple[FitLens, float]]],
@@ -97,7 +99,7 @@ def _runner_up_steps(
     return list(np.array(roots)[:, None] * steps[:, : len(lens.parameters)])
 
 
-def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
+def _differentiate_by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
     """For each camera (6, K): its place by the shared unknowns, lens and place together."""
     count = len(lens.parameters)
     turns = []
@@ -117,7 +119,7 @@ def _by_shared(lens: RigLens, rays: list[FloatArray]) -> list[FloatArray]:
     return found
 
 
-def _noise_covariance(fit: Adjustment[RigLens]) -> FloatArray:
+def _compute_noise_covariance(fit: Adjustment[RigLens]) -> FloatArray:
     """(K, K) of the shared unknowns, from the corners' noise."""
     hessian = fit.normal.reduced_shared()
     scale = 1 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
@@ -140,7 +142,9 @@ def _change(lens: RigLens, other: RigLens) -> FloatArray:
     return step
 
 
-def _of_shots(anew: FloatArray, left_out: FloatArray, influence: FloatArray) -> FloatArray:
+def _measure_shot_covariance(
+    anew: FloatArray, left_out: FloatArray, influence: FloatArray
+) -> FloatArray:
     """Covariance (6, 6) of what changes so, (G, 6), without each cluster of shots.
 
     The geometric mean with the influence, as ``PhotoSpread`` takes it and for its reasons.
@@ -153,7 +157,7 @@ def _of_shots(anew: FloatArray, left_out: FloatArray, influence: FloatArray) -> 
     return np.asarray(variance_of_few(whole, len(anew)) * scale * scale[:, None])
 
 
-def _larger(noise: FloatArray, of_shots: FloatArray) -> FloatArray:
+def _take_larger(noise: FloatArray, of_shots: FloatArray) -> FloatArray:
     """The shots' covariance with no unknown surer than the corners' noise leaves it."""
     short = np.maximum(np.diagonal(noise) - np.diagonal(of_shots), 0)
     return np.asarray(of_shots + np.diag(short))

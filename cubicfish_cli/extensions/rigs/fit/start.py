@@ -56,7 +56,7 @@ def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Ca
                 "two cameras are exchanged".format(name, *cameras[name].image_size, *size)
             )
     error = {
-        (name, lens): _misfit_px(known[lens].camera, pairs)
+        (name, lens): _measure_misfit_px(known[lens].camera, pairs)
         for name, pairs in cameras.items()
         for lens in known
     }
@@ -73,7 +73,7 @@ def refuse_exchanged(cameras: Mapping[str, Observations], known: Mapping[str, Ca
                 )
 
 
-def _misfit_px(camera: CubicCamera, pairs: Observations) -> float:
+def _measure_misfit_px(camera: CubicCamera, pairs: Observations) -> float:
     """Noise of the photos' corners under a lens, their poses fitted, pixels."""
     try:
         return noise_px(evaluate(camera, pairs).residual)
@@ -81,7 +81,7 @@ def _misfit_px(camera: CubicCamera, pairs: Observations) -> float:
         return np.inf
 
 
-def _some(count: int) -> IntArray:
+def _choose_some(count: int) -> IntArray:
     """Of so many places some, evenly: among them is one from which the others are to be sought."""
     return np.unique(np.linspace(0, count - 1, min(count, _SEEDS)).astype(np.intp))
 
@@ -118,7 +118,7 @@ def median_pose(poses: Poses) -> Poses:
     Hartley et al. 2011), the shift that with the smallest sum of distances.
     """
     turn = Rotation.from_matrix(poses.rotation)
-    tried = turn[_some(len(poses))]
+    tried = turn[_choose_some(len(poses))]
     angles = [(turn * one.inv()).magnitude().sum() for one in tried]
     middle = tried[int(np.argmin(angles))]
     for _ in range(_ROUNDS):
@@ -149,16 +149,16 @@ def start_rig(names: Sequence[str], joined: JoinedViews) -> RigStart:
     relative: dict[tuple[int, int], Poses] = {}
     for a, b in combinations(range(len(names)), 2):
         if common[a, b]:
-            of_a, of_b = _together(lens, a, b)
+            of_a, of_b = _find_together(lens, a, b)
             relative[a, b] = median_pose(views[of_b] @ views[of_a].inverse())
             relative[b, a] = relative[a, b].inverse()
-    places, edges = _placed(names, common, relative)
+    places, edges = _place_cameras(names, common, relative)
     joined = replace(joined, lens=replace(lens, places=places))
     size, typical = max(joined.pairs.image_size), 0.0
     for a, b in edges:
-        of_a, of_b = _together(lens, a, b)
+        of_a, of_b = _find_together(lens, a, b)
         rigs = places[lens.camera[of_a]].inverse() @ views[of_a]
-        error = float(np.median(_view_errors(joined, rigs, of_b)))
+        error = float(np.median(_measure_view_errors(joined, rigs, of_b)))
         if error > _LOST_SHARE * size:
             raise FitError(
                 f"the shots of {names[a]} and {names[b]} do not fit one rig (they disagree by "
@@ -177,14 +177,14 @@ def connected(common: IntArray) -> bool:
     return int(connected_components(common > 0, directed=False)[0]) == 1
 
 
-def _together(lens: RigLens, a: int, b: int) -> tuple[IntArray, IntArray]:
+def _find_together(lens: RigLens, a: int, b: int) -> tuple[IntArray, IntArray]:
     """Views of two cameras of the shots that both saw."""
     of_a, of_b = np.flatnonzero(lens.camera == a), np.flatnonzero(lens.camera == b)
     _, first, second = np.intersect1d(lens.shot[of_a], lens.shot[of_b], return_indices=True)
     return of_a[first], of_b[second]
 
 
-def _placed(
+def _place_cameras(
     names: Sequence[str], common: IntArray, relative: dict[tuple[int, int], Poses]
 ) -> tuple[Poses, list[tuple[int, int]]]:
     """camera_from_rig along the pairs with most shots in common, from the first camera on.
@@ -196,14 +196,14 @@ def _placed(
     while len(found) < len(names):
         shared = [(common[a, b], -a, -b) for a, b in relative if a in found and b not in found]
         if not shared:
-            raise FitError(_unconnected(names, found))
+            raise FitError(_explain_unconnected(names, found))
         _, a, b = max(shared)
         found[-b] = relative[-a, -b] @ found[-a]
         edges.append((-a, -b))
     return Poses.joined([found[camera] for camera in range(len(names))]), edges
 
 
-def _unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
+def _explain_unconnected(names: Sequence[str], found: dict[int, Poses]) -> str:
     near = " and ".join(names[camera] for camera in sorted(found))
     far = [name for camera, name in enumerate(names) if camera not in found]
     return (
@@ -228,7 +228,7 @@ def place_shots(joined: JoinedViews) -> tuple[Poses, FloatArray]:
     for camera in range(cameras):
         by = view_of[camera, lens.shot]
         judged = np.flatnonzero(by >= 0)
-        errors = _view_errors(joined, proposed[by[judged]], judged)
+        errors = _measure_view_errors(joined, proposed[by[judged]], judged)
         # A capped sum: one view that is of another shot must not choose.
         capped = np.minimum(errors, _LOST_SHARE * max(pairs.image_size))
         total = np.bincount(lens.shot[judged], capped, count)
@@ -243,7 +243,7 @@ def place_shots(joined: JoinedViews) -> tuple[Poses, FloatArray]:
     return nowhere.with_photos(seen, proposed[proposer[seen]]), misfit
 
 
-def _view_errors(joined: JoinedViews, rigs: Poses, views: IntArray) -> FloatArray:
+def _measure_view_errors(joined: JoinedViews, rigs: Poses, views: IntArray) -> FloatArray:
     """Median error (V,) of each of some views' corners under its pose of the rig, pixels.
 
     Args:

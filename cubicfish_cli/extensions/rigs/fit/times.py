@@ -81,9 +81,9 @@ class Moving:
         for number, (seen, moving) in enumerate(cameras):
             if moving is None:
                 continue
-            row = {key: at for at, key in enumerate(_keys(seen))}
+            row = {key: at for at, key in enumerate(_make_keys(seen))}
             own = np.flatnonzero(camera == number)
-            at = np.array([row.get(key, -1) for key in _keys(pairs.select(own))], np.intp)
+            at = np.array([row.get(key, -1) for key in _make_keys(pairs.select(own))], np.intp)
             own, at = own[at >= 0], at[at >= 0]
             for name, values in vars(moving).items():
                 getattr(found, name)[own] = values[at]
@@ -178,7 +178,9 @@ class Motion:
     ) -> Motion:
         """The same of films: how corners of the pairs move, and how late their photos are."""
         stated = [
-            {} if own is None else dict(zip(seen.images, _means(seen, own.late), strict=True))
+            {}
+            if own is None
+            else dict(zip(seen.images, _average_by_photo(seen, own.late), strict=True))
             for seen, own in cameras
         ]
         return replace(self, flow=flow, stated=stated, in_seconds=True)
@@ -200,7 +202,7 @@ class Motion:
         """(V, P, 6) how the target moves about each view's shot; see :class:`PhotoTimes`."""
         shot = fit.lens.shot
         if self.flow is not None:
-            path = _paths_of_flow(fit, self.flow)[shot]
+            path = _fit_paths_of_flow(fit, self.flow)[shot]
         else:
             moment = np.array([self.moment.get(name, np.nan) for name in shots])
             path = paths_between(fit.poses, moment, _NEAR * self.step(), shot, late)
@@ -208,7 +210,7 @@ class Motion:
         return path
 
 
-def _paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
+def _fit_paths_of_flow(fit: Adjustment[RigLens], flow: Moving) -> FloatArray:
     """(S, 2, 6) the same by how corners move in the frames before and after."""
     found = np.zeros((len(fit.poses), 2, 6))
     hessian, pull = np.zeros((len(fit.poses), 6, 6)), np.zeros((len(fit.poses), 6, 2))
@@ -271,7 +273,7 @@ class Timing:
         free = ~firsts(lens)
         left = times.late - times.stated - times.usual[lens.camera]
         # Expectation and maximisation: what is not sure of a photo's time counts as scatter, too.
-        total = np.square(left) + self.noise_px**2 * _variances(fit)
+        total = np.square(left) + self.noise_px**2 * _compute_variances(fit)
         count = np.bincount(lens.camera, free, len(lens.lenses))
         width = np.bincount(lens.camera, total * free, len(count)) / np.maximum(count, 1)
         prior_weight = self.noise_px / np.maximum(np.sqrt(width), self.least)[lens.camera]
@@ -321,7 +323,7 @@ def on_time(
         photos: the views' photos.
 
     """
-    lens, alone, before = fit.lens, _alone_px(fit), noise_px(fit.residual)
+    lens, alone, before = fit.lens, _measure_alone_px(fit), noise_px(fit.residual)
     views = zip(lens.camera.tolist(), photos, strict=True)
     stated = np.array([motion.stated[camera].get(photo, 0.0) for camera, photo in views])
     told = motion.flow is not None or bool(stated.any())
@@ -353,15 +355,15 @@ def firsts(lens: RigLens) -> BoolArray:
     return found
 
 
-def _covariance(fit: Adjustment[RigLens]) -> FloatArray:
+def _compute_covariance(fit: Adjustment[RigLens]) -> FloatArray:
     """(K, K) of the shared unknowns, for corners' noise of 1."""
     hessian = fit.normal.reduced_shared()
     return solve_scaled(hessian, np.eye(len(hessian)))
 
 
-def _variances(fit: Adjustment[RigLens]) -> FloatArray:
+def _compute_variances(fit: Adjustment[RigLens]) -> FloatArray:
     """(V,) of how much later than usual views are, for corners' noise of 1."""
-    lens, covariance = fit.lens, _covariance(fit)
+    lens, covariance = fit.lens, _compute_covariance(fit)
     own = lens.late_columns
     variance = covariance[own, own].copy()
     later = lens.camera > 0
@@ -370,7 +372,7 @@ def _variances(fit: Adjustment[RigLens]) -> FloatArray:
     return variance
 
 
-def _alone_px(fit: Adjustment[RigLens]) -> float:
+def _measure_alone_px(fit: Adjustment[RigLens]) -> float:
     """Noise of the corners with each view's pose left free, to first order."""
     left, image = fit.residual.copy(), fit.pairs.image
     for run, terms in linearise(fit, fit.pairs, np.inf):
@@ -390,20 +392,20 @@ def clocks_of(fit: Adjustment[RigLens], timing: Timing) -> Clocks:
     in_seconds = timing.motion.in_seconds
     unit = noise_px(fit.residual)
     own, before = lens.usual_columns, times.stated
-    sigma = unit * np.sqrt(np.append(0.0, np.diagonal(_covariance(fit))[own]))
-    effect = _effect_px(fit, times.usual[lens.camera])
+    sigma = unit * np.sqrt(np.append(0.0, np.diagonal(_compute_covariance(fit))[own]))
+    effect = _measure_effect_px(fit, times.usual[lens.camera])
     sure = in_seconds & (np.abs(times.usual) > _SURE * sigma) & (effect > _VISIBLE * unit)
     left = times.late - before - times.usual[lens.camera]
     return Clocks(
         late=np.where(sure, times.usual, 0.0),
         sigma=sigma,
         effect_px=np.where(sure, effect, 0.0),
-        scatter_px=_effect_px(fit, left),
+        scatter_px=_measure_effect_px(fit, left),
         in_seconds=in_seconds,
     )
 
 
-def _effect_px(fit: Adjustment[RigLens], late: FloatArray) -> FloatArray:
+def _measure_effect_px(fit: Adjustment[RigLens], late: FloatArray) -> FloatArray:
     """(C,) RMS of how far corners are off if a part (V,) of their lateness is not known."""
     lens, image = fit.lens, fit.pairs.image
     assert lens.times is not None
@@ -417,13 +419,13 @@ def _effect_px(fit: Adjustment[RigLens], late: FloatArray) -> FloatArray:
     return np.sqrt(total / np.maximum(count, 1))
 
 
-def _means(seen: Observations, values: FloatArray) -> list[float]:
+def _average_by_photo(seen: Observations, values: FloatArray) -> list[float]:
     """The mean of each photo's values (N,)."""
     count = np.bincount(seen.image, minlength=len(seen.images))
     total = np.bincount(seen.image, values, len(seen.images))
     return list((total / np.maximum(count, 1)).tolist())
 
 
-def _keys(pairs: Observations) -> Iterator[tuple[str, int, int, int]]:
+def _make_keys(pairs: Observations) -> Iterator[tuple[str, int, int, int]]:
     images = (pairs.images[image] for image in pairs.image)
     return zip(images, pairs.board.tolist(), pairs.column.tolist(), pairs.row.tolist(), strict=True)

@@ -123,10 +123,10 @@ def calibrate_alone(
     if found is not None and not keep_lens:
         reference = radial_near(own.radial, pairs, poses)
         result = fit_cubic(reference, found.prior, relative_decrease=_ROUGH_DECREASE)
-        lens, poses = _with_own_denominators(result.lens), result.poses
+        lens, poses = _fix_denominators(result.lens), result.poses
         runners_up = [
             (
-                _with_own_denominators(with_prior(result.lens, reference, prior, result.errors)),
+                _fix_denominators(with_prior(result.lens, reference, prior, result.errors)),
                 likely,
             )
             for prior, likely in found.runners_up.items()
@@ -139,18 +139,18 @@ def calibrate_alone(
         runners_up=runners_up,
         record=record,
         level="off" if found is None else found.refined,
-        told=[] if found is None else [_tell_camera(name, one) for one in found.findings],
+        told=[] if found is None else [_report_camera(name, one) for one in found.findings],
         seen=seen if found is None else found.named(seen),
     )
 
 
-def _tell_camera(name: str, finding: Finding) -> Finding:
+def _report_camera(name: str, finding: Finding) -> Finding:
     """What is told of one camera alone, as is told of several together."""
     said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
     return replace(finding, case="", because="", recorded=said, cameras=(name,))
 
 
-def _with_own_denominators(lens: CubicFit) -> CubicFit:
+def _fix_denominators(lens: CubicFit) -> CubicFit:
     """The lens, held to the denominators P3Φ that its own photos gave it.
 
     Many cubics of different P3 see nearly the same. What is wrong between cameras is many times

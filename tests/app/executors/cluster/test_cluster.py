@@ -407,7 +407,7 @@ def test_a_photo_that_ends_its_workers_is_that_photos_failure() -> None:
     from distributed import KilledWorker
 
     there = cluster.Cluster(None, "tcp://node:1", 1)
-    problem = there._explained(KilledWorker.__new__(KilledWorker), "")
+    problem = there._explain_failure(KilledWorker.__new__(KilledWorker), "")
     assert "ended from outside, as happens when memory runs out" in str(problem)
     with pytest.raises(ZeroDivisionError):
-        there._explained(ZeroDivisionError(), "")
+        there._explain_failure(ZeroDivisionError(), "")
