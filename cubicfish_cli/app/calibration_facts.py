@@ -85,7 +85,7 @@ class Facts:
 
     Attributes:
         known: the camera and its records, and what follows from these.
-        told: how each photo stands beside the others, in words, by its name.
+        verdict_words: how each photo stands beside the others, in words, by its name.
         dropped_pixels: photo and (2,) pixel of those dropped corners that are at hand.
         errors: None where the corners or what they are of are not at hand.
         lack: why ``errors`` is None; None where it is not.
@@ -99,7 +99,7 @@ class Facts:
     """
 
     known: CameraRecord
-    told: Mapping[str, str]
+    verdict_words: Mapping[str, str]
     dropped_pixels: tuple[tuple[str, FloatArray], ...]
     errors: ErrorFacts | None
     lack: str | None
@@ -161,7 +161,7 @@ def gather(
     """
     camera, fit = known.camera, known.fit
     judged = photo_verdicts(fit.per_image, fit.dropped_corners, camera.image_size)
-    told = zip(fit.per_image, judged, strict=True)
+    verdict_words = zip(fit.per_image, judged, strict=True)
     lines = [*absent]
     errors = None
     pixels: tuple[tuple[str, FloatArray], ...] = ()
@@ -184,7 +184,7 @@ def gather(
         lines.append(_NO_PHOTOS)
     return Facts(
         known=known,
-        told={photo.image: photo_words(own) for photo, own in told},
+        verdict_words={photo.image: photo_words(own) for photo, own in verdict_words},
         dropped_pixels=pixels,
         errors=errors,
         lack=lack,

@@ -364,7 +364,7 @@ def _explain_no_checkerboard(found: Sequence[PhotoDetection]) -> DetectionError:
     refusals = [one.refusal for one in found if one.refusal]
     lines = Counter(refusal.line for refusal in refusals)
     most = max(refusals, key=lambda refusal: lines[refusal.line])
-    if (most.code, "all") in catalogue().sayings:
+    if (most.code, "all") in catalogue().finding_texts:
         figures = {**most.figures, "photos": len(found)}
         return DetectionError(replace(most, case="all", figures=figures).line)
     return DetectionError(f"{plural(len(found), 'photo')}, no checkerboard: {most.line}")

@@ -49,7 +49,7 @@ class Event(StrEnum):
         """What is said of it."""
         from cubicfish_cli.core.codes import words
 
-        return str(words().say_event(self, figures))
+        return str(words().write_event(self, figures))
 
 
 class Listener:

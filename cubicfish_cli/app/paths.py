@@ -101,7 +101,7 @@ def check_inputs(
     pairs = correspondences is not None or any(map(holds_world_points, tables))
     if not pairs:
         target.check()
-    elif target.is_known and not target.told:
+    elif target.is_known and not target.by_default:
         raise UsageError(
             "--target, --board and --square say what photos show, and 2D-3D pairs know their "
             "points: leave it out"

@@ -36,7 +36,7 @@ class TargetSource:
         counts: inner corners (columns, rows) of one flat checkerboard in the place of a file.
         square: the side of its squares, millimetres.
         given: a target in memory in the place of both.
-        told: whether nobody named the file, so that it is told which it is.
+        by_default: whether nobody named the file, so that it is told which it is.
 
     """
 
@@ -44,7 +44,7 @@ class TargetSource:
     counts: tuple[int, int] | None = None
     square: float | None = None
     given: Target | None = None
-    told: bool = False
+    by_default: bool = False
 
     @classmethod
     def of(cls, target: TargetSource | Target | StrPath | None) -> TargetSource:
@@ -94,7 +94,7 @@ class TargetSource:
         from cubicfish_cli.core.target import Target
 
         self.check()
-        if self.told:
+        if self.by_default:
             from cubicfish_cli.app.listener import Event
 
             listener.tell(Event.TARGET, path=self.path)

@@ -28,8 +28,15 @@ from cubicfish_cli.app.terminal.parameters import (
     record,
     target_options,
 )
-from cubicfish_cli.app.terminal.progress import How, say_left_out
-from cubicfish_cli.app.terminal.terminal import apart, detail, print_next, print_wrote, result, say
+from cubicfish_cli.app.terminal.progress import How, report_left_out
+from cubicfish_cli.app.terminal.terminal import (
+    apart,
+    detail,
+    print_message,
+    print_next,
+    print_wrote,
+    result,
+)
 from cubicfish_cli.app.words.phrases import counted, plural
 from cubicfish_cli.core.errors import OutputError, UsageError
 from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
@@ -365,14 +372,14 @@ def command(made: CalibratedFiles, given: CalibrateOptions, how: How) -> None:
     the folder.
     """
     fitted, printed = made.fitted, how.print(made)
-    say_left_out(fitted.unfit)
+    report_left_out(fitted.unfit)
     _report_findings(fitted.fit)
     if not printed:
         apart()
         result(fitted.line, mark=(fitted.verdict.words, fitted.verdict.level))
         _print_calibration(made)
     for path in made.removed:
-        say(f"removed {path}, which was of an earlier calibration")
+        print_message(f"removed {path}, which was of an earlier calibration")
     _report_missing_page(made.files, wanted=given.report)
     figures.hold_gate(fitted.fit.rms_px, how.max_rms)
 
@@ -383,10 +390,10 @@ def _report_missing_page(files: Mapping[str, Path], *, wanted: bool) -> None:
         return
     old = files["camera"].with_name(PAGE)
     if old.exists():
-        say(f"note: {old} is of an earlier calibration")
+        print_message(f"note: {old} is of an earlier calibration")
     if wanted and extra.missing(extra.REPORT):
         report = f"cubicfish report {old.parent}"
-        say(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
+        print_message(f"No {PAGE} was written: {extra.INSTALL}, then {report!r}, makes it.")
 
 
 def _report_findings(fit: FitRecord) -> None:
@@ -395,7 +402,7 @@ def _report_findings(fit: FitRecord) -> None:
         place = f"{one.image} {one.board} column {one.column} row {one.row}"
         detail(f"dropped: {place}: {one.error_px:.1f} px off")
     for finding in fit.findings:
-        say(f"{figures.mark_of(finding)}: {finding.line}")
+        print_message(f"{figures.mark_of(finding)}: {finding.line}")
 
 
 def _print_calibration(made: CalibratedFiles) -> None:
@@ -422,7 +429,7 @@ def _print_calibration(made: CalibratedFiles) -> None:
         return
     used = {Path(name).name for name in fitted.pairs.images}
     photo = next((photo for photo in made.inputs.photos if photo.name in used), None)
-    say_next(fitted.verdict, made.files["camera"], photo, made.files.get("report"))
+    print_next_steps(fitted.verdict, made.files["camera"], photo, made.files.get("report"))
 
 
 def _print_figures(fitted: Calibration | PointCalibration) -> None:
@@ -483,7 +490,9 @@ def _print_object(fit: FitRecord) -> None:
     result()
 
 
-def say_next(judged: Verdict, camera: Path, photo: Path | None, report: Path | None) -> None:
+def print_next_steps(
+    judged: Verdict, camera: Path, photo: Path | None, report: Path | None
+) -> None:
     """Say what to do next, unless ``--quiet``.
 
     Args:

@@ -12,8 +12,8 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import TargetSource
 from cubicfish_cli.app.terminal import figures, parameters
 from cubicfish_cli.app.terminal.parameters import as_command, option, record, target_options
-from cubicfish_cli.app.terminal.progress import How, say_found
-from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.app.terminal.progress import How, report_found
+from cubicfish_cli.app.terminal.terminal import print_message, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import StrPath
 
@@ -137,9 +137,9 @@ def command(made: DetectedFiles, given: DetectOptions, how: How) -> None:
     The result is a table with one corner on each line: image, board, column, row, x, y.
     """
     detection, printed = made.detection, how.print(made)
-    say_found([one for photo in detection.photos for one in photo.findings])
+    report_found([one for photo in detection.photos for one in photo.findings])
     for finding in detection.findings:
-        say(f"{figures.mark_of(finding)}: {finding.line}")
+        print_message(f"{figures.mark_of(finding)}: {finding.line}")
     if not printed:
         corners = detection.corners
         found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
@@ -151,20 +151,20 @@ def _list_rows(detection: Detection) -> list[figures.PhotoRow]:
     by_board = figures.corners_by_board(detection.corners)
     rows = []
     for photo in detection.photos:
-        said = []
+        remarks = []
         if photo.lost:
-            said.append(figures.lost_word(photo))
+            remarks.append(figures.lost_word(photo))
         elif photo.corners < _FEW_CORNERS:
-            said.append("few corners")
+            remarks.append("few corners")
         if not photo.exact:
-            said.append("not sure which corners")
+            remarks.append("not sure which corners")
         if not photo.lost and photo.notes:
-            said.append(f"{plural(len(photo.notes), 'remark')}")
+            remarks.append(f"{plural(len(photo.notes), 'remark')}")
         rows.append(
             figures.PhotoRow(
                 name=photo.name,
-                words="; ".join(said) or figures.GOOD,
-                level="good" if not said else "bad" if photo.lost else "care",
+                words="; ".join(remarks) or figures.GOOD,
+                level="good" if not remarks else "bad" if photo.lost else "care",
                 boards=by_board.get(photo.name, {}),
                 corners=None if photo.lost else photo.corners,
             )

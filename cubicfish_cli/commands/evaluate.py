@@ -13,8 +13,8 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.target_source import TargetSource
 from cubicfish_cli.app.terminal import figures, parameters
 from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
-from cubicfish_cli.app.terminal.progress import How, say_found, say_left_out
-from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.app.terminal.progress import How, report_found, report_left_out
+from cubicfish_cli.app.terminal.terminal import print_message, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import StrPath
 
@@ -142,27 +142,27 @@ def command(made: EvaluatedFiles, given: EvaluateOptions, how: How) -> None:
     """
     evaluation = made.evaluation
     if evaluation.outside:
-        say(
+        print_message(
             f"{plural(evaluation.outside, 'corner')} not counted: beyond the "
             f"{made.camera.max_angle_deg:.0f}° where the camera may be trusted."
         )
     if made.inputs.detection is not None:
-        say_found(made.inputs.photo_findings)
+        report_found(made.inputs.photo_findings)
         for finding in made.inputs.detection.findings:
-            say(f"warning: {finding.line}")
-    say_unplaced(evaluation.unplaced)
+            print_message(f"warning: {finding.line}")
+    report_unplaced(evaluation.unplaced)
     if not how.print(made):
         _print(made)
     figures.hold_gate(evaluation.errors.rms_px, how.max_rms)
 
 
-def say_unplaced(photos: Sequence[str], of: str = "") -> None:
+def report_unplaced(photos: Sequence[str], of: str = "") -> None:
     """Say which photos could not be placed; ``of`` names the camera."""
     from cubicfish_cli.core.codes import Code, Severity
     from cubicfish_cli.core.finding import Finding
 
     too_few = Finding(code=Code.TOO_FEW_CORNERS, severity=Severity.CARE)
-    say_left_out(dict.fromkeys(photos, too_few), of)
+    report_left_out(dict.fromkeys(photos, too_few), of)
 
 
 def _print(made: EvaluatedFiles) -> None:

@@ -14,7 +14,7 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.app.terminal.terminal import print_message, print_wrote, result
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
@@ -172,4 +172,4 @@ def print_exported(made: ExportedFiles, how: How) -> None:
     for line in made.lines:
         result(line)
     for line in made.warnings:
-        say(f"warning: {line}")
+        print_message(f"warning: {line}")

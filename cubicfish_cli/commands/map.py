@@ -12,9 +12,9 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.app.terminal.terminal import print_message, print_wrote, result
 from cubicfish_cli.app.undistortion.options import ViewOptions
-from cubicfish_cli.commands.view_options import say_what_is_unseen, view_options
+from cubicfish_cli.commands.view_options import report_unseen, view_options
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ def command(made: MapFiles, given: MapOptions, how: How) -> None:
     """See ``_HELP``."""
     print_maps(made, how)
     if not (how.as_json or given.redistort):
-        say_what_is_unseen(made.view)
+        report_unseen(made.view)
 
 
 def print_maps(made: MapFiles, how: How, more: str = "") -> None:
@@ -197,7 +197,7 @@ def print_maps(made: MapFiles, how: How, more: str = "") -> None:
     for line in made.ffmpeg:
         result(f"apply it with: {line}", whole=True)
     if made.ffmpeg:
-        say(
+        print_message(
             "note: ffmpeg's remap takes the nearest pixel, so edges are jagged: 'cubicfish "
             "undistort in.mp4 out.mp4' interpolates"
         )

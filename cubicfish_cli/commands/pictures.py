@@ -71,15 +71,15 @@ class UndistortedFiles:
 
 def _record_failure(name: str, error: CubicfishError) -> dict[str, Any]:
     """Return a failure as plain data: a finding, and its name and problem."""
-    from cubicfish_cli.app.words.catalogue import say_error
+    from cubicfish_cli.app.words.catalogue import write_error
     from cubicfish_cli.core.codes import Code, Severity
     from cubicfish_cli.core.finding import Finding
 
-    problem = say_error(error)
-    told = Finding(
+    problem = write_error(error)
+    failed = Finding(
         code=Code.FAILED, severity=Severity.BAD, images=(name,), figures={"problem": problem}
     )
-    return {**told.as_record(), "image": name, "problem": problem}
+    return {**failed.as_record(), "image": name, "problem": problem}
 
 
 @dataclass(frozen=True, kw_only=True)

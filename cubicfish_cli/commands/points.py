@@ -18,7 +18,7 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import as_command, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import echo, say
+from cubicfish_cli.app.terminal.terminal import echo, print_message
 from cubicfish_cli.core.errors import CorrespondenceError, UsageError
 from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.reading import read_bytes
@@ -112,7 +112,7 @@ def read_points(path: Path, columns: Sequence[str]) -> Points:
         nothing = f"{name} holds no points: give {','.join(columns)} a line"
         if name != "stdin":
             raise CorrespondenceError(nothing)
-        say(f"note: {nothing}")  # no error: a step of a pipe may have found none
+        print_message(f"note: {nothing}")  # no error: a step of a pipe may have found none
     values = np.array(numbers, float).reshape(-1, len(columns))
     return Points(values=values, has_header=has_header)
 

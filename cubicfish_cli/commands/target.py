@@ -137,14 +137,14 @@ def _advise(target: Target, facts: ObjectFacts) -> list[tuple[str, str]]:
     """Return (topic, text) of each piece of advice, in order."""
     photos = "several" if facts.flat else "one"
     return [
-        ("Photos", _say(f"photos_{photos}")),
+        ("Photos", _write_check(f"photos_{photos}")),
         *(("Names", text) for text in _advise_on_names(target, facts)),
-        *(("Places", _say("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
+        *(("Places", _write_check("crossing", one=a, other=b)) for a, b in facts.crossing[:_MOST]),
         *(("Sizes", text) for text in _advise_on_sizes(target)),
     ]
 
 
-def _say(key: str, **figures: Any) -> str:
+def _write_check(key: str, **figures: Any) -> str:
     from cubicfish_cli.app.words.catalogue import catalogue
     from cubicfish_cli.app.words.phrases import Sentences
 
@@ -154,25 +154,25 @@ def _say(key: str, **figures: Any) -> str:
 def _advise_on_names(target: Target, facts: ObjectFacts) -> Iterator[str]:
     plain, alone = facts.plain, len(facts.plain) == 1
     if facts.named_by != "geometry":
-        yield _say(f"by_{facts.named_by}")
+        yield _write_check(f"by_{facts.named_by}")
         if plain and facts.named_by == "markers":
-            yield _say("without_markers", boards=", ".join(plain), count=len(plain))
+            yield _write_check("without_markers", boards=", ".join(plain), count=len(plain))
         return
     more = len(facts.symmetries) - _MOST
     for turn in facts.symmetries[:_MOST]:
-        yield _say("same", turned=_describe_turn(turn, alone=alone), alone=alone)
+        yield _write_check("same", turned=_describe_turn(turn, alone=alone), alone=alone)
     if more > 0:
-        yield _say("same_more", more=more)
+        yield _write_check("same_more", more=more)
     oblong = any(board.has_squares and board.columns != board.rows for board in target.boards)
     if facts.symmetries:
-        yield _say("upright", oblong=alone and oblong)
+        yield _write_check("upright", oblong=alone and oblong)
     elif alone:
-        yield _say("by_colours", board=plain[0])
+        yield _write_check("by_colours", board=plain[0])
     if not alone:
-        groups = [_say("group", boards=own) for own in facts.look_alikes if len(own) > 1]
+        groups = [_write_check("group", boards=own) for own in facts.look_alikes if len(own) > 1]
         turned = [own[0] for own in facts.look_alikes if len(own) == 1]
-        alike = "; ".join([*groups, *([_say("itself", boards=turned)] if turned else [])])
-        yield _say("alike", alike=alike) if alike else _say("told_each")
+        alike = "; ".join([*groups, *([_write_check("itself", boards=turned)] if turned else [])])
+        yield _write_check("alike", alike=alike) if alike else _write_check("told_each")
 
 
 def _advise_on_sizes(target: Target) -> Iterator[str]:
@@ -184,15 +184,15 @@ def _advise_on_sizes(target: Target) -> Iterator[str]:
         side = factor * board.square
         if side and not _FINEST_MM <= side <= _LARGEST_MM:
             figures = {"square": board.square, "units": target.units}
-            yield _say("odd_unit", board=board.name, is_small=side < _FINEST_MM, **figures)
+            yield _write_check("odd_unit", board=board.name, is_small=side < _FINEST_MM, **figures)
 
 
 def _describe_turn(turn: Turn, *, alone: bool) -> str:
     if alone:
-        return _say("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
+        return _write_check("turned_alone", angle_deg=turn.angle_deg, board=turn.boards[0])
     axis = ", ".join(f"{round(float(value), 2) + 0.0:g}" for value in turn.axis)
     moved = ", ".join(f"{a} → {b}" for a, b in zip(turn.boards, turn.onto, strict=True))
-    return _say("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
+    return _write_check("turned", angle_deg=turn.angle_deg, axis=axis, moved=moved)
 
 
 def check_target_files(options: CheckOptions, *, run: Run = RUN) -> TargetCheck:

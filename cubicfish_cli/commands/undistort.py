@@ -15,7 +15,7 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_wrote, result, say, tell
+from cubicfish_cli.app.terminal.terminal import print_always, print_message, print_wrote, result
 from cubicfish_cli.app.undistortion.options import (
     INTERPOLATIONS,
     Interpolation,
@@ -24,7 +24,7 @@ from cubicfish_cli.app.undistortion.options import (
 )
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.commands.view_options import (
-    say_what_is_unseen,
+    report_unseen,
     view_options,
     view_or_plane_options,
 )
@@ -246,7 +246,7 @@ def command(made: UndistortedFiles, given: UndistortOptions, how: How) -> None:
     quality of a JPEG; a video keeps its audio and its timestamps.
     """
     if made.view is not None and not how.as_json:
-        say_what_is_unseen(made.view)
+        report_unseen(made.view)
     print_pictures(made, how)
 
 
@@ -260,15 +260,15 @@ def print_pictures(made: UndistortedFiles, how: How) -> None:
     number, failures = len(made.written) + len(made.failures), list(made.failures.items())
     if not how.print(made):
         if failures and number > 1:
-            from cubicfish_cli.app.words.catalogue import say_error
+            from cubicfish_cli.app.words.catalogue import write_error
 
             for name, error in failures[:_FEW]:
                 shot = f"shot {name}: " if made.kind == "shot" else ""
-                tell(f"failed: {shot}{say_error(error)}")
+                print_always(f"failed: {shot}{write_error(error)}")
         if len(failures) > _FEW:
-            tell(f"and {len(failures) - _FEW:,} more, which --json lists")
+            print_always(f"and {len(failures) - _FEW:,} more, which --json lists")
         if made.skipped:
-            say(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
+            print_message(f"skipped {plural(len(made.skipped), made.kind)} whose result exists")
         if made.view is not None:
             what = plural(len(made.files), "video" if made.kind == "video" else "picture")
             alone = len(made.files) == 1 == number

@@ -16,7 +16,7 @@ from cubicfish_cli.app.terminal.parameters import (
     target_option,
     target_path,
 )
-from cubicfish_cli.app.terminal.terminal import say
+from cubicfish_cli.app.terminal.terminal import print_message
 from cubicfish_cli.app.undistortion.options import KINDS, PlaneOptions, ViewOptions
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.wording import either
@@ -145,7 +145,7 @@ view_or_plane_options: Any = view_bundle(planes=True)
 """The same, or the plane of a board with its target, as a :class:`PlaneOptions`."""
 
 
-def say_what_is_unseen(view: ChosenView) -> None:
+def report_unseen(view: ChosenView) -> None:
     """Tell the user if the camera's field ends before the view's does, and what is lost."""
     for remark in view.remarks():
-        say(remark)
+        print_message(remark)

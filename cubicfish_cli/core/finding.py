@@ -13,7 +13,7 @@ Level = Literal["good", "care", "bad"]
 _ABOUT = ("images", "boards", "cameras", "shots")
 
 
-class Saying(NamedTuple):
+class FindingText(NamedTuple):
     """The sentences of a finding, and the kind of remedy."""
 
     what: str
@@ -50,7 +50,7 @@ class Finding:
     case: str = ""
     because: str = ""
     figures: Mapping[str, Any] = field(default_factory=dict)
-    recorded: Saying | None = None
+    recorded: FindingText | None = None
 
     @property
     def what(self) -> str:
@@ -118,13 +118,13 @@ class Finding:
         return record
 
     @cached_property
-    def _sentences(self) -> Saying:
+    def _sentences(self) -> FindingText:
         if self.recorded is not None:
             return self.recorded
         about: dict[str, Any] = {"images": self.images, "boards": self.boards}
         if self.cameras:
             about |= {"cameras": self.cameras, "of_shots": self.shots}
-        return words().say(self.code, self.case, self.because, {**self.figures, **about})
+        return words().write_text(self.code, self.case, self.because, {**self.figures, **about})
 
 
 def of_record(record: Mapping[str, Any]) -> Finding | None:
@@ -132,7 +132,9 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
     severity = _read_word(Severity, record.get("severity", record.get("level")))
     if severity is None:
         return None
-    what, evidence, do, case = (str(record.get(key, "")) for key in (*Saying._fields[:3], "case"))
+    what, evidence, do, case = (
+        str(record.get(key, "")) for key in (*FindingText._fields[:3], "case")
+    )
     about: dict[str, Any] = {key: _read_names(record.get(key)) for key in _ABOUT}
     figures = record.get("figures")
     remedy = _read_word(Remedy, record.get("remedy")) or Remedy.CHECK
@@ -142,7 +144,7 @@ def of_record(record: Mapping[str, Any]) -> Finding | None:
         **about,
         case=case,
         figures=figures if isinstance(figures, Mapping) else {},
-        recorded=Saying(what, evidence, do, remedy),
+        recorded=FindingText(what, evidence, do, remedy),
     )
 
 

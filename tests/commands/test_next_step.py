@@ -45,13 +45,13 @@ def test_what_is_next_can_be_pasted_or_mends_it(
     says: str,
 ) -> None:
     monkeypatch.setattr(terminal, "verbosity", lambda: 0)
-    calibrate.say_next(judged, camera, photo, camera.with_name("report.html"))
+    calibrate.print_next_steps(judged, camera, photo, camera.with_name("report.html"))
     said = capsys.readouterr().out
     assert says in said
     assert said.endswith(f"      open {camera.with_name('report.html')}\n")
     assert ("undistort" in said) == (judged.level != "bad")
     monkeypatch.setattr(terminal, "verbosity", lambda: -1)
-    calibrate.say_next(judged, camera, photo, None)
+    calibrate.print_next_steps(judged, camera, photo, None)
     assert capsys.readouterr().out == ""
 
 

@@ -70,7 +70,7 @@ def test_a_program_is_told_what_is_done_and_says_nothing_of_a_command(
 ) -> None:
     heard, options = Heard(), CalibrateOptions(inputs=CORNERS, target=TARGET, folder=tmp_path / "b")
     made = calibrate_files(options, run=Run(listener=heard))
-    assert heard.told == [(Event.FITTING, {"corners": 1139})]
+    assert heard.events == [(Event.FITTING, {"corners": 1139})]
     assert heard.steps[-1][0] == "Writing"
     assert "command" not in load_camera(made.files["camera"]).made_by
     with pytest.raises(OutputError, match="exists already"):
@@ -126,7 +126,7 @@ def test_corners_of_files_are_found_drawn_and_told(tmp_path: Path) -> None:
         run=Run(listener=heard),
     )
     assert made.drawings == [tmp_path / "seen" / f"corner_0{n}.png" for n in (1, 2)]
-    assert [event for event, _ in heard.told][:2] == [Event.PASSED_OVER, Event.LOOKING]
+    assert [event for event, _ in heard.events][:2] == [Event.PASSED_OVER, Event.LOOKING]
     assert [len(heard.of(step)) for step in ("Finding corners", "Looking again")] == [3, 3]
 
 

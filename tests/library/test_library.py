@@ -285,7 +285,7 @@ def test_photos_in_memory_give_the_corners_of_their_files(tmp_path: Path, target
         target,
         listener=heard,
     )
-    assert heard.told[0] == (Event.LOOKING, {"photos": 2})
+    assert heard.events[0] == (Event.LOOKING, {"photos": 2})
     assert heard.of("Finding corners") == heard.of("Looking again") == [(0, 0), (1, 2), (2, 2)]
     assert detection.corners.images == of_files.images
     for field in ("image", "board", "column", "row"):
@@ -540,7 +540,7 @@ def test_photos_are_the_same_of_a_fit_a_camera_and_its_file(
         assert made.corners == len(load_corners(files[1], target).pixel) >= 10
     assert heard.of("Rendering") == [(0, 0), (1, 1)] * 3
     size = {"width": 320, "height": 240}
-    assert heard.told == [(Event.RENDERING, {"pictures": "1 photo", **size})] * 3
+    assert heard.events == [(Event.RENDERING, {"pictures": "1 photo", **size})] * 3
     before, dark = files[0].read_bytes(), read_picture(files[0]).mean()
     again = {"poses": files[2], "form": "png", "look": LookOptions(noise=0)}
     assert "exists already" in refusal(

@@ -13,14 +13,14 @@ class Heard(Listener):
 
     def __init__(self) -> None:
         self.steps: list[tuple[str, float, float, str]] = []
-        self.told: list[tuple[Event, dict[str, Any]]] = []
+        self.events: list[tuple[Event, dict[str, Any]]] = []
         self.findings: list[Finding] = []
 
     def progress(self, step: str, done: float = 0, total: float = 0, now: str = "") -> None:
         self.steps.append((step, done, total, now))
 
     def tell(self, event: Event, **figures: Any) -> None:
-        self.told.append((event, figures))
+        self.events.append((event, figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
         self.findings += findings

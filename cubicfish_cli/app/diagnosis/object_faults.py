@@ -171,11 +171,13 @@ def _try_orders(seen: _Measured) -> _Hypotheses:
         size = {"columns": oblong[0].columns, "rows": oblong[0].rows} if oblong else {}
         which = "all" if seen.every(boards) else "one"
         for order in [*list(ORDERS)[1:], *AXES]:
-            told = ("exchanged_size" if oblong else "exchanged") if order in EXCHANGED else order
+            order_name = (
+                ("exchanged_size" if oblong else "exchanged") if order in EXCHANGED else order
+            )
             finding = _bad(
                 code=Code.BOARD_ORDER,
                 boards=seen.names(boards),
-                figures={**size, "order": told, "which": which},
+                figures={**size, "order": order_name, "which": which},
             )
             yield finding, {index: _place_as_counted(seen.boards[index], order) for index in boards}
     for one, other in combinations(everyone, 2):

@@ -119,12 +119,12 @@ class Cluster:
                 some = finished.next_batch(block=False)
                 if not some:
                     time.sleep(_LOOK_S)
-                for future, told in some:
+                for future, outcome in some:
                     # Its status may have changed since: answers are lost with their workers.
-                    if isinstance(told, tuple) and len(told) == 1:
-                        answer = told[0]
+                    if isinstance(outcome, tuple) and len(outcome) == 1:
+                        answer = outcome[0]
                     else:  # of what failed: its type, the exception and its traceback
-                        why = told if isinstance(told, BaseException) else told[1]
+                        why = outcome if isinstance(outcome, BaseException) else outcome[1]
                         answer = self._explain_failure(why, so_far)
                     yield numbers.pop(future), answer
         except CANCELLED as problem:
@@ -188,9 +188,9 @@ def connect(address: str, *, wait_s: float = WAIT_S) -> Iterator[Cluster]:
         try:
             client = _call_within(_CONNECT_S + _SLACK_S, connect)
         except Exception as problem:  # whatever the other side does not understand
-            said = " ".join(str(problem).split()) or "it is silent"
+            words = " ".join(str(problem).split()) or "it is silent"
             raise ClusterError(
-                f"no scheduler answers at {shown(address)} ({said}): is 'dask scheduler' of this "
+                f"no scheduler answers at {shown(address)} ({words}): is 'dask scheduler' of this "
                 "version running there, and is this its address?"
             ) from problem
         stack.callback(_close, client)

@@ -78,8 +78,8 @@ class Found:
     @property
     def miscounted(self) -> Finding | None:
         """The finding that boards have other counts of corners than the target says; or None."""
-        told = (one for one in self.findings if one.severity is not Severity.NOTE)
-        return next((one for one in told if one.code is Code.CORNER_COUNT), None)
+        serious = (one for one in self.findings if one.severity is not Severity.NOTE)
+        return next((one for one in serious if one.code is Code.CORNER_COUNT), None)
 
 
 def found_in(

@@ -211,7 +211,7 @@ def quality(sharp: float, moved: float, size: tuple[int, int]) -> float:
     return sharp / (1 + (moved / still_px(size)) ** 2) ** 0.5
 
 
-def tell_of_film(measured: Measured, listener: Listener) -> None:
+def report_film(measured: Measured, listener: Listener) -> None:
     """Tell the listener what is odd about a film."""
     name = shown(measured.film.path)
     if measured.problem is not None:

@@ -19,7 +19,13 @@ from typing import TYPE_CHECKING
 import click
 
 from cubicfish_cli.app.terminal.parameters import verbosity
-from cubicfish_cli.app.terminal.terminal import columns_of, print_table, result, say, tell
+from cubicfish_cli.app.terminal.terminal import (
+    columns_of,
+    print_always,
+    print_message,
+    print_table,
+    result,
+)
 
 if TYPE_CHECKING:
     from cubicfish_cli.app.pages.report_files import ReportFiles
@@ -72,7 +78,7 @@ def print_verdict(judged: Verdict) -> None:
 def print_report(made: ReportFiles, how: How) -> None:
     """Print the verdict, the page's file, and what is not on the page."""
     for line in made.absent:
-        say(f"left out: {line}")
+        print_message(f"left out: {line}")
     if not how.print(made):
         print_verdict(made.verdict)
         result(f"\nwrote {made.page}")
@@ -86,7 +92,7 @@ def mark_of(finding: Finding) -> str:
 def hold_gate(rms_px: float, max_rms: float | None) -> None:
     """Exit with 3 when the RMS is above the gate that the user set."""
     if max_rms is not None and not rms_px <= max_rms:
-        tell(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")
+        print_always(f"The RMS of {rms_px:.3f} px is above --max-rms {max_rms:g}.")
         click.get_current_context().exit(EXIT_GATE)
 
 
@@ -185,15 +191,15 @@ def fitted_rows(
     rows = [
         PhotoRow(
             name=one.image,
-            words=photo_words(told),
-            short="; ".join(one.short for one in told),
-            level=level_of(told),
+            words=photo_words(findings),
+            short="; ".join(one.short for one in findings),
+            level=level_of(findings),
             boards=by_board.get(one.image, {}),
             corners=one.corners,
             dropped=out[one.image],
             errors=one,
         )
-        for one, told in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
+        for one, findings in zip(photos, photo_verdicts(photos, dropped, image_size), strict=True)
     ]
     known = {row.name for row in rows}
     rows += [

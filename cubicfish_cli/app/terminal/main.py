@@ -17,7 +17,13 @@ import click
 from cubicfish_cli import __version__
 from cubicfish_cli.app.terminal.parameters import DEBUG_KEY, common_options, examples
 from cubicfish_cli.app.terminal.start import EXIT_SIGNAL, ending_signal
-from cubicfish_cli.app.terminal.terminal import Failure, lead_nowhere, safe, say_interrupted, tell
+from cubicfish_cli.app.terminal.terminal import (
+    Failure,
+    lead_nowhere,
+    print_always,
+    print_interrupted,
+    safe,
+)
 from cubicfish_cli.core.errors import CubicfishError
 from cubicfish_cli.core.wording import did_you_mean
 
@@ -113,16 +119,16 @@ def _end_by_signal() -> NoReturn:
     if ending_signal() is not None:  # once more ends it at once: all is cleaned up
         signal.signal(number, signal.SIG_DFL)
     if number == signal.SIGINT:
-        say_interrupted()
+        print_interrupted()
     sys.exit(EXIT_SIGNAL + number)
 
 
 def _explain(error: Exception) -> str | None:
     """Why the work could not be done, in one line; None where it is no user's doing."""
     if isinstance(error, CubicfishError):
-        from cubicfish_cli.app.words.catalogue import say_error
+        from cubicfish_cli.app.words.catalogue import write_error
 
-        return say_error(error)
+        return write_error(error)
     if isinstance(error, MemoryError):
         return "not enough memory: use smaller photos or views, or fewer --jobs"
     if isinstance(error, OSError):
@@ -152,7 +158,7 @@ def cli() -> None:
     """
 
 
-def tell_why_it_ended(error: Exception) -> int:
+def report_end(error: Exception) -> int:
     """Tell what ended the program before or after its command, and return the exit code."""
     if isinstance(error, click.ClickException):
         # What click says of a command line may repeat a file's name, which may steer a terminal.
@@ -167,5 +173,5 @@ def tell_why_it_ended(error: Exception) -> int:
         raise error
     if isinstance(error, OSError):  # such as help that cannot be printed
         lead_nowhere(sys.stdout)
-    tell(f"Error: {safe(why)}")
+    print_always(f"Error: {safe(why)}")
     return 1

@@ -205,10 +205,10 @@ class Parsed(click.ParamType):
 
 def _read_length(text: str) -> str:
     """A length with its unit, as text; that one without is in millimetres is said."""
-    from cubicfish_cli.app.terminal.terminal import say
+    from cubicfish_cli.app.terminal.terminal import print_message
 
     if text.strip()[-1:].isdigit():
-        say(f"note: {text} has no unit and is taken as millimetres")
+        print_message(f"note: {text} has no unit and is taken as millimetres")
     return text
 
 
@@ -426,7 +426,7 @@ def _choose_target(
     if board is None:
         if square is not None:
             raise click.UsageError("--square is of --board: add --board 9x6 (inner corners)")
-        return TargetSource(path=target_path(target), told=target is None)
+        return TargetSource(path=target_path(target), by_default=target is None)
     if target is not None:
         raise click.UsageError("--target says what the target is: leave --board out, or --target")
     if square is None:
@@ -468,9 +468,9 @@ def _need_target(target: Path | None) -> Path:
             "'cubicfish target print' makes one"
         )
     if target is None:
-        from cubicfish_cli.app.terminal.terminal import say
+        from cubicfish_cli.app.terminal.terminal import print_message
 
-        say(f"Target: {path}.")
+        print_message(f"Target: {path}.")
     return path
 
 

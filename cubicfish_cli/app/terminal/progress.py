@@ -33,8 +33,8 @@ from cubicfish_cli.app.terminal.terminal import (
     as_shown,
     can_redraw,
     print_json,
+    print_message,
     safe,
-    say,
 )
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
@@ -71,11 +71,11 @@ class _Shown(Listener):
 
     def tell(self, event: Event, **figures: Any) -> None:
         self.interrupt()
-        say(event.line(**figures))
+        print_message(event.line(**figures))
 
     def found(self, findings: Sequence[Finding]) -> None:
         self.interrupt()
-        say_found(findings)
+        report_found(findings)
 
     def end(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the last step, by an error of a kind; a usage error is all that is said."""
@@ -90,7 +90,7 @@ class _Shown(Listener):
         self._step = self._line = None
         camera = self._notes.pop(CAMERA_KEY, None)
         if camera is not None:
-            say(f"Camera: {camera}.")
+            print_message(f"Camera: {camera}.")
 
 
 class _Line:
@@ -146,7 +146,7 @@ class _Line:
         return as_shown(safe(words), self._stream)
 
 
-def say_found(findings: Sequence[Finding], mark: str = "") -> None:
+def report_found(findings: Sequence[Finding], mark: str = "") -> None:
     """Say what is told of photos; what several share once, unless all is wanted (``--verbose``).
 
     Args:
@@ -157,12 +157,14 @@ def say_found(findings: Sequence[Finding], mark: str = "") -> None:
     from cubicfish_cli.corners.identification.identified import line_of, remark_lines
 
     for line in map(line_of, findings) if verbosity() > 0 else remark_lines(findings):
-        say(mark + line)
+        print_message(mark + line)
 
 
-def say_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
+def report_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
     """Say which photos took no part in a fit, and why; ``of`` says of which camera."""
-    say_found([replace(why, images=(photo,)) for photo, why in rejected.items()], f"left out: {of}")
+    report_found(
+        [replace(why, images=(photo,)) for photo, why in rejected.items()], f"left out: {of}"
+    )
 
 
 class _Cluster:
@@ -179,7 +181,9 @@ class _Cluster:
             self._listener.interrupt()
             self._there = there = self._stack.enter_context(connect(self._address))
             threads = plural(there.threads, "thread")
-            say(f"Using {plural(there.workers, 'worker')} with {threads} at {self._address}.")
+            print_message(
+                f"Using {plural(there.workers, 'worker')} with {threads} at {self._address}."
+            )
         return self._there.each(work, items)
 
 

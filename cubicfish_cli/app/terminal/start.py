@@ -32,7 +32,7 @@ def main() -> None:
     numbers = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
     _set_handler(numbers, signal.SIG_DFL)
     prepare_process()
-    from cubicfish_cli.app.terminal.main import cli, tell_why_it_ended
+    from cubicfish_cli.app.terminal.main import cli, report_end
 
     try:
         try:
@@ -41,7 +41,7 @@ def main() -> None:
             code = cli.main(prog_name="cubicfish", standalone_mode=False)
             sys.exit(code if isinstance(code, int) else 0)
         except Exception as error:
-            sys.exit(tell_why_it_ended(error))
+            sys.exit(report_end(error))
         finally:
             _set_handler(numbers, signal.SIG_DFL)
     except (Exception, KeyboardInterrupt):

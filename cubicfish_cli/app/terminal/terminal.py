@@ -77,7 +77,7 @@ def apart() -> None:
         result()
 
 
-def say(text: str) -> None:
+def print_message(text: str) -> None:
     """Tell the user on stderr, unless ``--quiet``."""
     if verbosity() >= 0:
         _print(text, sys.stderr, _find_talk_mark(text))
@@ -89,12 +89,12 @@ def detail(text: str) -> None:
         _print(text, sys.stderr, _find_talk_mark(text))
 
 
-def tell(text: str) -> None:
+def print_always(text: str) -> None:
     """Tell the user on stderr what also ``--quiet`` does not keep back."""
     _print(text, sys.stderr, _find_talk_mark(text))
 
 
-def say_interrupted() -> None:
+def print_interrupted() -> None:
     """Answer Ctrl-C, in the place of the ^C that a terminal shows for it."""
     if can_redraw(sys.stderr):
         click.echo("\r\x1b[2K", file=sys.stderr, nl=False, color=True)
@@ -106,7 +106,7 @@ class Failure(click.ClickException):
 
     def show(self, file: Any = None) -> None:
         """Print it, as all that is said."""
-        tell(f"Error: {self.format_message()}")
+        print_always(f"Error: {self.format_message()}")
 
 
 def print_json(value: Mapping[str, Any]) -> None:

@@ -123,14 +123,14 @@ class ChosenView:
 
     def remarks(self) -> list[str]:
         """Where the camera's field ends before the view's does, and what of the photos is lost."""
-        view, camera, said = self.first, self.camera, []
+        view, camera, notes = self.first, self.camera, []
         if self.at_limit:
-            said.append(
+            notes.append(
                 f"the camera sees more than a {view.kind} picture can show: its field ends at "
                 "the view's own limit, and --view stereographic or equidistant shows all"
             )
         if camera is None or len(self.views) > 1 or not isinstance(view, CentralView):
-            return said
+            return notes
         across, down = seen_field_deg(camera, view)
         ways = ((across, view.hfov_deg, "across"), (down, view.vfov_deg, "down"))
         if any(field - seen >= _LEAST_UNSEEN_DEG for seen, field, _ in ways):
@@ -140,28 +140,28 @@ class ChosenView:
                 else f"{seen:.1f}° of {field:.1f}° {way}"
                 for seen, field, way in ways
             ]
-            said.append(f"the camera sees {', '.join(words)}: the rest is empty")
+            notes.append(f"the camera sees {', '.join(words)}: the rest is empty")
         own = camera.camera if isinstance(camera, WholePhoto) else camera
         if self.given_field or not isinstance(own, CubicCamera):
-            return said
+            return notes
         uncalibrated, cut_off = lost_shares(own, view)
         if own is not camera and uncalibrated:
-            said.append(
+            notes.append(
                 f"{100 * uncalibrated:.0f} % of the photo is extrapolated, where the camera is "
                 "not calibrated: --mask FILE marks what may be trusted"
             )
         elif uncalibrated > _MUCH:
-            said.append(
+            notes.append(
                 f"{100 * uncalibrated:.0f} % of the photo is left out, where the camera is not "
                 "calibrated: calibrate again with photos in which the target reaches the photo's "
                 "edges, or have it extrapolated by --fit whole"
             )
         if cut_off > _MUCH and not self.at_limit:
-            said.append(
+            notes.append(
                 f"{100 * cut_off:.0f} % of the photo lies beyond the picture's edges: "
                 "--fit outer or --view equidistant shows more of it"
             )
-        return said
+        return notes
 
     def as_record(self) -> dict[str, Any]:
         """Plain data for JSON: of a cube, the first face and the names of all."""

@@ -12,7 +12,7 @@ from cubicfish_cli.app.listener import Event
 from cubicfish_cli.app.words.phrases import Sentences
 from cubicfish_cli.core.codes import Code, Remedy
 from cubicfish_cli.core.errors import CubicfishError
-from cubicfish_cli.core.finding import Saying
+from cubicfish_cli.core.finding import FindingText
 from cubicfish_cli.core.wording import listed
 
 _FILE = Path(__file__).with_name("catalogue.toml")
@@ -24,7 +24,7 @@ class Catalogue(NamedTuple):
     """All templates.
 
     Attributes:
-        sayings: by code and case.
+        finding_texts: by code and case.
         because: evidence by its key.
         phrases: parts of sentences, by the name of a figure and its value.
         events: sentences for events while work is done, by event.
@@ -33,7 +33,7 @@ class Catalogue(NamedTuple):
 
     """
 
-    sayings: Mapping[tuple[str, str], Saying]
+    finding_texts: Mapping[tuple[str, str], FindingText]
     because: Mapping[str, str]
     phrases: Mapping[str, Mapping[str, str]]
     events: Mapping[str, str]
@@ -60,34 +60,36 @@ def catalogue() -> Catalogue:
             text = Template(text).substitute(parts)
         return text
 
-    def saying(record: Mapping[str, Any]) -> Saying:
+    def saying(record: Mapping[str, Any]) -> FindingText:
         what, evidence, do = (whole(record.get(key, "")) for key in _TEXTS)
-        return Saying(what, evidence, do, Remedy(record["remedy"]))
+        return FindingText(what, evidence, do, Remedy(record["remedy"]))
 
-    sayings: dict[tuple[str, str], Saying] = {}
+    finding_texts: dict[tuple[str, str], FindingText] = {}
     for code, own in data["say"].items():
         if "what" in own:
-            sayings[code, ""] = saying(own)
+            finding_texts[code, ""] = saying(own)
         for case, record in own.items():
             if isinstance(record, dict):
-                sayings[code, case] = saying(record)
+                finding_texts[code, case] = saying(record)
     phrases = {
         table: {key: whole(text) for key, text in own.items()}
         for table, own in data["phrases"].items()
     }
     checks = {key: whole(text) for key, text in data["checks"].items()}
-    return Catalogue(sayings, data["because"], phrases, data["events"], checks, data["options"])
+    return Catalogue(
+        finding_texts, data["because"], phrases, data["events"], checks, data["options"]
+    )
 
 
 def has(code: Code, case: str) -> bool:
     """Return whether a finding has sentences of this form."""
-    return (code.value, case) in catalogue().sayings
+    return (code.value, case) in catalogue().finding_texts
 
 
-def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Saying:
+def write_text(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> FindingText:
     """Return the sentences of a finding, with its figures in them."""
     known = catalogue()
-    saying = known.sayings[code, case]
+    saying = known.finding_texts[code, case]
     values = dict(figures)
     for name in known.phrases.keys() & figures.keys():
         values[name] = _write_part(name, values[name], values)
@@ -95,15 +97,15 @@ def say(code: Code, case: str, because: str, figures: Mapping[str, Any]) -> Sayi
     texts = (_SENTENCES.vformat(text, (), values) for text in (saying.what, evidence, saying.do))
     # The lone board of --board is named so.
     what, evidence, do = (text.replace("board board", "the board") for text in texts)
-    return Saying(what, evidence, do, saying.remedy)
+    return FindingText(what, evidence, do, saying.remedy)
 
 
-def say_event(event: Event, figures: Mapping[str, Any]) -> str:
+def write_event(event: Event, figures: Mapping[str, Any]) -> str:
     """Return the sentence for an event while work is done."""
     return _SENTENCES.vformat(catalogue().events[event], (), figures)
 
 
-def say_error(error: CubicfishError) -> str:
+def write_error(error: CubicfishError) -> str:
     """Say an error at a command line, with its options in the place of arguments."""
     return error.text(catalogue().options) if error.arguments else str(error)
 
@@ -113,5 +115,5 @@ def _write_part(name: str, value: Any, values: Mapping[str, Any]) -> str:
     phrases = catalogue().phrases[name]
     if isinstance(value, str):
         return _SENTENCES.vformat(phrases[value], (), values)
-    said = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
-    return listed(said, name)
+    written = [_SENTENCES.vformat(phrases[one["form"]], (), one) for one in value]
+    return listed(written, name)

@@ -33,7 +33,7 @@ from cubicfish_cli.corners.detection.markers_pieces import (
 )
 from cubicfish_cli.corners.detection.markers_read import (
     all_read,
-    places_told,
+    group_agreeing,
     read_alone,
     read_together,
 )
@@ -171,7 +171,7 @@ def _name_corners(sight: Sight, alone: SeenMarkers, grids: FoundGrids) -> Marked
     refuted = np.zeros(len(boards), np.intp)
     for index in np.unique(markers.board).tolist():
         own = markers.of(index)
-        label = places_told(own, boards[index])
+        label = group_agreeing(own, boards[index])
         for place in np.unique(label):
             piece = piece_of(sight, index, own, label == place, grids.grids, free)
             if piece is None:
@@ -230,7 +230,7 @@ def _find_outlined(
     pieces = []
     for index in np.unique(markers.board).tolist():
         own = markers.of(index)
-        label = places_told(own, target.boards[index])
+        label = group_agreeing(own, target.boards[index])
         agreeing = {
             place: len(np.unique(own.cell[label == place], axis=0)) for place in label.tolist()
         }

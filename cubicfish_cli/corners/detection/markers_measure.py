@@ -14,8 +14,8 @@ from cubicfish_cli.corners.detection.markers_detect import SeenMarkers, Sight, e
 from cubicfish_cli.corners.detection.markers_read import (
     VOUCH_CELLS,
     all_read,
+    group_agreeing,
     middles_and_axes,
-    places_told,
     read_alone,
 )
 from cubicfish_cli.corners.detection.pyramid import build_pyramid
@@ -79,7 +79,7 @@ def agreeing_markers(
         row = ids - table[0, 0]
         known = row < len(table)
         own = replace(seen.select(known), cell=table[row[known], 1:])
-        label = places_told(own, one.boards[index]) if len(own) else np.zeros(0, np.intp)
+        label = group_agreeing(own, one.boards[index]) if len(own) else np.zeros(0, np.intp)
         agreeing = [len(np.unique(own.cell[label == place], axis=0)) for place in np.unique(label)]
         counts.append(max(agreeing, default=0))
     return np.array(counts, np.intp)

@@ -360,7 +360,7 @@ def read_alone(pyramid: Pyramid, all_families: list[Family]) -> SeenMarkers:
     return read_outlines(pyramid, all_families, find_outlines(grey, all_families))
 
 
-def places_told(markers: SeenMarkers, board: Board) -> IntArray:
+def group_agreeing(markers: SeenMarkers, board: Board) -> IntArray:
     """Which markers of a board agree about where it is: (N,) the same number for those."""
     pitch = 1 + board.spacing if board.kind == "aprilgrid" else 1.0
     square = squares(markers.pixel, marker_ratio(board))

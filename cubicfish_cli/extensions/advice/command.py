@@ -12,7 +12,7 @@ from cubicfish_cli.app.run import RUN, Run
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_wrote, result, say
+from cubicfish_cli.app.terminal.terminal import print_message, print_wrote, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import CubicfishError, OutputError, UsageError
 from cubicfish_cli.core.files import StrPath, refuse_existing, write_files
@@ -177,7 +177,7 @@ def _print(advice: Advice) -> None:
         if advice.proposals:
             result()
     for note in advice.notes:
-        say(f"note: {note}")
+        print_message(f"note: {note}")
 
 
 def _describe_how_many(advice: Advice) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cubicfish_cli.app.films.choose import Scale, Seen
 from cubicfish_cli.app.films.frame_search import Search, why_ended
-from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
+from cubicfish_cli.app.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.app.films.source import Film
 from cubicfish_cli.app.listener import Listener
 from cubicfish_cli.app.photos import Photo, shown
@@ -72,7 +72,7 @@ def scanned(films: Sequence[Film], room: Path, most: int, listener: Listener) ->
     for film in films:
         reading = listener.counting(f"Reading {film.path.name}")
         measured.append(scan(film, reading, folder=room / film.label, every=every))
-        tell_of_film(measured[-1], listener)
+        report_film(measured[-1], listener)
     return measured
 
 

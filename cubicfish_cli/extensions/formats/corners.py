@@ -13,7 +13,7 @@ from cubicfish_cli.app.target_source import target_in
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import result, say
+from cubicfish_cli.app.terminal.terminal import print_message, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.wording import listed
@@ -106,6 +106,10 @@ def command(made: ImportedCorners, given: CornersOptions, how: How) -> None:
     found = f"{plural(len(corners.pixel), 'corner')} in {plural(len(corners.images), 'photo')}"
     result(f"wrote {made.file}: {found}")
     if made.left_out:
-        say(f"{plural(made.left_out, 'corner')} left out, as the files say they were not found.")
+        print_message(
+            f"{plural(made.left_out, 'corner')} left out, as the files say they were not found."
+        )
     if made.empty:
-        say(f"{plural(len(made.empty), 'photo')} without corners: {listed(made.empty, 'photos')}")
+        print_message(
+            f"{plural(len(made.empty), 'photo')} without corners: {listed(made.empty, 'photos')}"
+        )

@@ -94,8 +94,10 @@ def import_camera(
     """
     path = Path(path)
     if written_by is not None and written_by not in read_formats():
-        told = did_you_mean(str(written_by), read_formats())
-        raise CameraFileError(f"no format that is read is called {quoted(written_by)}: {told}")
+        suggestion = did_you_mean(str(written_by), read_formats())
+        raise CameraFileError(
+            f"no format that is read is called {quoted(written_by)}: {suggestion}"
+        )
     if max_angle_deg is not None and not 0 < max_angle_deg <= LARGEST_ANGLE_DEG:
         raise CameraFileError(
             f"max_angle_deg must be above 0 and at most {LARGEST_ANGLE_DEG:g}, not {max_angle_deg}"

@@ -17,7 +17,7 @@ from cubicfish_cli.app.target_source import length_mm, target_in
 from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.parameters import COUNTS, as_command, option, record
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_table, result, say
+from cubicfish_cli.app.terminal.terminal import print_message, print_table, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import Content, StrPath, refuse_existing, write_files
@@ -224,12 +224,12 @@ def command(made: PrintedFiles, given: PrintOptions, how: How) -> None:
     ]
     print_table(("board", "type", "corners", "square mm", "print mm"), rows)
     result("\n" + "\n".join(f"wrote {path}" for path in outputs.values()))
-    say(
+    print_message(
         f"\n{plural(len(pages), 'page')} on {made.paper.name}: print at 100 %, without 'fit to "
         "page', and check the printed rulers with a real one."
     )
     if "target" in outputs:
-        say(
+        print_message(
             "Take photos that fill the picture to the rim, then: cubicfish calibrate photos/ "
             f"--target {outputs['target']}"
         )

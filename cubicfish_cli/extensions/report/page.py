@@ -105,12 +105,12 @@ def _list_boards(facts: Facts) -> dict[str, str]:
     if facts.errors is None or not facts.errors.pairs.boards:
         return {}
     pairs = facts.errors.pairs
-    told: dict[str, list[str]] = {}
+    by_photo: dict[str, list[str]] = {}
     for (image, board), number in sorted(
         Counter(zip(pairs.image.tolist(), pairs.board.tolist(), strict=True)).items()
     ):
-        told.setdefault(pairs.images[image], []).append(f"{pairs.boards[board]} {number}")
-    return {name: ", ".join(boards) for name, boards in told.items()}
+        by_photo.setdefault(pairs.images[image], []).append(f"{pairs.boards[board]} {number}")
+    return {name: ", ".join(boards) for name, boards in by_photo.items()}
 
 
 def _least_off(corner: DroppedCorner) -> float:

@@ -26,7 +26,7 @@ from cubicfish_cli.app.terminal.parameters import (
     target_options,
 )
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import apart, print_wrote, result, say
+from cubicfish_cli.app.terminal.terminal import apart, print_message, print_wrote, result
 from cubicfish_cli.app.words.phrases import plural
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import StrPath, refuse_existing
@@ -318,7 +318,7 @@ def command(made: RigFiles, given: RigOptions, how: How) -> None:
     """
     printed = how.print(made)
     for finding in made.rig.fit.findings:
-        say(f"{mark_of(finding)}: {finding.line}")
+        print_message(f"{mark_of(finding)}: {finding.line}")
     if not printed:
         apart()
         print_rig(made.rig)

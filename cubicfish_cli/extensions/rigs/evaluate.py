@@ -14,9 +14,9 @@ from cubicfish_cli.app.terminal import parameters
 from cubicfish_cli.app.terminal.figures import hold_gate
 from cubicfish_cli.app.terminal.parameters import as_command, record, target_options
 from cubicfish_cli.app.terminal.progress import How
-from cubicfish_cli.app.terminal.terminal import print_json, say
+from cubicfish_cli.app.terminal.terminal import print_json, print_message
 from cubicfish_cli.app.words.phrases import plural
-from cubicfish_cli.commands.evaluate import say_unplaced
+from cubicfish_cli.commands.evaluate import report_unplaced
 from cubicfish_cli.core.errors import UsageError
 from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.extensions.rigs.options import times_option
@@ -107,8 +107,8 @@ def command(evaluation: RigEvaluation, given: RigEvaluateOptions, how: How) -> N
     for one in evaluation.cameras:
         if one.outside_field:
             corners = plural(one.outside_field, "corner")
-            say(f"camera {one.name}: {corners} not counted: beyond its field.")
-        say_unplaced(one.unplaced, f"camera {one.name}: ")
+            print_message(f"camera {one.name}: {corners} not counted: beyond its field.")
+        report_unplaced(one.unplaced, f"camera {one.name}: ")
     if how.as_json:
         print_json({"model": str(given.rig), **evaluation.as_record()})
     else:

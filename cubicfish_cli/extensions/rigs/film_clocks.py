@@ -76,10 +76,10 @@ def match_films(first: FilmMotion, second: FilmMotion) -> FilmMatch:
     runner_up = int(np.argmax(elsewhere))
     if score[best] - elsewhere[runner_up] < _BETTER:
         return FilmMatch(alike=(-float(shift[best]), -float(shift[runner_up])))
-    as_told = int(np.argmin(np.abs(shift)))
-    told = score[as_told] if abs(shift[as_told]) <= step else 0.0
+    by_clocks = int(np.argmin(np.abs(shift)))
+    stated_score = score[by_clocks] if abs(shift[by_clocks]) <= step else 0.0
     return FilmMatch(
-        ahead=-_find_peak(score, best, shift) if score[best] - told >= _BETTER else 0.0
+        ahead=-_find_peak(score, best, shift) if score[best] - stated_score >= _BETTER else 0.0
     )
 
 

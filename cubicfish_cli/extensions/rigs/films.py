@@ -11,7 +11,7 @@ import numpy as np
 
 from cubicfish_cli.app.films.choose import Seen, choose_shots
 from cubicfish_cli.app.films.frame_search import found_in, why_ended
-from cubicfish_cli.app.films.scan import Measured, scan, still_px, tell_of_film
+from cubicfish_cli.app.films.scan import Measured, report_film, scan, still_px
 from cubicfish_cli.app.films.source import open_films
 from cubicfish_cli.app.listener import Event, Listener
 from cubicfish_cli.app.photos import Photo, read_grey
@@ -112,7 +112,7 @@ def rig_frames(
     for name, path in films.items():
         (film,) = open_films([path])
         measured[name] = scan(film, run.listener.counting(f"Reading {film.path.name}"))
-        tell_of_film(measured[name], run.listener)
+        report_film(measured[name], run.listener)
     apart = find_ahead(measured, run.listener)
     found = moments(list(measured.values()), apart, _LOOKED_AT * most, tolerance)
     if not len(found.time):
@@ -138,15 +138,15 @@ def find_ahead(measured: Mapping[str, Measured], listener: Listener) -> list[flo
     (first_name, first), *others = measured.items()
     begin, found = begins_at(first.film), [0.0]
     for name, one in others:
-        told = begin - begins_at(one.film)  # what clocks say themselves, where they say it
-        match = match_films(_motion_of(first, told), _motion_of(one))
+        stated = begin - begins_at(one.film)  # what clocks say themselves, where they say it
+        match = match_films(_motion_of(first, stated), _motion_of(one))
         if match.ahead:
             figures = {"by_ms": 1e3 * abs(match.ahead), "ahead": match.ahead > 0}
             listener.tell(Event.CLOCK, name=name, first=first_name, **figures)
         elif match.alike:
             apart = {"apart_s": abs(match.alike[1] - match.alike[0])}
             listener.tell(Event.CLOCK_UNSURE, name=name, first=first_name, **apart)
-        found.append(told + match.ahead)
+        found.append(stated + match.ahead)
     return found
 
 
@@ -184,8 +184,8 @@ def _choose(
             )
     sizes = [one.film.size for one in measured.values()]
     choice = choose_shots(shots, sizes, most, [still_px(size) for size in sizes])
-    told = {"chosen": len(choice.order), "shots": len(shots)}
-    run.listener.tell(Event.SHOTS_CHOSEN, **told, ended=why_ended(choice, "shot"))
+    figures = {"chosen": len(choice.order), "shots": len(shots)}
+    run.listener.tell(Event.SHOTS_CHOSEN, **figures, ended=why_ended(choice, "shot"))
     return {
         row: [column for column, one in enumerate(shots[row]) if one is not None and one.corners]
         for row in sorted(choice.order)

@@ -14,7 +14,7 @@ from cubicfish_cli.app.terminal.parameters import FloatRange, as_command, option
 from cubicfish_cli.app.terminal.progress import How
 from cubicfish_cli.app.undistortion.options import KINDS, ViewOptions
 from cubicfish_cli.commands.undistort import PictureOptions, named_sources, print_pictures
-from cubicfish_cli.commands.view_options import say_what_is_unseen, view_bundle
+from cubicfish_cli.commands.view_options import report_unseen, view_bundle
 from cubicfish_cli.core.files import StrPath
 from cubicfish_cli.core.wording import either
 from cubicfish_cli.extensions.rigs.options import rig_option
@@ -124,5 +124,5 @@ def command(made: UndistortedFiles, given: RigUndistortOptions, how: How) -> Non
     same name are one shot, and each shot becomes one picture in the folder OUT.
     """
     if made.view is not None and not how.as_json:
-        say_what_is_unseen(made.view)
+        report_unseen(made.view)
     print_pictures(made, how)

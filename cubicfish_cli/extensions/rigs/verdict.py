@@ -28,10 +28,10 @@ def rig_verdict(rig: Rig) -> Verdict:
     reasons += [*_find_strained(rig), *_find_uncertain(rig)]
     reasons.sort(key=lambda one: _ORDER.index(one.severity))
     fit = rig.fit
-    said = [f"error {fit.rms_px:.3f} px RMS over all cameras"] * math.isfinite(fit.rms_px)
+    parts = [f"error {fit.rms_px:.3f} px RMS over all cameras"] * math.isfinite(fit.rms_px)
     if math.isfinite(fit.held_out_rms_px):
-        said.append(f"{fit.held_out_rms_px:.3f} px on shots left out")
-    figures = ", ".join(said) or "no figures on record"
+        parts.append(f"{fit.held_out_rms_px:.3f} px on shots left out")
+    figures = ", ".join(parts) or "no figures on record"
     return Verdict(level=level_of(reasons), figures=figures, reasons=tuple(reasons))
 
 

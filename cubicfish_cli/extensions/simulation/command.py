@@ -143,8 +143,8 @@ class SimulateOptions:
         if self.number is not None and not 1 <= self.number <= _MOST_PHOTOS:
             raise UsageError(f"number must be from 1 to {_MOST_PHOTOS}, not {self.number}")
         if self.form not in _FORMATS:
-            told = did_you_mean(str(self.form), _FORMATS)
-            raise UsageError(f"photos are not written as {quoted(self.form)}: {told}")
+            suggestion = did_you_mean(str(self.form), _FORMATS)
+            raise UsageError(f"photos are not written as {quoted(self.form)}: {suggestion}")
 
 
 @dataclass(frozen=True, kw_only=True)

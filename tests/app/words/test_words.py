@@ -19,7 +19,7 @@ from cubicfish_cli.core.finding import Finding, level_of, of_record
 
 PACKAGE = Path(cubicfish_cli.__file__).parent
 WORDING = Path(__file__).with_name("wording.txt")
-SAYINGS = catalogue().sayings
+SAYINGS = catalogue().finding_texts
 
 # --------------------------------------------------------------------------------- wording
 

@@ -241,7 +241,7 @@ def test_a_bad_photo_stands_out(fitted: Calibration, pairs: Observations) -> Non
     per_image = [dict(photo) for photo in fitted.as_record()["per_image"]]
     per_image[4]["rms_px"] *= 9
     facts = facts_of(fitted, None, fit={"per_image": per_image})
-    odd = {photo: words for photo, words in facts.told.items() if words != "good"}
+    odd = {photo: words for photo, words in facts.verdict_words.items() if words != "good"}
     assert list(odd) == [per_image[4]["image"]]
     assert odd[per_image[4]["image"]] in Page(report_html(facts)).text
 

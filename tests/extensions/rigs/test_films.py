@@ -103,10 +103,10 @@ def test_slide_shows_are_matched_where_their_rhythm_is_uneven(steady: bool, tmp_
     ahead = find_ahead(films, heard)
     if steady:
         assert ahead == [0, 0]
-        assert [event for event, _ in heard.told] == [Event.CLOCK_UNSURE]
+        assert [event for event, _ in heard.events] == [Event.CLOCK_UNSURE]
     else:
         assert ahead[1] == pytest.approx(-0.7, abs=1e-3)
-        assert [event for event, _ in heard.told] == [Event.CLOCK]
+        assert [event for event, _ in heard.events] == [Event.CLOCK]
 
 
 def measured(times: list[float], motion: list[float]) -> Measured:

@@ -155,8 +155,8 @@ def calibrate_rig(
     try:
         start = start_rig(names, joined)
     except FitError as error:
-        told = [one for camera in singly for one in camera.told if one.severity is Severity.BAD]
-        raise FitError(f"{error}; {told[0].line}" if told else str(error)) from error
+        bad = [one for camera in singly for one in camera.findings if one.severity is Severity.BAD]
+        raise FitError(f"{error}; {bad[0].line}" if bad else str(error)) from error
     joined = replace(joined, lens=replace(joined.lens, places=start.places))
     joined, poses = joined.set_apart(start.shots, np.flatnonzero(start.apart))
     units, pairs = None if target is None else target.units, joined.pairs
@@ -208,7 +208,10 @@ def calibrate_rig(
             shots=len(evidence.shots),
             refine_target=level,
             held_lenses=not any(isinstance(own, CubicFit) for own in fit.lens.lenses),
-            findings=(*(told for one in singly for told in one.told), *find_rig_faults(evidence)),
+            findings=(
+                *(finding for one in singly for finding in one.findings),
+                *find_rig_faults(evidence),
+            ),
             per_shot=shot_errors(evidence.shots, names, fit, poses),
         ),
         target=refined,

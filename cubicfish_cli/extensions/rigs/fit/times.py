@@ -29,7 +29,7 @@ from cubicfish_cli.extensions.rigs.fit.shots import times_of
 _NEAR = 2.5
 # Photos get times where the rig's corners are off by so many times more than each photo's alone:
 # where only shots beside tell of motion, and where times or films do.
-_STRAINED, _TOLD = 1.5, 1.05
+_STRAINED, _INFORMED = 1.5, 1.05
 # And they keep these times where times explain this share of the squared error above the photos'
 # own. Of simulated hand-held motion they explain 0.96 or more in each of 16 rigs; of cameras that
 # turn by chance, in 20 shots, 0.44 to 0.83, since one of two directions is explained by chance.
@@ -326,9 +326,9 @@ def on_time(
     lens, alone, before = fit.lens, _measure_alone_px(fit), noise_px(fit.residual)
     views = zip(lens.camera.tolist(), photos, strict=True)
     stated = np.array([motion.stated[camera].get(photo, 0.0) for camera, photo in views])
-    told = motion.flow is not None or bool(stated.any())
+    informed = motion.flow is not None or bool(stated.any())
     first = _FIRST_S if motion.flow is not None else _FIRST_SHARE * motion.step()
-    if not first or before < (_TOLD if told else _STRAINED) * alone:
+    if not first or before < (_INFORMED if informed else _STRAINED) * alone:
         return fit, None
     prior_weight = alone / np.where(firsts(lens), _LEAST_SHARE * first, first)
     times = PhotoTimes(

@@ -10,7 +10,7 @@ import numpy as np
 from cubicfish_cli.app.diagnosis.diagnose import find_faults
 from cubicfish_cli.core.assess.fit_record import FitRecord
 from cubicfish_cli.core.errors import FitError
-from cubicfish_cli.core.finding import Finding, Saying
+from cubicfish_cli.core.finding import Finding, FindingText
 from cubicfish_cli.core.fit.calibrate import calibrate
 from cubicfish_cli.core.fit.cubic_fit import fit_cubic, with_prior
 from cubicfish_cli.core.fit.deformable_target import Level
@@ -49,7 +49,7 @@ class Alone:
         runners_up: the lens with the other priors, and how likely each is the best one.
         record: of its fit.
         level: what of the target was fitted.
-        told: what is likely wrong with it.
+        findings: what is likely wrong with it.
         seen: all its corners, by the names that it gives them.
 
     """
@@ -61,7 +61,7 @@ class Alone:
     runners_up: Sequence[tuple[FitLens, float]]
     record: FitRecord
     level: Level
-    told: Sequence[Finding]
+    findings: Sequence[Finding]
     seen: Observations
 
     def as_camera(self, lens: FitLens) -> CubicCamera:
@@ -139,15 +139,17 @@ def calibrate_alone(
         runners_up=runners_up,
         record=record,
         level="off" if found is None else found.refined,
-        told=[] if found is None else [_report_camera(name, one) for one in found.findings],
+        findings=[] if found is None else [_report_camera(name, one) for one in found.findings],
         seen=seen if found is None else found.named(seen),
     )
 
 
 def _report_camera(name: str, finding: Finding) -> Finding:
     """What is told of one camera alone, as is told of several together."""
-    said = Saying(f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy)
-    return replace(finding, case="", because="", recorded=said, cameras=(name,))
+    text = FindingText(
+        f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy
+    )
+    return replace(finding, case="", because="", recorded=text, cameras=(name,))
 
 
 def _fix_denominators(lens: CubicFit) -> CubicFit:
