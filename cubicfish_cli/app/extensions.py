@@ -50,7 +50,7 @@ class CameraFormat:
         file_name, rig_name: what its file, and that or the folder of a rig, are usually called.
         holds_several: whether a file holds several cameras, of which one is named.
         sizeless: whether a file may not say how large the photos are.
-        marks: sets of words of which one is in every file; files are told by them.
+        marks: sets of words of which one is in every file; files are recognised by them.
         vague: whether others' files may hold the words too, so that theirs are looked for first.
         looks_like: text -> whether it is a file without such words; asked after all words.
         binary_looks_like: tells files that are no text.

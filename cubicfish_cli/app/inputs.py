@@ -62,7 +62,7 @@ class Inputs:
 
     @property
     def photo_findings(self) -> list[Finding]:
-        """What is told of photos and grids."""
+        """What is reported of photos and grids."""
         photos = () if self.detection is None else self.detection.photos
         return [one for photo in photos for one in photo.findings]
 
@@ -77,7 +77,7 @@ class Inputs:
         return target_text(thing) if target.needs_file and thing is not None else None
 
     def remarks(self, more: Iterable[Finding] = ()) -> dict[str, Any]:
-        """What is told of photos and grids, in lines and as records, and records of others."""
+        """What is reported of photos and grids, in lines and as records, and records of others."""
         found = self.photo_findings
         return {
             "photo_problems": None if self.detection is None else list(map(line_of, found)),

@@ -53,7 +53,7 @@ class Event(StrEnum):
 
 
 class Listener:
-    """Hears how far work is and what is told on the way; this one keeps silent.
+    """Hears how far work is and what is reported on the way; this one keeps silent.
 
     A program that wants to hear overrides what it wants to hear. Steps come one after the other: a
     step is over when the next one begins, or the call returns.
@@ -74,7 +74,7 @@ class Listener:
         """Something happened: its numbers and names; ``event.line(**figures)`` has the words."""
 
     def found(self, findings: Sequence[Finding]) -> None:
-        """These are told of photos and grids."""
+        """These are reported of photos and grids."""
 
     def counting(self, step: str) -> Count:
         """What is called with things done and all things of a step, which begins now."""

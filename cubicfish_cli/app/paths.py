@@ -146,7 +146,7 @@ def is_recording(path: Path) -> bool:
 
 
 def named_photos(inputs: Sequence[StrPath], listener: Listener) -> list[Photo]:
-    """The photos that are named; what may be missed among them is told.
+    """The photos that are named; what may be missed among them is reported.
 
     Raises:
         PhotoError: there are none, or one cannot be used.

@@ -2,8 +2,8 @@
 
 OpenCV itself holds a limit of pixels before it makes room for a picture, in all formats
 (``OPENCV_IO_MAX_IMAGE_PIXELS``, see ``app/terminal/start.py``); what is not for it, and JPEG files
-that are cut short, are told before. Pictures are read as the sensor saw them: an orientation noted
-in the file (EXIF) is not applied, since the lens does not turn with the note.
+that are cut short, are refused before. Pictures are read as the sensor saw them: an orientation
+noted in the file (EXIF) is not applied, since the lens does not turn with the note.
 """
 
 from __future__ import annotations

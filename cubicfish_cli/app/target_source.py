@@ -36,7 +36,7 @@ class TargetSource:
         counts: inner corners (columns, rows) of one flat checkerboard in the place of a file.
         square: the side of its squares, millimetres.
         given: a target in memory in the place of both.
-        by_default: whether nobody named the file, so that it is told which it is.
+        by_default: whether nobody named the file, so that the listener hears which it is.
 
     """
 

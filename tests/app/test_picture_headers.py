@@ -227,7 +227,7 @@ def test_pictures_claim_what_they_hold(suffix):
 
 @pytest.mark.slow
 @given(st.sampled_from(sorted({**HUGE, **DAMAGED})), st.data())
-def test_any_damage_is_told_or_has_a_size(kind, data):
+def test_any_damage_is_reported_or_has_a_size(kind, data):
     hurt = bytearray({**HUGE, **DAMAGED}[kind])
     for _ in range(data.draw(st.integers(1, 6))):
         hurt[data.draw(st.integers(0, len(hurt) - 1))] = data.draw(st.integers(0, 255))

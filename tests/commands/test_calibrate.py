@@ -283,7 +283,7 @@ def test_a_date_of_ones_own_makes_the_same_bytes_again(
     assert b"2023-11-14T22:13:20+00:00" in texts[0]
 
 
-def test_a_date_that_is_none_is_told_before_the_work(
+def test_a_date_that_is_none_is_reported_before_the_work(
     run: Run, tmp_path: Path, no_fit: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")

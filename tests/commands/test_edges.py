@@ -64,7 +64,7 @@ def test_a_folder_is_not_named_as_a_file_nor_a_file_as_a_folder(
         ("rig calibrate my photos other.jpg", "my photos"),
     ],
 )
-def test_a_name_that_a_space_has_split_is_told(
+def test_a_name_that_a_space_has_split_is_reported(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, whole: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

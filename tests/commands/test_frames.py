@@ -91,7 +91,7 @@ def test_no_more_frames_are_chosen_than_asked_for(
     ],
 )
 @pytest.mark.parametrize("command", ["frames", "calibrate"])
-def test_a_board_of_another_count_is_told_before_anything_is_chosen(
+def test_a_board_of_another_count_is_reported_before_anything_is_chosen(
     run: Run, tmp_path: Path, command: str, board: str, says: str
 ) -> None:
     """Also where a few frames show so little of the board that they fit it."""
@@ -175,7 +175,7 @@ def test_full_and_limited_range_give_the_same_picture(run: Run, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("turn", [90, 180])
-def test_a_note_to_turn_the_film_is_told_and_not_followed(
+def test_a_note_to_turn_the_film_is_reported_and_not_followed(
     run: Run, tmp_path: Path, turn: int
 ) -> None:
     """The note is the matrix in the track's header of an MP4 file."""
@@ -194,7 +194,7 @@ def test_a_note_to_turn_the_film_is_told_and_not_followed(
         assert cv2.imread(str(path)).shape == (SIZE[1], SIZE[0], 3)
 
 
-def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path: Path) -> None:
+def test_a_broken_end_is_reported_and_the_rest_used(run: Run, short: Path, tmp_path: Path) -> None:
     frames = [photo for photo in photos()[:4] for _ in range(4)]
     film = write_film(tmp_path / "cut.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
     data = film.read_bytes()
@@ -206,7 +206,7 @@ def test_a_broken_end_is_told_and_the_rest_used(run: Run, short: Path, tmp_path:
 
 
 @pytest.mark.parametrize("name", ["whole.mkv", "cut.mkv"])
-def test_a_film_that_ends_before_its_announced_end_is_told(
+def test_a_film_that_ends_before_its_announced_end_is_reported(
     run: Run, calibrated: Path, tmp_path: Path, name: str
 ) -> None:
     film, code = tmp_path / name, int(name == "cut.mkv")
@@ -225,7 +225,7 @@ def test_a_film_that_ends_before_its_announced_end_is_told(
     assert (6 <= written <= 11) if code else written == 16
 
 
-def test_a_film_in_pieces_that_is_cut_short_is_told(run: Run, tmp_path: Path) -> None:
+def test_a_film_in_pieces_that_is_cut_short_is_reported(run: Run, tmp_path: Path) -> None:
     """It announces no number of frames: only its last packet tells."""
     film = tmp_path / "cut.mp4"
     pieces = {"movflags": "frag_keyframe+empty_moov"}
@@ -238,7 +238,7 @@ def test_a_film_in_pieces_that_is_cut_short_is_told(run: Run, tmp_path: Path) ->
     assert times(tmp_path / "p")
 
 
-def test_frames_that_cannot_be_decoded_are_told_and_passed_over(
+def test_frames_that_cannot_be_decoded_are_reported_and_passed_over(
     run: Run, target: Path, tmp_path: Path
 ) -> None:
     frames = [photo for photo in photos()[:4] for _ in range(5)]

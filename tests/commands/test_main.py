@@ -105,7 +105,7 @@ def test_photos_are_undistorted_without_what_is_known_of_a_fit(tmp_path: Path) -
         ],
     ],
 )
-def test_missing_files_are_told_before_anything_is_loaded(args: list[str]) -> None:
+def test_missing_files_are_reported_before_anything_is_loaded(args: list[str]) -> None:
     code = (
         "import sys; from cubicfish_cli.app.terminal.main import cli\n"
         f"try: cli({args!r})\n"

@@ -79,7 +79,7 @@ def test_a_page_of_the_point_lift_is_the_same_from_its_files(run: Run, tmp_path:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("with_report", "quick_fit")
-def test_the_verdict_is_in_the_same_words_wherever_it_is_told(run: Run, tmp_path: Path) -> None:
+def test_the_verdict_is_in_the_same_words_wherever_it_is_reported(run: Run, tmp_path: Path) -> None:
     args = ["calibrate", CORNERS, "-t", TARGET]
     said = run(*args, "-o", tmp_path / "c").stdout
     again = run("report", tmp_path / "c", "--overwrite").stdout
@@ -252,7 +252,7 @@ def test_pairs_without_a_target(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("with_report")
-def test_a_refined_object_is_told(run: Run, tmp_path: Path) -> None:
+def test_a_refined_object_is_reported(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "c"
     args = ["--no-hold-out", "--refine-target", "shape"]
     run("calibrate", CORNERS, "-t", TARGET, "-o", folder, *args)

@@ -186,7 +186,7 @@ def test_a_bad_photo_is_named_and_the_rest_done(
     assert done.stdout.startswith(f"wrote 2 pictures to {out}: ")
 
 
-def test_of_many_failures_ten_are_told(run: Run, model: Path, tmp_path: Path) -> None:
+def test_of_many_failures_ten_are_reported(run: Run, model: Path, tmp_path: Path) -> None:
     photos = tmp_path / "in"
     photos.mkdir()
     for number in range(12):

@@ -26,7 +26,7 @@ def test_the_similarity_between_points_is_found_and_never_a_mirror():
     np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-12)
 
 
-def test_what_is_left_by_a_similarity_is_told():
+def test_what_is_left_by_a_similarity_is_reported():
     points = np.random.default_rng(2).normal(size=(50, 3))
     moved = points + np.array([5.0, 0, 0])
     moved[7] += [0, 0.3, 0]

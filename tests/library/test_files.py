@@ -113,7 +113,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_corners_of_files_are_found_drawn_and_told(tmp_path: Path) -> None:
+def test_corners_of_files_are_found_drawn_and_reported(tmp_path: Path) -> None:
     photos = [SAMPLE / "photos" / f"corner_0{n}.jpg" for n in (1, 2)]
     (tmp_path / "film.mp4").touch()
     for photo in photos:

@@ -132,7 +132,7 @@ def test_every_name_is_there_and_no_other() -> None:
 
 
 @pytest.mark.parametrize("package", [cubicfish, cubicfish_cli])
-def test_what_mypy_is_told_is_what_is_loaded(package: ModuleType) -> None:
+def test_what_mypy_reads_is_what_is_loaded(package: ModuleType) -> None:
     stub = Path(str(package.__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
     exec(stub, names)

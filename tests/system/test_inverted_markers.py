@@ -104,7 +104,7 @@ def test_a_board_that_is_inverted_is_told_by_its_key(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
+def test_a_board_that_is_not_inverted_is_reported_too(tmp_path):
     target = Target(units="mm", boards=INVERTED.boards[:1])
     only = Target(units="mm", boards=PLAIN.boards[:1])
     with pytest.raises(DetectionError, match=r"dark on light .* say inverted: false and first_sq"):
@@ -113,7 +113,7 @@ def test_a_board_that_is_not_inverted_is_told_too(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", [PLAIN, INVERTED])
-def test_mirrored_markers_are_told(tmp_path, target):
+def test_mirrored_markers_are_reported(tmp_path, target):
     mirrored = photos_of(tmp_path, photo_of(target)[:, ::-1])
     with pytest.raises(DetectionError, match=r"are mirrored .*mirrored: true at the top of target"):
         first_pass(mirrored, [target], Work(jobs=1))

@@ -84,7 +84,7 @@ def test_a_mirrored_object_is_told_what_to_say():
 
 
 @pytest.mark.slow
-def test_an_object_that_is_not_mirrored_is_told_to_be_so():
+def test_an_object_that_is_not_mirrored_is_reported_to_be_so():
     target = corner_of_three()
     grids, _ = anonymous_photos(seen(target, photos=6), target)
     shown = target.in_mirror()

@@ -175,12 +175,12 @@ def conversion_error(
         inside = theta <= np.deg2rad(covered_deg)
     ways = lens.also if every_way else {}
     misses = [project(rays @ turn.T) - pixel for project in (lens.project, *ways.values())]
-    worst = _figures([miss[inside] for miss in misses])
+    worst = _measure_miss([miss[inside] for miss in misses])
     end_deg = float(np.rad2deg(theta[inside].max()))
     beyond = None
     if not inside.all():
         to_deg = float(np.rad2deg(theta.max()))
-        figures = _figures([miss[~inside] for miss in misses])
+        figures = _measure_miss([miss[~inside] for miss in misses])
         beyond = {"from_deg": end_deg, "to_deg": to_deg, **figures}
     seen = inside & np.isfinite(misses[0]).all(axis=1)
     return ConversionError(
@@ -188,12 +188,12 @@ def conversion_error(
         max_px=worst["max_px"],
         max_angle_deg=end_deg,
         by_angle=rings(theta[seen], misses[0][seen]) if seen.any() else [],
-        also={way: _figures([its[inside]]) for way, its in zip(ways, misses[1:], strict=True)},
+        also={way: _measure_miss([its[inside]]) for way, its in zip(ways, misses[1:], strict=True)},
         beyond=beyond,
     )
 
 
-def _figures(misses: Sequence[FloatArray]) -> dict[str, float]:
+def _measure_miss(misses: Sequence[FloatArray]) -> dict[str, float]:
     """Return the worst RMS and distance of several (N, 2); infinite if a ray is not seen."""
     if not all(np.isfinite(miss).all() for miss in misses):
         return {"rms_px": np.inf, "max_px": np.inf}

@@ -88,7 +88,7 @@ class LazyGroup(click.Group):
 
 
 class Program(LazyGroup):
-    """All commands; what goes wrong in them is told in one line."""
+    """All commands; what goes wrong in them is reported in one line."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what a user can cause ends in one line and an exit code."""

@@ -1,4 +1,4 @@
-"""Listening to the library on the terminal: a line of progress, and what is told below it.
+"""Listening to the library on the terminal: a line of progress, and what is reported below it.
 
 The line is on stderr, on a terminal only, and leaves nothing behind.
 """
@@ -53,7 +53,7 @@ _BAR, _LEAST_FOR_BAR = 24, 100
 
 
 class _Shown(Listener):
-    """Shows steps one after the other, and says what is told between them."""
+    """Shows steps one after the other, and prints what is reported between them."""
 
     def __init__(self) -> None:
         self._notes = click.get_current_context().meta
@@ -134,7 +134,7 @@ class _Line:
         self._stream.close()
 
     def show(self, done: float, total: float, now: str) -> None:
-        """Show how much is done, as a listener is told it."""
+        """Show how much is done, as a listener hears it."""
         counts = f"{done:,.0f}/{total:,.0f}" if total else f"{done:,.0f}"
         more: dict[str, Any] = {"counts": counts}
         if now:
@@ -147,7 +147,7 @@ class _Line:
 
 
 def report_found(findings: Sequence[Finding], mark: str = "") -> None:
-    """Say what is told of photos; what several share once, unless all is wanted (``--verbose``).
+    """Report findings of photos; what several share once, unless all is wanted (``--verbose``).
 
     Args:
         findings: each about one photo.
@@ -168,7 +168,7 @@ def report_left_out(rejected: Mapping[str, Finding], of: str = "") -> None:
 
 
 class _Cluster:
-    """The workers of a scheduler, who are called when there is work: mistakes are told first."""
+    """The workers of a scheduler, who are called when there is work: mistakes come first."""
 
     def __init__(self, address: str, listener: _Shown, stack: ExitStack) -> None:
         self._address, self._listener, self._stack = address, listener, stack

@@ -1,8 +1,8 @@
-"""What became of grids and photos: places on the target, named corners, and what is told of them.
+"""What became of grids and photos: places on the target, named corners, and remarks on them.
 
 What many photos share is said once. Of targets with markers ids name the corners photo by photo;
 boards without markers on the same target are named afterwards, in the second pass: by then the
-marked boards have told the lens and where each photo was taken from.
+marked boards have given the lens and where each photo was taken from.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ CODES = {
     Decided.COLOURS: Code.OTHER_COLOURS,
     Decided.NOT_PLANE: Code.NO_PLANE,
 }
-"""What is told of a grid, by what became of it."""
+"""What is reported of a grid, by what became of it."""
 # What another lens makes of a board, as well as another nominal target.
 _ODD = (Decided.NO_FIT, Decided.NOT_PLANE)
 # Figures of a grid, in which those that share the rest may differ.
 _OF_GRID = frozenset(("grids", "columns", "rows", "corners"))
-# Figures of a photo, of which the largest is told of several.
+# Figures of a photo, of which the largest is reported of several.
 _OF_PHOTO = frozenset(("error_px", "times"))
 _OF_ONE = _OF_GRID | _OF_PHOTO
 
@@ -178,7 +178,7 @@ class PhotoReport:
     Attributes:
         name: the photo's name.
         refusal: why nothing was looked for, or found, in it; None where something was.
-        remarks: what is told of its grids and boards: left out, or named by convention.
+        remarks: what is reported of its grids and boards: left out, or named by convention.
         boards: names of the boards that were found in it, in the target's order.
         corners: how many corners were named.
         added: how many of them a second pass added.
@@ -201,7 +201,7 @@ class PhotoReport:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is told of it, thing by thing."""
+        """What is reported of it, thing by thing."""
         return self.remarks if self.refusal is None else (self.refusal,)
 
     @property
@@ -212,7 +212,7 @@ class PhotoReport:
 
     @property
     def loss(self) -> Finding | None:
-        """Why it gave no corners: what is told of it, or of its largest grid; None when it did."""
+        """Why it gave no corners: the remarks on it, or of its largest grid; None when it did."""
         if not self.lost:
             return None
         if self.refusal is not None:

@@ -71,10 +71,10 @@ def report_html(facts: Facts) -> str:
         most_cards=MOST_CARDS,
         most_rows=_MOST_ROWS,
         zoom=zoom,
-        empty=_without_corners(facts),
+        empty=_list_without_corners(facts),
         # They do not speak against the camera.
         notes=[one.line for one in facts.fit.findings if one.severity is Severity.NOTE],
-        dropped=sorted(facts.fit.dropped_corners, key=_least_off)[:_MOST_DROPPED],
+        dropped=sorted(facts.fit.dropped_corners, key=_rank_by_error)[:_MOST_DROPPED],
         made=origin,
         day=day_of(origin),
         absent=absent,
@@ -113,7 +113,7 @@ def _list_boards(facts: Facts) -> dict[str, str]:
     return {name: ", ".join(boards) for name, boards in by_photo.items()}
 
 
-def _least_off(corner: DroppedCorner) -> float:
+def _rank_by_error(corner: DroppedCorner) -> float:
     return -float(np.nan_to_num(corner.error_px))
 
 

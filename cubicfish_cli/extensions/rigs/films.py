@@ -134,7 +134,7 @@ def rig_frames(
 
 
 def find_ahead(measured: Mapping[str, Measured], listener: Listener) -> list[float]:
-    """By how much each film's own time is ahead of the first's, seconds, told and found."""
+    """By how much each film's own time is ahead of the first's, seconds, stated and found."""
     (first_name, first), *others = measured.items()
     begin, found = begins_at(first.film), [0.0]
     for name, one in others:

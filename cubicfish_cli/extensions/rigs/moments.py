@@ -1,7 +1,7 @@
 """Choosing shots from a rig's films: moments at which all cameras are sharp and still.
 
 Films are read twice: every frame is measured (``scan.py``), then the frames of those moments are
-taken out, each with its neighbours, by which it is told how what it shows moves.
+taken out, each with its neighbours, which show how what it shows moves.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -136,7 +136,7 @@ def take_out(
 def flow(picture: Picture, after: Picture, pixel: FloatArray) -> FloatArray:
     """How far points (N, 2) of a grey picture are elsewhere in the next one, (N, 2) pixels.
 
-    NaN where that cannot be told: the way there and back again does not end where it began.
+    NaN where that is unknown: the way there and back again does not end where it began.
     """
     if not len(pixel):
         return np.zeros((0, 2))

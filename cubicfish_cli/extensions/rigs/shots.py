@@ -32,7 +32,7 @@ class RigViews(Views):
 
         """
         self._body, self.interpolation = body, interpolation
-        self._view = replace(view, camera=None)  # what several see is told of none
+        self._view = replace(view, camera=None)  # what several see belongs to none
         self._joined: Mosaic | None = None
 
     def __getstate__(self) -> dict[str, Any]:

@@ -96,7 +96,7 @@ def test_few_names_among_grids_that_are_too_large():
     assert told.figures["seen"] == "14x12 (in 4) and 5x3 (in 4)"
 
 
-def test_the_boards_of_another_target_are_told_of_a_lone_one():
+def test_the_boards_of_another_target_are_reported_beside_a_lone_one():
     """Three boards where the target is to have one: their sizes, those of most photos first."""
     sizes = [[(9, 6), (8, 7)], [(6, 9)], [(9, 6), (8, 7), (5, 4)]]
     verdicts = {(5, 4): Decided.NAMED}

@@ -169,7 +169,7 @@ def test_local_noise_is_the_noise_and_not_what_goes_together(exact):
 # Photos that say the same
 
 
-def test_copies_and_photos_from_one_place_are_told(exact):
+def test_copies_and_photos_from_one_place_are_reported(exact):
     rotation, translation = as_poses(POSES).rotation, as_poses(POSES).translation
     rng = np.random.default_rng(0)
     again = np.array([0, 1, 2, 1, 3, 0])
@@ -931,7 +931,7 @@ def test_corners_under_another_boards_name():
         ),
     ],
 )
-def test_photos_with_the_same_fault_are_told_together(changed, cause, of_photos, of_drawing):
+def test_photos_with_the_same_fault_are_reported_together(changed, cause, of_photos, of_drawing):
     fault = board_fault(LENS, one_photo(changed), TARGET, 1.0, 0.1)
     other = board_fault(
         LENS, one_photo(lambda c: {"column": c.column + (c.board == 0)}), TARGET, 1.0, 0.1
@@ -1000,7 +1000,7 @@ def points(pairs):
 
 
 @pytest.mark.slow
-def test_points_that_fit_in_a_mirror_are_told(points):
+def test_points_that_fit_in_a_mirror_are_reported(points):
     points = select_photos(points, np.arange(4))
     with pytest.raises(FitError, match=r"all photos are mirrored, or the points' coordinates"):
         calibrate(mirrored(points, slice(None)))
@@ -1022,7 +1022,7 @@ def test_points_that_are_paired_at_random_are_refused_quickly(points, monkeypatc
     rng = np.random.default_rng(0)
     with pytest.raises(FitError, match=r"typical error \d+ px\): check the target's square sizes"):
         calibrate(replace(points, pixel=rng.permutation(points.pixel)))
-    # No centre of the lens and no choice of photos is worth more than a glance.
+    # No centre of the lens and no choice of photos is worth more than a quick try.
     assert len(iterations) < 50
     assert set(iterations) == {1}
 

@@ -37,7 +37,7 @@ def codes(found):
     return [finding.code for finding in found]
 
 
-def test_what_is_known_is_told_first(table):
+def test_what_is_known_is_reported_first(table):
     tried: list[Code] = []
     table(hypothesis(Code.ZOOM, tried), hypothesis(Code.REPEATS, tried))
     known = [Finding(code=Code.MIRRORED)]

@@ -34,7 +34,7 @@ def lost_of(verdicts, sizes, target):
 
 @pytest.mark.parametrize("verdict", list(CODES)[1:])
 @pytest.mark.parametrize(("count", "told"), [(3, False), (4, True)])
-def test_more_than_a_third_of_the_photos_are_told_of(verdict, count, told):
+def test_more_than_a_third_of_the_photos_are_reported(verdict, count, told):
     found = lost_of([verdict] * count + [None] * (9 - count), [(6, 4)] * 9, LARGE)
     assert len(found) == told
     for one in found:
@@ -53,7 +53,7 @@ def test_one_of_two_photos_may_be_another_boards():
     assert lost_of([Decided.TOO_LARGE, None], [(12, 9), (9, 7)], ONE) == []
 
 
-def test_of_a_board_that_is_larger_the_sizes_are_told():
+def test_of_a_board_that_is_larger_the_sizes_are_reported():
     sizes = [(11, 8), (8, 11), (11, 8), (14, 12), (9, 7)]
     (told,) = lost_of([Decided.TOO_LARGE] * 4 + [None], sizes, ONE)
     assert (told.code, told.remedy) == (Code.TOO_LARGE, Remedy.CORRECT_TARGET)

@@ -150,7 +150,7 @@ def test_the_markers_that_photos_show_instead_are_named(other, seen):
 
 
 @pytest.mark.slow
-def test_photos_without_any_markers_are_told_of_none():
+def test_photos_without_any_markers_have_no_other_cause():
     target = drawing("charuco", (4, 6))
     plain = drawing("checkerboard", (4, 6))
     middle = np.array([45.0, 75.0, 0.0])

@@ -189,7 +189,7 @@ def test_larger_photos_may_be_off_by_more_of_their_pixels() -> None:
     assert judged(fit, SIZE).level == "bad"
 
 
-def test_a_field_that_is_a_small_part_of_the_photo_is_told() -> None:
+def test_a_field_that_is_a_small_part_of_the_photo_is_reported() -> None:
     middle = np.array([[500.0, 300], [700, 300], [700, 500], [500, 500]])
     said = judged(GOOD, SIZE, middle)
     assert said.level == "care"

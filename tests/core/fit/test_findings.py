@@ -70,7 +70,7 @@ def test_a_board_that_moved_in_one_photo_is_named(pairs):
     assert result.errors.rms_px < 0.16
 
 
-def test_photos_that_lost_the_same_board_are_told_in_one_line(pairs):
+def test_photos_that_lost_the_same_board_are_reported_in_one_line(pairs):
     one = DroppedCorner(image="00.png", board="left", error_px=3.0)
     dropped = [one] * 9 + [DroppedCorner(image="02.png", board="left", error_px=8.0)] * 8
     dropped += [DroppedCorner(image="02.png", board="floor", error_px=2.5)]

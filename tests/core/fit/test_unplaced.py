@@ -74,7 +74,7 @@ def test_they_have_errors_where_corners_have_no_places_of_their_own(pairs):
     assert all(one.rms_px > NOISE for one in shape.fit.per_image)
 
 
-def test_where_no_corner_is_certain_all_that_is_left_is_told(pairs):
+def test_where_no_corner_is_certain_all_that_is_left_is_reported(pairs):
     none = replace(pairs, certain=np.zeros(len(pairs.pixel), bool))
     fit = calibrate(none, target=NOMINAL, refine_target="points", hold_out=False)
     assert fit.errors.rms_px == pytest.approx(rms_px(fit.residual))

@@ -322,7 +322,7 @@ def test_a_grid_takes_its_names_from_the_markers(turn):
 @pytest.mark.parametrize(
     ("kind", "counts", "side"), [("charuco", (5, 4), 22.0), ("aprilgrid", (3, 3), 30.0)]
 )
-def test_two_copies_of_a_board_are_told_and_left_out(kind, counts, side):
+def test_two_copies_of_a_board_are_reported_and_left_out(kind, counts, side):
     one = wall("front", kind, counts, side)
     copies = Target(units="mm", boards=(one, wall("left", kind, counts, side)))
     other = wall("right", "charuco", (5, 5), 26.0, dictionary="DICT_5X5_50")

@@ -417,7 +417,7 @@ def test_a_thousand_photos_and_a_hundred_thousand_corners(
 
 
 @pytest.mark.slow
-def test_photos_that_changed_or_are_broken_are_left_out_and_told(
+def test_photos_that_changed_or_are_broken_are_left_out_and_reported(
     fitted: Calibration, pairs: Observations, tmp_path: Path
 ) -> None:
     (tmp_path / "cut.jpg").write_bytes(PHOTOS[0].read_bytes()[:5000])

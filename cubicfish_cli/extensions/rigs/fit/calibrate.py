@@ -181,7 +181,7 @@ def calibrate_rig(
             units=units,
         )
         found = moved_camera(evidence)
-        # What two places explain little better has another cause, and is told by that.
+        # What two places explain little better has another cause, and is reported as that.
         if found is None or found.share <= _CLEAR_MOVE:
             break
         apart, poses = evidence.views.set_apart(fit.poses, found.apart)

@@ -339,7 +339,7 @@ def few_common_shots(evidence: RigEvidence) -> list[Finding]:
 
 
 def find_rig_faults(evidence: RigEvidence) -> list[Finding]:
-    """What is likely wrong with a fitted rig, in the order in which it is told."""
+    """What is likely wrong with a fitted rig, in the order in which it is reported."""
     moved = camera_moved(evidence)
     return [
         *mismatched(evidence),

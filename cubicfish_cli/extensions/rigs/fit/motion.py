@@ -56,7 +56,7 @@ def smooth_track(time: FloatArray, values: FloatArray) -> CubicSpline:
     """The natural cubic smoothing spline of values (n, k) at increasing times (n,).
 
     How smooth each of the k is, is chosen by generalised cross-validation (Craven & Wahba 1979;
-    Green & Silverman 1994, 2.3): values that are left out are to be told best by the others.
+    Green & Silverman 1994, 2.3): values that are left out are to be predicted best by the others.
     """
     gap = np.diff(time)
     bend = np.zeros((len(time) - 2, len(time)))

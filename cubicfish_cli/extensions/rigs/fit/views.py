@@ -145,7 +145,7 @@ def calibrate_alone(
 
 
 def _report_camera(name: str, finding: Finding) -> Finding:
-    """What is told of one camera alone, as is told of several together."""
+    """What is found of one camera alone, as a finding of several together."""
     text = FindingText(
         f"camera {name}: {finding.what}", finding.evidence, finding.do, finding.remedy
     )

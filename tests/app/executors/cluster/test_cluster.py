@@ -238,7 +238,7 @@ def test_answers_hold_though_they_were_lost_since(
 
 
 @pytest.mark.slow
-def test_what_cannot_be_read_is_told_and_its_machine(processes: Processes, tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_reported_and_where(processes: Processes, tmp_path: Path) -> None:
     jobs = jobs_of(tmp_path, 4)
     jobs[1].source.unlink()
     failures = undistort(jobs, processes.have(1), distant_work.render)

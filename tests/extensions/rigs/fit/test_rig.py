@@ -457,7 +457,7 @@ def test_cameras_without_a_common_shot_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_few_common_shots_are_told_once_for_two_cameras() -> None:
+def test_few_common_shots_are_reported_once_for_two_cameras() -> None:
     pairs, _ = simulated()
     shots = matched(pairs)
     few = {name: shot + 20 * (shot > 3) for name, shot in shots.photos[1].items()}
